@@ -1,4 +1,4 @@
-/* Tells the visitor what is hovered and clicked; messages.py puts in two names. */
+/* Tells the visitor what is hovered and clicked; panels.py puts in two names. */
 (() => {
   if (window.browseChannel) return;
   window.browseChannel = true;
@@ -56,6 +56,6 @@
   });
   document.addEventListener('click', (event) => {
     const at = event.target instanceof Element ? event.target.closest('[data-click]') : null;
-    if (at && !at.disabled) tell('click ' + at.dataset.click);
+    if (at && !at.disabled) tell(at.dataset.click);
   });
 })();

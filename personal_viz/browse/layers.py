@@ -1,23 +1,26 @@
 """What one browser shows over a home: target, view points, start, success region, paths, answers, object boxes."""
 
 import math
-from collections.abc import Awaitable, Callable, Collection, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Awaitable, Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
+from viser.transforms import SO3
 
-from sim.episodes.schema import Episode, Goal
+from recordings.traces import Rgb, Trace
+from sim.episodes.schema import Goal
 from sim.frames import T_world_camera, forward_from_yaw
 from sim.tasks.rules import success_region
+from sim.tasks.run_files import Answer, EpisodeRun, Vector3
 from sim.types import Camera, Pose
 from sim.walk.storeys import same_storey
 
-from .library import OpenHome
-from .object_links import ObjectLink
-from .shown import LayerChoice, Rgb, Shown
+from ..study_app.home.surfaces import VIEW_ANGLE, place_camera
+from ..study_app.screens.camera import three
+from .library import OpenHome, ShownEpisode
 
 Array = NDArray[np.float32]
 _EDGES = np.array([(a, b) for a in range(8) for b in range(8) if a < b and (a ^ b) in (1, 2, 4)])
@@ -32,183 +35,162 @@ START_RGB: Rgb = (30, 110, 60)
 REGION_RGB: Rgb = (255, 120, 140)
 POINT_RGB: Rgb = (0, 45, 140)
 PALE_RGB: Rgb = (70, 150, 230)
-"""View points with the most iou, and with none to speak of."""
+"""View points with the largest iou, and with nearly none."""
 EXTRA_RGB: Rgb = (150, 150, 150)
 REGION_CELL = 0.12
-"""One dot of the success region per square of this side, metres."""
-UNKNOWN_SIZE = (0.5, 0.5, 0.5)
-"""Box of an object whose extents nothing tells (scans without semantics), metres."""
+"""The success region has one dot per square of this side, metres."""
 _GROWN = 0.06
 """Metres by which boxes stand off from their objects."""
-_THICK = 3.0
-"""Lines, pixels."""
+_MARGIN = 1.12
+"""Room around a storey, as a factor."""
+_LOWER = 0.1
+"""Share of a storey's depth by which the camera looks in front of its middle: a panel may cover the lower corner."""
+_NEAR = 4.5
+"""Metres from which one object is shown."""
 OnObject = Callable[[int], Awaitable[None]]
 
 
-class Outlined(NamedTuple):
-    """An object that is marked, and what is written over it."""
+@dataclass(frozen=True, slots=True)
+class LayerChoice:
+    """One flag per layer that can be switched."""
 
-    centre: tuple[float, float, float]
-    size: tuple[float, float, float]
+    view_points: bool = True
+    region: bool = True
+    names: bool = False
+    """Category names over all objects."""
+
+
+class Outlined(NamedTuple):
+    """An object that is marked, and the text over it."""
+
+    centre: Vector3
+    size: Vector3
     text: str
 
 
 class Layers:
-    """The nodes of one browser; `show_storey` builds what stands on a storey, `mark` follows the mouse."""
+    """The nodes of one browser's 3-D view, on one storey of a home at a time."""
 
     def __init__(self, client: viser.ClientHandle, on_object: OnObject) -> None:
         """Shows nothing yet.
 
         Args:
             client: The browser.
-            on_object: Told the index of the object node whose box is clicked.
+            on_object: Called with the index of the object node whose box is clicked.
         """
-        self._client, self._on_object = client, on_object
-        self._home: tuple[OpenHome, int, bool] | None = None
-        self._home_nodes: list = []
-        self._nodes: list = []
-        self._mark: list = []
-        self._walker: list = []
+        self._scene, self._on_object = client.scene, on_object
+        self._home: tuple[OpenHome, int] | None = None
+        self._home_nodes: list[Any] = []
+        self._names: list[Any] = []
+        self._nodes: list[Any] = []
+        self._mark: list[Any] = []
+        self._walker: list[Any] = []
         client.scene.configure_default_lights(True, cast_shadow=False)
 
     def show_home(self, home: OpenHome, storey: int, *, names: bool) -> None:
-        """The cut storey itself; stays as it is when it is shown already."""
-        if self._home == (home, storey, names):
-            return
-        if self._home is None or self._home[:2] != (home, storey):
+        """Shows one cut storey, with category names over its objects if wanted; what is shown already stays."""
+        if self._home != (home, storey):
             self.clear()
-            self._home_nodes.append(self._client.scene.add_glb("/home", home.copies.glbs[storey]))
-        for node in self._home_nodes[1:]:
-            node.remove()
-        del self._home_nodes[1:]
-        if names:
-            self._name_objects(home, storey)
-        self._home = (home, storey, names)
+            self._home = (home, storey)
+            self._home_nodes = [self._scene.add_glb("/home", home.copies.glbs[storey])]
+        if names and not self._names:
+            self._names = [
+                self._scene.add_label(
+                    f"/names/{item.instance_id}",
+                    item.category,
+                    position=(item.centre[0], item.centre[1] + item.size[1] / 2 + 0.08, item.centre[2]),
+                    anchor="bottom-center",
+                    font_screen_scale=0.8,
+                )
+                for item in home.copies.objects(storey)
+            ]
+        elif not names:
+            _remove(self._names)
 
-    def show_episode(
-        self,
-        episode: Episode,
-        links: Sequence[ObjectLink],
-        shown: Sequence[Shown],
-        *,
-        goals: Mapping[str, Goal],
-        hidden: Collection[str],
-        choice: LayerChoice,
-    ) -> None:
-        """Everything of an episode that stands on the storey that is shown.
+    def show_episode(self, shown: ShownEpisode, *, hidden: Collection[str], choice: LayerChoice) -> None:
+        """Shows everything of an episode that stands on the storey that is shown.
 
         Args:
-            episode: With its targets.
-            links: Of its ownership graph.
-            shown: Its runs and answers.
-            goals: The home's goal objects by name.
+            shown: The episode.
             hidden: Labels of runs that are switched off.
             choice: Layers that are switched on.
         """
         assert self._home is not None, "no home is shown"
-        home, storey, _ = self._home
+        home, storey = self._home
         self._clear_episode()
         floor_y = home.copies.storeys[storey]
-        self._add_boxes(home, storey, links, goals)
-        self._add_start(episode.start, floor_y)
+        self._add_boxes(home, storey, shown)
+        self._add_start(shown.episode.start, floor_y)
         if choice.region:
-            self._add_region(success_region(episode, home.scene.navigation), floor_y)
+            self._add_region(success_region(shown.episode, home.scene.navigation), floor_y)
         if choice.view_points:
-            self._add_view_points(episode.targets, floor_y)
-        for index, one in enumerate(shown):
-            if one.label not in hidden:
-                self._add_shown(f"/episode/run{index}", one, floor_y, lift=0.12 + 0.04 * (index % 4))
+            self._add_view_points(shown.episode.targets, floor_y)
+        for index, trace in enumerate(shown.traces):
+            if trace.title not in hidden:
+                self._add_trace(f"/episode/run{index}", trace, floor_y, lift=0.12 + 0.04 * (index % 4))
 
-    def mark(self, objects: Sequence["Outlined"]) -> None:
+    def mark(self, objects: Sequence[Outlined]) -> None:
         """Outlines and names these objects and no others."""
-        for node in self._mark:
-            node.remove()
-        self._mark = []
-        scene = self._client.scene
+        _remove(self._mark)
         for number, (centre, size, text) in enumerate(objects):
             grown = np.asarray(size) + 2.5 * _GROWN
             name = f"/mark{number}"
-            edges = box_edges(centre, grown)
             top = (centre[0], centre[1] + grown[1] / 2 + 0.45, centre[2])
             self._mark += [
-                scene.add_line_segments(name, edges, MARKED_RGB, thickness=6.0, thickness_units="screen"),
-                scene.add_box(f"{name}_fill", MARKED_RGB, _three(grown), opacity=0.45, position=centre),
-                scene.add_label(f"{name}_label", text, position=top, anchor="bottom-center", font_screen_scale=1.2),
+                self._lines(name, box_edges(centre, grown), MARKED_RGB, 6.0),
+                self._scene.add_box(f"{name}_fill", MARKED_RGB, three(grown), opacity=0.45, position=centre),
+                self._scene.add_label(
+                    f"{name}_label", text, position=top, anchor="bottom-center", font_screen_scale=1.2
+                ),
             ]
 
     def show_walker(self, pose: Pose | None, rgb: Rgb = (0, 0, 0)) -> None:
-        """A robot's mark at a step of its run; None takes it away."""
+        """Shows a robot at a step of its run; None takes it away."""
         if pose is None:
-            for node in self._walker:
-                node.remove()
-            self._walker = []
+            _remove(self._walker)
             return
-        x, y, z = pose.position
-        T_camera = T_world_camera(pose, Camera())
+        camera = Camera()
         if not self._walker:
-            scene = self._client.scene
-            dart = scene.add_mesh_simple(
+            dart = self._scene.add_mesh_simple(
                 "/walker", HEADING_VERTICES, HEADING_FACES, color=rgb, side="double", scale=0.6
             )
-            fov = 2 * math.atan(Camera().height / 2 / Camera().focal)
-            frustum = scene.add_camera_frustum(
-                "/walker_camera", fov, Camera().width / Camera().height, scale=0.3, color=rgb
+            fov = 2 * math.atan(camera.height / 2 / camera.focal)
+            frustum = self._scene.add_camera_frustum(
+                "/walker_camera", fov, camera.width / camera.height, scale=0.3, color=rgb
             )
             self._walker = [dart, frustum]
         dart, frustum = self._walker
-        dart.position, dart.wxyz = (x, y + 0.15, z), quat_wxyz_from_yaw(pose.yaw)
-        frustum.position, frustum.wxyz = T_camera[:3, 3], quat_wxyz_from_matrix(T_camera[:3, :3])
+        T_camera = T_world_camera(pose, camera)
+        x, y, z = pose.position
+        dart.position, dart.wxyz = (x, y + 0.15, z), SO3.from_y_radians(pose.yaw).wxyz
+        frustum.position, frustum.wxyz = T_camera[:3, 3], SO3.from_matrix(T_camera[:3, :3]).wxyz
 
     def clear(self) -> None:
         """Takes everything away."""
         self._clear_episode()
-        for node in self._home_nodes:
-            node.remove()
-        self._home_nodes, self._home = [], None
+        _remove(self._names)
+        _remove(self._home_nodes)
+        self._home = None
 
     def _clear_episode(self) -> None:
-        self.mark(())
-        self.show_walker(None)
-        for node in self._nodes:
-            node.remove()
-        self._nodes = []
+        for nodes in (self._mark, self._walker, self._nodes):
+            _remove(nodes)
 
-    def _name_objects(self, home: OpenHome, storey: int) -> None:
-        bottom_y, top_y = home.copies.cuts[storey]
-        for item in home.scene.objects:
-            x, y, z = item.centre
-            if bottom_y <= y <= top_y:
-                self._home_nodes.append(
-                    self._client.scene.add_label(
-                        f"/names/{item.instance_id}",
-                        item.category,
-                        position=(x, y + item.size[1] / 2 + 0.08, z),
-                        anchor="bottom-center",
-                        font_screen_scale=0.8,
-                    )
-                )
-
-    def _add_boxes(self, home: OpenHome, storey: int, links: Sequence[ObjectLink], goals: Mapping[str, Goal]) -> None:
+    def _add_boxes(self, home: OpenHome, storey: int, shown: ShownEpisode) -> None:
         """A box around each linked object of the storey; it takes clicks, the home itself does not."""
-        for index, link in enumerate(links):
-            goal = goals.get(link.goal) if link.goal is not None else None
+        for index, link in enumerate(shown.links):
+            goal = shown.goals.get(link.goal or "")
             if goal is None or home.storey(goal.floor_y) != storey:
                 continue
-            centre, size = box_of(goal, home)
+            centre, size = home.box(goal)
             rgb = TARGET_RGB if link.is_target else OBJECT_RGB
             grown = np.asarray(size) + _GROWN
-            scene = self._client.scene
-            box = scene.add_box(f"/episode/object{index}", rgb, _three(grown), opacity=0.3, position=_three(centre))
+            name = f"/episode/object{index}"
+            box = self._scene.add_box(name, rgb, three(grown), opacity=0.3, position=three(centre))
             self._listen(box, index)
-            edges = scene.add_line_segments(
-                f"/episode/object{index}/edges",
-                box_edges((0, 0, 0), grown),
-                rgb,
-                thickness=_THICK,
-                thickness_units="screen",
-            )
-            label = scene.add_label(
-                f"/episode/object{index}/label",
+            edges = self._lines(f"{name}/edges", box_edges((0, 0, 0), grown), rgb, 3.0)
+            label = self._scene.add_label(
+                f"{name}/label",
                 f"{index + 1}. {goal.object_category}",
                 position=(0.0, grown[1] / 2 + 0.08, 0.0),
                 anchor="bottom-center",
@@ -221,52 +203,48 @@ class Layers:
             await self._on_object(index)
 
     def _add_start(self, start: Pose, floor_y: float) -> None:
-        if not on_storey(np.array([start.position]), floor_y)[0]:
-            return
-        scene = self._client.scene
-        line = nose(start, height=0.25, length=0.8)[None]
-        arrow = scene.add_arrows(
-            "/episode/start", line, START_RGB, shaft_radius=0.06, head_radius=0.15, head_length=0.28
-        )
         x, y, z = start.position
-        label = scene.add_label("/episode/start_label", "start", position=(x, y + 0.55, z), anchor="bottom-center")
-        self._nodes += [arrow, label]
-
-    def _add_region(self, region: np.ndarray, floor_y: float) -> None:
-        here = thinned(region[on_storey(region, floor_y)], REGION_CELL)
-        if not len(here):
+        if not same_storey(y, floor_y):
             return
-        self._nodes.append(
-            self._client.scene.add_point_cloud(
-                "/episode/region",
-                (here + np.array([0, 0.06, 0])).astype(np.float32),
-                REGION_RGB,
-                point_size=0.03,
-                point_shape="circle",
-                precision="float32",
+        tail = np.array([x, y + 0.25, z])
+        line = np.stack([tail, tail + 0.8 * forward_from_yaw(start.yaw)])[None].astype(np.float32)
+        self._nodes += [
+            self._scene.add_arrows(
+                "/episode/start", line, START_RGB, shaft_radius=0.06, head_radius=0.15, head_length=0.28
+            ),
+            self._scene.add_label("/episode/start_label", "start", position=(x, y + 0.55, z), anchor="bottom-center"),
+        ]
+
+    def _add_region(self, region: NDArray[np.float64], floor_y: float) -> None:
+        here = thinned(region[same_storey(region[:, 1], floor_y)], REGION_CELL)
+        if len(here):
+            points = (here + np.array([0, 0.06, 0])).astype(np.float32)
+            self._nodes.append(
+                self._scene.add_point_cloud(
+                    "/episode/region", points, REGION_RGB, point_size=0.03, point_shape="circle", precision="float32"
+                )
             )
-        )
 
     def _add_view_points(self, targets: Sequence[Goal], floor_y: float) -> None:
         """One batched node of darts: larger and bluer with more `iou`, small and grey for extra points."""
         points = [point for goal in targets for point in goal.view_points]
-        positions = np.array([point.agent_state.position for point in points], np.float32).reshape(-1, 3)
-        here = np.flatnonzero(on_storey(positions, floor_y))
-        if not len(here):
-            return
         most = max((point.iou or 0.0 for point in points), default=0.0) or 1.0
-        shares = np.array([(points[index].iou or 0.0) / most for index in here])
-        is_extra = np.array([points[index].iou is None for index in here])
-        quats_xyzw = np.array([points[index].agent_state.rotation for index in here], np.float32)
+        here = [point for point in points if same_storey(point.agent_state.position[1], floor_y)]
+        if not here:
+            return
+        shares = np.array([(point.iou or 0.0) / most for point in here])
+        is_extra = np.array([point.iou is None for point in here])
+        quats_xyzw = np.array([point.agent_state.rotation for point in here], np.float32)
         pale, full = np.array(PALE_RGB), np.array(POINT_RGB)
         colors = np.where(is_extra[:, None], EXTRA_RGB, pale + shares[:, None] * (full - pale)).astype(np.uint8)
         self._nodes.append(
-            self._client.scene.add_batched_meshes_simple(
+            self._scene.add_batched_meshes_simple(
                 "/episode/view_points",
                 HEADING_VERTICES,
                 HEADING_FACES,
                 batched_wxyzs=quats_xyzw[:, [3, 0, 1, 2]],
-                batched_positions=positions[here] + np.array([0, 0.08, 0], np.float32),
+                batched_positions=np.array([point.agent_state.position for point in here], np.float32)
+                + np.array([0, 0.08, 0], np.float32),
                 batched_scales=np.where(is_extra, 0.14, 0.16 + 0.14 * shares).astype(np.float32),
                 batched_colors=colors,
                 flat_shading=True,
@@ -277,66 +255,69 @@ class Layers:
             )
         )
 
-    def _add_shown(self, name: str, one: Shown, floor_y: float, *, lift: float) -> None:
-        """A run's path over the floor with a ball at its end, or an answer's points; `lift` keeps paths apart."""
-        if one.run is not None:
-            positions = np.array([pose.position for pose in one.run.poses])
-            pieces = path_segments(positions, floor_y, lift=lift)
-            if len(pieces):
-                self._lines(f"{name}/path", pieces, one.rgb, 4.0)
-            end = one.run.poses[-1]
-            if on_storey(np.array([end.position]), floor_y)[0]:
-                x, y, z = end.position
-                self._nodes.append(
-                    self._client.scene.add_icosphere(
-                        f"{name}/end", radius=0.1, color=one.rgb, position=(x, y + lift, z)
-                    )
-                )
-        if one.answer is not None:
-            self._add_answer(name, one, floor_y)
+    def _add_trace(self, name: str, trace: Trace, floor_y: float, *, lift: float) -> None:
+        if isinstance(trace.run, EpisodeRun):
+            self._add_path(name, trace, floor_y, lift=lift)
+        else:
+            self._add_answer(name, trace, trace.run, floor_y)
 
-    def _add_answer(self, name: str, one: Shown, floor_y: float) -> None:
+    def _add_path(self, name: str, trace: Trace, floor_y: float, *, lift: float) -> None:
+        """A run's path over the floor with a ball at its end; `lift` keeps paths apart."""
+        pieces = path_segments(trace.positions, floor_y, lift=lift)
+        if len(pieces):
+            self._nodes.append(self._lines(f"{name}/path", pieces, trace.rgb, 4.0))
+        x, y, z = trace.positions[-1]
+        if same_storey(y, floor_y):
+            end = self._scene.add_icosphere(f"{name}/end", radius=0.1, color=trace.rgb, position=(x, y + lift, z))
+            self._nodes.append(end)
+
+    def _add_answer(self, name: str, trace: Trace, answer: Answer, floor_y: float) -> None:
         """Ranked points, the first one largest; a person's ray from the camera to the point."""
-        assert one.answer is not None
-        scene = self._client.scene
-        for rank, point in enumerate(one.answer.candidates[:10], start=1):
+        for rank, point in enumerate(answer.candidates[:10], start=1):
             if not 0 <= point[1] - floor_y + 0.3 < 3.5:
                 continue
-            radius = 0.13 if rank == 1 else 0.08
-            ball = scene.add_icosphere(f"{name}/rank{rank}", radius=radius, color=one.rgb, position=point)
-            label = scene.add_label(f"{name}/rank{rank}/label", f"#{rank} {one.label}", position=(0, 0.2, 0))
+            place, radius = f"{name}/rank{rank}", 0.13 if rank == 1 else 0.08
+            ball = self._scene.add_icosphere(place, radius=radius, color=trace.rgb, position=point)
+            label = self._scene.add_label(f"{place}/label", f"#{rank} {trace.title}", position=(0, 0.2, 0))
             self._nodes += [label, ball]
-        if one.answer.ray is not None and one.answer.candidates:
-            self._lines(f"{name}/ray", np.array([[one.answer.ray.origin, one.answer.candidates[0]]]), one.rgb, 2.0)
+        if answer.ray is not None and answer.candidates:
+            ray = np.array([[answer.ray.origin, answer.candidates[0]]])
+            self._nodes.append(self._lines(f"{name}/ray", ray, trace.rgb, 2.0))
 
-    def _lines(self, name: str, pieces: np.ndarray, rgb: Rgb, pixels: float) -> None:
-        self._nodes.append(
-            self._client.scene.add_line_segments(
-                name, pieces.astype(np.float32), rgb, thickness=pixels, thickness_units="screen"
-            )
+    def _lines(self, name: str, pieces: NDArray[np.floating], rgb: Rgb, pixels: float) -> viser.LineSegmentsHandle:
+        return self._scene.add_line_segments(
+            name, pieces.astype(np.float32), rgb, thickness=pixels, thickness_units="screen"
         )
 
 
-def box_of(goal: Goal, home: OpenHome) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Centre and extents of a goal's object, metres; extents are UNKNOWN_SIZE where the home does not know it."""
-    item = home.objects.get(goal.object_name)
-    return (goal.position, UNKNOWN_SIZE) if item is None else (item.centre, item.size)
+def look_at_storey(client: viser.ClientHandle, home: OpenHome, storey: int) -> None:
+    """Turns the camera to all of a storey, from above."""
+    xz = home.copies.walkable_xz(storey)
+    low, high = xz.min(axis=0), xz.max(axis=0)
+    x, z = (low + high) / 2
+    width, depth = (high - low) / 2
+    reach = math.tan(client.camera.fov / 2)  # of half the canvas's height at 1 m
+    across = width / (reach * client.camera.aspect) + depth * math.cos(VIEW_ANGLE)  # its near side is that much nearer
+    upright = depth * math.sin(VIEW_ANGLE) / reach + depth * math.cos(VIEW_ANGLE)
+    distance = _MARGIN * max(across, upright) + 1.0
+    offset = distance * np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)])
+    centre = (x, home.copies.storeys[storey], z + _LOWER * (high - low)[1])
+    place_camera(client.camera, centre, offset, up=(0.0, 1.0, 0.0))
+
+
+def look_at_object(client: viser.ClientHandle, centre: Vector3, size: Vector3) -> None:
+    """Turns the camera to one object, from the side on which it is and from above the walls."""
+    away = np.asarray(client.camera.position, float) - centre
+    flat = np.array([away[0], 0.0, away[2]])
+    norm = float(np.linalg.norm(flat))
+    side = flat / norm if norm > 0.1 else np.array([0.0, 0.0, 1.0])
+    offset = (_NEAR + max(size)) * (math.cos(VIEW_ANGLE) * side + np.array([0.0, math.sin(VIEW_ANGLE), 0.0]))
+    place_camera(client.camera, centre, offset, up=(0.0, 1.0, 0.0))
 
 
 def box_edges(centre: Sequence[float], size: Sequence[float] | NDArray[np.floating]) -> Array:
     """(12, 2, 3) edges of an upright box."""
     return (np.asarray(centre, np.float32) + _CORNERS * np.asarray(size, np.float32))[_EDGES].astype(np.float32)
-
-
-def quat_wxyz_from_yaw(yaw: float) -> tuple[float, float, float, float]:
-    """viser's order."""
-    return (math.cos(yaw / 2), 0.0, math.sin(yaw / 2), 0.0)
-
-
-def quat_wxyz_from_matrix(R_world_node: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """viser's order, of a rotation (3, 3)."""
-    x, y, z, w = Rotation.from_matrix(R_world_node).as_quat()
-    return (float(w), float(x), float(y), float(z))
 
 
 def path_segments(positions: NDArray[np.floating], floor_y: float, *, lift: float) -> Array:
@@ -347,25 +328,14 @@ def path_segments(positions: NDArray[np.floating], floor_y: float, *, lift: floa
     return pieces[moved & same_storey(pieces[:, :, 1].mean(axis=1) - lift, floor_y)]
 
 
-def on_storey(points: NDArray[np.floating], floor_y: float) -> NDArray[np.bool_]:
-    """(N,) which points (N, 3) stand on the storey's floor."""
-    return same_storey(np.asarray(points)[:, 1], floor_y)
-
-
-def nose(pose: Pose, *, height: float, length: float) -> Array:
-    """(2, 3) a line from over the robot's feet along its heading."""
-    start = np.array(pose.position, np.float32) + np.array([0, height, 0], np.float32)
-    return np.stack([start, start + length * forward_from_yaw(pose.yaw).astype(np.float32)])
-
-
 def thinned(points: NDArray[np.floating], cell: float) -> NDArray[np.floating]:
     """One of the points (N, 3) per square of the floor: regions are dense, and browsers draw each point."""
-    if not len(points):
-        return points
     _, first = np.unique(np.floor(points[:, [0, 2]] / cell).astype(np.int64), axis=0, return_index=True)
     return points[np.sort(first)]
 
 
-def _three(values) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return (x, y, z)
+def _remove(nodes: list[Any]) -> None:
+    """Takes nodes out of the browser, and empties the list."""
+    for node in nodes:
+        node.remove()
+    nodes.clear()

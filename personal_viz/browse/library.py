@@ -1,37 +1,65 @@
-"""All that every browser of one `personal-viz browse` shares: episodes, runs, texts of scenes, open homes.
-
-Homes are opened one after the other in a thread of their own; the last few are kept.
-"""
+"""What the browsers of one `personal-viz browse` share: episodes with their filter, runs, texts, open homes."""
 
 import threading
-from collections import OrderedDict, defaultdict
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections import Counter, defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from personal_viz.study_app.home.scene_view import StoreyCopies
+import numpy as np
+from numpy.typing import NDArray
+
+from recordings.traces import Trace, select_traces
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.schema import Episode
+from sim.episodes.ownership import OwnershipGraph, ownership_graph
+from sim.episodes.schema import Episode, Goal
 from sim.errors import DatasetError
 from sim.frames import T_world_camera
 from sim.homes.open_home import open_scene
 from sim.homes.renderers import renderer_of
-from sim.mesh import Scene, SceneObject
+from sim.mesh import Scene
 from sim.render.renderer import Renderer
-from sim.tasks.run_files import read_run
-from sim.types import Camera, ClutterLevel, Pose
+from sim.tasks.run_files import EpisodeRun, Run, Vector3, read_run
+from sim.types import Camera, ClutterLevel, Pose, Split
 from sim.walk.storeys import storey_of
 
-from .catalogue import Catalogue
-from .object_links import SceneTexts
-from .shown import RunIndex
+from ..study_app.home.homes import HomeLibrary
+from ..study_app.home.surfaces import StoreyCopies
+from .object_links import ObjectLink, SceneTexts, object_links
 
-KEPT = 4
-"""Homes that stay in memory; a scan takes some hundred megabytes."""
+PAGE = 50
+"""Episodes that the panel shows at once."""
+KEPT_HOMES = 4
+"""Homes that stay open; a scan takes some hundred megabytes."""
+UNKNOWN_SIZE = (0.5, 0.5, 0.5)
+"""Box of an object of unknown size (scans without semantics), metres."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """The researcher's filter; empty fields leave everything in."""
+
+    split: Split | None = None
+    scene: str | None = None
+    words: str = ""
+    """Each of them occurs in the texts, owner, objects or key of an episode, as a word or as part of one."""
+    with_runs: bool = False
+    """Only episodes that have a run or an answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class ListPage:
+    """One page of a filtered list."""
+
+    numbers: tuple[int, ...]
+    """Numbers of its episodes."""
+    first: int
+    """Place of the page's first episode in the filtered list, from 0."""
+    total: int
+    """Length of the filtered list."""
+
+
+@dataclass(frozen=True, eq=False)
 class OpenHome:
     """A home that is ready to be shown."""
 
@@ -40,62 +68,114 @@ class OpenHome:
     renderer: Renderer
     _rendering: threading.Lock = field(default_factory=threading.Lock)
 
-    @property
-    def objects(self) -> dict[str, SceneObject]:
-        """Objects by name; none where a scan has no semantics."""
-        return {item.name: item for item in self.scene.objects}
-
     def storey(self, floor_y: float) -> int:
         """Index of the storey on which something at this height stands."""
         return storey_of(floor_y, [(height, height) for height in self.copies.storeys])
 
-    def picture(self, pose: Pose, camera: Camera):
-        """(H, W, 3) colours that a robot sees there; one picture at a time."""
+    def box(self, goal: Goal) -> tuple[Vector3, Vector3]:
+        """Centre and extents of a goal's object, metres; UNKNOWN_SIZE where the home does not know the object."""
+        item = next((item for item in self.scene.objects if item.name == goal.object_name), None)
+        return (goal.position, UNKNOWN_SIZE) if item is None else (item.centre, item.size)
+
+    def picture(self, pose: Pose, camera: Camera) -> NDArray[np.uint8]:
+        """Colours (H, W, 3) that a robot sees there; one picture at a time."""
         with self._rendering:
             return self.renderer.render(T_world_camera(pose, camera), camera).rgb
 
+    def close(self) -> None:
+        """Does nothing, because visitors may still look at the home."""
 
-class Homes:
-    """Opens homes on demand and keeps the last ones that were asked for."""
 
-    def __init__(self, open_home: Callable[[str], OpenHome], *, kept: int = KEPT) -> None:
-        """Opens nothing yet.
+@dataclass(frozen=True, slots=True)
+class ShownEpisode:
+    """An episode with everything that the panels and the 3-D view show of it."""
+
+    number: int
+    """Place among all episodes."""
+    episode: Episode
+    graph: OwnershipGraph
+    links: tuple[ObjectLink, ...]
+    goals: dict[str, Goal]
+    """All objects of the home that some episode asks for, by name."""
+    traces: tuple[Trace, ...]
+    """Its runs and answers, people first."""
+
+
+class Library:
+    """All episodes and runs, ready to be searched on every key press; homes are opened when they are shown."""
+
+    def __init__(
+        self,
+        episodes: Sequence[Episode],
+        runs: Sequence[Run],
+        texts: dict[str, SceneTexts],
+        homes: HomeLibrary[OpenHome],
+    ) -> None:
+        """Prepares the search.
 
         Args:
-            open_home: Opens a scene by its name; called in our thread, it may take long or raise.
-            kept: How many stay.
+            episodes: The episodes in the order of the list.
+            runs: Runs and answers of people and agents.
+            texts: What the episodes of each scene say about its objects.
+            homes: Opens the scenes.
         """
-        self._open, self._kept = open_home, kept
-        self._lock = threading.Lock()
-        self._futures: OrderedDict[str, Future[OpenHome]] = OrderedDict()
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="homes")
+        self.episodes, self.homes = tuple(episodes), homes
+        self._runs = sorted(runs, key=lambda run: run.info.who_kind != "human")
+        counts = Counter(part.key for run in runs for part in (*run.episodes, *run.answers))
+        self.num_runs = tuple(counts[episode.key] for episode in self.episodes)
+        """Number of runs and answers of each episode."""
+        self._texts = texts
+        self._words = tuple(_words(episode) for episode in self.episodes)
 
-    def ask(self, scene: str) -> Future[OpenHome]:
-        """The home, soon; a failed one is tried again when it is asked for again."""
-        with self._lock:
-            future = self._futures.pop(scene, None)
-            if future is None or future.cancelled() or (future.done() and future.exception() is not None):
-                future = self._pool.submit(self._open, scene)
-            self._futures[scene] = future
-            while len(self._futures) > self._kept:
-                _, oldest = self._futures.popitem(last=False)
-                oldest.cancel()  # nobody waits for it any more; an open one is only forgotten
-            return future
+    @property
+    def scenes(self) -> tuple[str, ...]:
+        """Names of all scenes, sorted."""
+        return tuple(sorted({episode.key.scene for episode in self.episodes}))
 
-    def close(self) -> None:
-        """Opens no more; what is under way ends with the program."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
+    def matching(self, wanted: Wanted) -> tuple[int, ...]:
+        """Numbers of the episodes that match, in order."""
+        words = wanted.words.lower().split()
+        return tuple(
+            number
+            for number, (episode, text) in enumerate(zip(self.episodes, self._words, strict=True))
+            if wanted.split in (None, episode.key.split)
+            and wanted.scene in (None, episode.key.scene)
+            and (self.num_runs[number] or not wanted.with_runs)
+            and all(word in text for word in words)
+        )
+
+    def read(self, number: int) -> ShownEpisode:
+        """An episode with its graph, its linked objects and its runs."""
+        episode = self.episodes[number]
+        try:
+            graph = ownership_graph(episode)
+        except DatasetError:  # `personal-viz validate` lists such sentences; the rest of the episode can be looked at
+            graph = OwnershipGraph(())
+        texts = self._texts[episode.key.scene]
+        traces = tuple(select_traces(self._runs, episode.key)) if self.num_runs[number] else ()
+        return ShownEpisode(number, episode, graph, object_links(episode, graph, texts), dict(texts.goals), traces)
 
 
-@dataclass(frozen=True)
-class Library:
-    """What is looked through; only read."""
+def list_page(matching: Sequence[int], index: int) -> ListPage:
+    """A page of a filtered list; the nearest one where there is no page of this index."""
+    last = max(0, (len(matching) - 1) // PAGE)
+    first = PAGE * min(max(index, 0), last)
+    return ListPage(tuple(matching[first : first + PAGE]), first, len(matching))
 
-    catalogue: Catalogue
-    runs: RunIndex
-    texts: dict[str, SceneTexts]
-    """By scene."""
-    homes: Homes
+
+def neighbour(matching: Sequence[int], number: int, by: int) -> int | None:
+    """The episode `by` places further in a filtered list, its ends held; None for an empty list.
+
+    From an episode that the filter hides, the first step leads to the nearest one in that direction.
+    """
+    if not matching:
+        return None
+    if number in matching:
+        place = matching.index(number) + by
+    else:
+        after = sum(other < number for other in matching)
+        place = after + by - 1 if by > 0 else after + by
+    return matching[min(max(place, 0), len(matching) - 1)]
 
 
 def open_library(
@@ -112,7 +192,7 @@ def open_library(
         dataset: Folder of the episodes.
         runs: Run folders to show beside the episodes.
         scenes_dir: Folder of the scans; None = invented or schematic homes.
-        scenes: Which scenes are listed; none named = all.
+        scenes: Scenes to list; () = all.
         clutter: Level for homes without a scan.
 
     Raises:
@@ -120,7 +200,7 @@ def open_library(
         RunFileError: A run folder is damaged.
     """
     found = PersonalDataset(dataset)
-    index = RunIndex([read_run(folder) for folder in runs])
+    read = [read_run(folder) for folder in runs]
     episodes = tuple(found.episodes(scenes=scenes or None))
     if not episodes:
         raise DatasetError(f"{dataset}: found files without episodes; expected at least one. Give another --dataset.")
@@ -133,5 +213,16 @@ def open_library(
         scene = open_scene(found, name, scenes_dir=scenes_dir, clutter=clutter)
         return OpenHome(scene, StoreyCopies(scene), renderer_of(scene))
 
-    catalogue = Catalogue(episodes, num_runs=[index.count(episode.key) for episode in episodes])
-    return Library(catalogue, index, texts, Homes(open_home))
+    return Library(episodes, read, texts, HomeLibrary(open_home, kept=KEPT_HOMES))
+
+
+def digest_of(trace: Trace) -> str | None:
+    """Digest of the home in which a run was scored; None for answers and for runs that do not say."""
+    measures = trace.run.end.measures if isinstance(trace.run, EpisodeRun) else None
+    return None if measures is None else measures.scene_digest
+
+
+def _words(episode: Episode) -> str:
+    record = episode.record
+    parts = (str(episode.key), record.summary, record.query[0], record.owner, record.object_category)
+    return "\n".join((*parts, *record.object_names)).lower()

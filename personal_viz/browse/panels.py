@@ -1,18 +1,26 @@
 """The panels of `personal-viz browse`: list left, episode right, a walk along a run in the corner. Widgets to messages.
 
 Nothing is computed here: each widget puts a message on the visitor's queue, and the visitor sets what is shown.
+
+viser tells nothing about its HTML elements, but it does about text inputs: hovering and clicking become text messages
+in a hidden input. The script `channel.js` listens on the whole page for elements with `data-hover` and `data-click`,
+and types into the input; at most ten messages a second leave, of which clicks are never dropped. It also marks graph
+nodes under the mouse at once, without waiting for the server, and keeps the arrow keys that move a slider from turning
+viser's camera.
 """
 
+import html
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Literal, cast
 
 import viser
 
 from sim.types import SPLITS, Split
 
-from . import episode_texts
-from .catalogue import Wanted
-from .messages import Filtered, Message, Said, Slid, Stepped, open_channel
+from .library import Wanted
+from .messages import Message
+from .panel_html import style_html
 
 LIST_WIDTH, EPISODE_WIDTH, WALK_WIDTH = 290, 470, 340
 """Pixels of the three panels."""
@@ -21,10 +29,14 @@ _FOR_RESEARCHERS = (
     '<div class="bw"><p class="warn"><b>For researchers: shows the goal.</b> Not for participants or agents.</p></div>'
 )
 Part = Literal["list", "head", "home", "story", "graph", "facts", "runs", "picture"]
-"""What the panels hold as HTML; `home` is also for notices: that a home loads, or what is wrong."""
+"""Places for HTML; `home` is also for notices: that a home loads, or what is wrong."""
 _EPISODE_PARTS: tuple[Part, ...] = ("head", "home", "story", "graph", "facts", "runs")
 """From above."""
-_KEYS: tuple[tuple[str, Literal["P", "N"], int], ...] = (("Previous episode", "P", -1), ("Next episode", "N", 1))
+_KEYS: tuple[tuple[str, Literal["P", "N"], str], ...] = (("Previous episode", "P", "-1"), ("Next episode", "N", "1"))
+_LABEL = "messages of this page"
+"""Label by which the script finds its input, because viser sends no ids to scripts."""
+_EVERY_MS = 100
+_SCRIPT = Path(__file__).with_name("channel.js")
 Put = Callable[[Message], None]
 
 
@@ -47,7 +59,10 @@ class Panels:
         gui.set_panel_label("Episode")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(EPISODE_WIDTH)
-        self._build_episode()
+        gui.add_html(style_html() + _FOR_RESEARCHERS)
+        for part in _EPISODE_PARTS:
+            self._html[part] = gui.add_html("")
+        self._open_channel()
         episodes = gui.add_panel()
         with episodes.add_tab("Episodes"):
             self._build_list(scenes, has_runs)
@@ -61,7 +76,7 @@ class Panels:
             self._listen_to_key(label, key, by)
 
     def show(self, part: Part, content: str) -> None:
-        """Shows a part's new HTML, made by `episode_texts` or `graph_svg`."""
+        """Shows a part's new HTML, made by `panel_html`."""
         self._html[part].content = content
 
     def show_walk(self, steps: int | None) -> None:
@@ -88,17 +103,10 @@ class Panels:
                 words=words.value,
                 with_runs=only.value,
             )
-            self._put(Filtered(wanted))
+            self._put(wanted)
 
         for widget in (split, scene, words, only):
             widget.on_update(changed)
-
-    def _build_episode(self) -> None:
-        gui = self._client.gui
-        gui.add_html(episode_texts.style_html() + _FOR_RESEARCHERS)
-        for part in _EPISODE_PARTS:
-            self._html[part] = gui.add_html("")
-        open_channel(self._client, self._told)
 
     def _build_walk(self) -> None:
         gui = self._client.gui
@@ -107,14 +115,23 @@ class Panels:
 
         @self._slider.on_update
         async def _(_: object) -> None:
-            self._put(Slid(int(self._slider.value)))
+            self._put(("slide", str(int(self._slider.value))))
 
-    async def _told(self, words: str) -> None:
-        self._put(Said(words))
-
-    def _listen_to_key(self, label: str, key: Literal["P", "N"], by: int) -> None:
+    def _listen_to_key(self, label: str, key: Literal["P", "N"], by: str) -> None:
         command = self._client.gui.add_command(label, hotkey=key)
 
         @command.on_trigger
         async def _(_: object) -> None:
-            self._put(Stepped(by))
+            self._put(("step", by))
+
+    def _open_channel(self) -> None:
+        """Sends the script to the browser, and puts the words of its messages on the queue."""
+        field = self._client.gui.add_text(_LABEL, "")
+
+        @field.on_update
+        async def _(_: object) -> None:
+            self._put(tuple(field.value.split()[1:]))  # a number comes first, so that no two messages are equal
+
+        script = _SCRIPT.read_text(encoding="utf-8").replace("LABEL", _LABEL).replace("EVERY", str(_EVERY_MS))
+        onerror = html.escape(script)
+        self._client.gui.add_html(f'<img src="data:," style="display:none" alt="" onerror="{onerror}">')

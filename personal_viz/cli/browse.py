@@ -52,9 +52,8 @@ class Browse:
         ended = threading.Event()
         signal.signal(signal.SIGTERM, lambda *_: ended.set())
         with browser_app(library, port=self.port) as address, contextlib.suppress(KeyboardInterrupt):
-            catalogue = library.catalogue
-            homes = how_many(len(catalogue.scenes), "home")
-            print(f"{how_many(len(catalogue.episodes), 'episode')} of {homes}: {address}")
+            homes = how_many(len(library.scenes), "home")
+            print(f"{how_many(len(library.episodes), 'episode')} of {homes}: {address}")
             print("For researchers on this machine: it shows the goals. Ctrl-C ends it.", flush=True)
             ended.wait()
         return 0

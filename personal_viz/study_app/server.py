@@ -26,7 +26,7 @@ from sim.tasks.rules import scene_storeys
 
 from .home.frames import Frames, RenderThreads
 from .home.homes import Home, HomeLibrary, pan_env
-from .home.scene_view import StoreyCopies
+from .home.surfaces import StoreyCopies
 from .screens.seat import Seat, Study
 from .store_link import StoreLink
 from .watch import Watches

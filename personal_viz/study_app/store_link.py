@@ -61,7 +61,7 @@ class StoreLink:
         self._numbers = itertools.count(1)
         self._lock = threading.Lock()
         self.is_closed = threading.Event()
-        self.on_warm: Callable[[str], None] = lambda _: None
+        self.on_warm: Callable[[str], object] = lambda _: None
         """Called with the scene of a home that somebody will soon need."""
         threading.Thread(target=self._listen, daemon=True, name="store-link").start()
 

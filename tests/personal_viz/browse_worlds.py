@@ -1,5 +1,10 @@
 """Small made-up episodes for the tests of `personal_viz.browse`: no file, no home."""
 
+from collections.abc import Sequence
+
+from personal_viz.browse.library import Library
+from personal_viz.browse.object_links import SceneTexts
+from personal_viz.study_app.home.homes import HomeLibrary
 from sim.episodes.schema import Episode, EpisodeRecord, Goal
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo, Step
 from sim.types import Action, EpisodeKey, Split
@@ -55,6 +60,13 @@ def episode(
         }
     )
     return Episode(EpisodeKey(split, scene, episode_id), record, (goal(target),))
+
+
+def library(*episodes: Episode, runs: Sequence[Run] = ()) -> Library:
+    """A library whose homes cannot be opened."""
+    goals = {name: goal(name) for name in CAPTIONS}
+    texts = {one.key.scene: SceneTexts.from_episodes(goals, episodes) for one in episodes}
+    return Library(episodes, runs, texts, HomeLibrary({}.__getitem__))
 
 
 def run_of(key: EpisodeKey, run_id: str, *, participant: str | None = None, points: int = 0) -> Run:

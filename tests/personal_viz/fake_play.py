@@ -1,4 +1,4 @@
-"""`TrialPlay` without a browser: a desk with a script, screens that keep what they are shown, a store in memory."""
+"""`TrialPlay` without a browser: a page with a script, screens that keep what they are shown, a store in memory."""
 
 import contextlib
 import dataclasses
@@ -15,8 +15,10 @@ from human_study.trial.events import Event, event_to_json
 from human_study.trial.views import LookView, PanView, PogView, RateView
 from personal_viz.study_app.home.frames import Frames, RenderThreads
 from personal_viz.study_app.home.homes import Home
+from personal_viz.study_app.home.surfaces import SceneView
 from personal_viz.study_app.screens import play as play_module
-from personal_viz.study_app.screens.desk import GoneError, Item, WithdrawnError
+from personal_viz.study_app.screens.cards import Card
+from personal_viz.study_app.screens.page import GoneError, Item, WithdrawnError
 from personal_viz.study_app.screens.play import TrialPlay
 from personal_viz.study_app.watch import Observers, Watches
 from sim.copies.cut import StoreyCut
@@ -90,12 +92,13 @@ class MemoryLink:
         return [event_to_json(event) for event in self.stored]
 
 
-class ScriptedDesk:
-    """Stands for a `Desk`: hands out a script, then the browser is gone."""
+class ScriptedPage:
+    """Stands for a `Page`: hands out a script, then the browser is gone."""
 
-    def __init__(self, code: str, script: Sequence[Any], clock: Clock) -> None:
-        self.code, self.page = code, _Page()
-        self._script, self._clock = list(script), clock
+    client = None
+
+    def __init__(self, script: Sequence[Any], clock: Clock, screens: list[str]) -> None:
+        self._script, self._clock, self._screens = list(script), clock, screens
         self.waits: list[float | None] = []
         self.num_screens = 0
 
@@ -104,7 +107,10 @@ class ScriptedDesk:
         return None
 
     def done_with(self, item: Item) -> None:
-        """As the desk's."""
+        """As the page's."""
+
+    def card(self, card: Card, chosen: Any) -> None:
+        self._screens.append(card.title)
 
     def wait(self, *, timeout_s: float | None = None) -> Item:
         self.waits.append(timeout_s)
@@ -119,10 +125,6 @@ class ScriptedDesk:
         if isinstance(content, Exception):
             raise content
         return Item(content, self.num_screens)
-
-
-class _Page:
-    client = None
 
 
 class RenderedHere:
@@ -172,12 +174,12 @@ class Played:
     """A trial as it was played."""
 
     link: MemoryLink
-    desk: ScriptedDesk
+    page: ScriptedPage
     watches: Watches
     shown: list[View]
     """Every view, on whichever screen."""
     screens: list[str]
-    """Names of the screens, opened and closed."""
+    """Names of the screens and titles of the cards, in order."""
     raised: Exception | None
     """What ended it before its outcome was stored and shown."""
 
@@ -189,12 +191,12 @@ def make_env(episode: Episode) -> PanEnv:
 
 @pytest.fixture
 def fake_screens(monkeypatch: pytest.MonkeyPatch) -> tuple[list[View], list[str]]:
-    """Replaces all apps; (what they are shown, their names as they open and close)."""
+    """Replaces all screens; (what they are shown, their names as they open)."""
     shown: list[View] = []
     screens: list[str] = []
 
-    def app_named(name: str) -> Any:
-        class App:
+    def screen_named(name: str) -> Any:
+        class Screen:
             def __init__(self, page: Any, view: View, send: Any, **options: Any) -> None:
                 screens.append(name)
                 shown.append(view)
@@ -202,13 +204,10 @@ def fake_screens(monkeypatch: pytest.MonkeyPatch) -> tuple[list[View], list[str]
             def show(self, view: View) -> None:
                 shown.append(view)
 
-            def close(self) -> None:
-                screens.append(f"{name} closed")
+        return Screen
 
-        return App
-
-    for name in ("LookApp", "PanApp", "PogApp", "RateApp"):
-        monkeypatch.setattr(play_module, name, app_named(name))
+    for name in ("LookScreen", "PanScreen", "PogScreen"):
+        monkeypatch.setattr(play_module, name, screen_named(name))
     for name in ("SceneView", "MapView"):
         monkeypatch.setattr(play_module, name, lambda client, things, name=name: screens.append(name))
     return shown, screens
@@ -224,19 +223,12 @@ class _TwoStoreyScene(FakeScene):
     navigation = TwoStoreys()
 
 
-class EmptySurface:
-    """Stands for `SceneView`: shows nothing."""
+class EmptySurface(SceneView):
+    """Shows nothing."""
 
-    advice = "Drag to turn, scroll to zoom, right-drag to move."
-    is_map = False
-
-    def __init__(self, *_: object) -> None: ...
-
-    def show_storey(self, index: int, *, move_camera: bool = True) -> None: ...
+    def show_storey(self, index: int) -> None: ...
 
     def show_mark(self, position: Vector3) -> None: ...
-
-    def remove(self) -> None: ...
 
 
 def meshless_home() -> Home:
@@ -275,7 +267,7 @@ def played(
     Args:
         fakes: From the fixture `fake_screens`.
         link: The store.
-        script: Commands, rays, PASS, and errors that the desk raises.
+        script: Commands, rays, PASS, and errors that the page raises.
         observers: Who watches.
         away_s: How long the participant was away.
         took_over: Whether from another tab.
@@ -294,18 +286,18 @@ def played(
         "watches": watches,
     }
     home = Home(**(fields | (home_options or {})))
-    desk = ScriptedDesk(link.trial.code, script, clock)
     del fakes[0][:], fakes[1][:]
+    page = ScriptedPage(script, clock, fakes[1])
     raised: Exception | None = None
     with _clock(clock):
-        play = TrialPlay(desk, link, home, study(**choices))  # type: ignore[arg-type]
+        play = TrialPlay(page, link, home, study(**choices), link.open_trial(), name="Trial 1 of 1")  # type: ignore[arg-type]
         try:
-            play.play(link.open_trial(), progress="Trial 1 of 1", away_s=away_s, took_over=took_over)
+            play.play(away_s=away_s, took_over=took_over)
         except (GoneError, SupersededError, TrialEndedError, StoreFullError, WithdrawnError) as error:
             raised = error
         finally:
             play.leave()
-    return Played(link, desk, watches, list(fakes[0]), list(fakes[1]), raised)
+    return Played(link, page, watches, list(fakes[0]), list(fakes[1]), raised)
 
 
 class _Copies:

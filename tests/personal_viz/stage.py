@@ -1,4 +1,4 @@
-"""One trial after the other in a real browser without gateway and store: viser, desk, session and screens are real."""
+"""One trial after the other in a real browser without gateway and store: viser, page, session and screens are real."""
 
 import contextlib
 import threading
@@ -18,8 +18,8 @@ from human_study.trial.outcome import Outcome
 from personal_viz.study_app.home.frames import RenderThreads
 from personal_viz.study_app.home.homes import Home
 from personal_viz.study_app.page_script import PageMessages
-from personal_viz.study_app.screens.desk import Desk, GoneError, Item, Signal
-from personal_viz.study_app.screens.panels import Card, Choice, Page, paragraphs
+from personal_viz.study_app.screens.cards import Card, Choice, paragraphs
+from personal_viz.study_app.screens.page import GoneError, Page
 from personal_viz.study_app.screens.play import TrialPlay
 from personal_viz.study_app.server import open_home
 from personal_viz.study_app.store_link import StoreLink
@@ -84,7 +84,7 @@ class Stage:
     home: Home
     key: EpisodeKey
     config: StudyConfig
-    desks: list[Desk] = field(default_factory=list)
+    pages: list[Page] = field(default_factory=list)
 
 
 def invented_home(folder: Path, config: StudyConfig) -> Home:
@@ -113,23 +113,23 @@ def staged(
     stage = Stage(f"http://127.0.0.1:{server.get_port()}", MemoryLink(), home, key, config)
 
     def run(client: viser.ClientHandle) -> None:
-        desk = Desk(Page(client), "p01")
-        stage.desks.append(desk)
+        page = Page(client)
+        stage.pages.append(page)
         actions = ("forward", "left", "right", "stop") if task == "pan" else ()
-        PageMessages(client, desk.heard, actions=actions).begin({})
-        desk.page.tools(has_keys=task == "pan", on_leave="Your answers are deleted.")
+        PageMessages(client, page.heard, actions=actions).begin({})
+        page.tools(has_keys=task == "pan", on_leave="Your answers are deleted.")
         try:
             while True:
                 stage.link.epoch += 1
                 trial = Trial("t1", "p01", 1, "main", task, condition, key, 1, stage.link.epoch, 0.0)
-                play = TrialPlay(desk, cast(StoreLink, stage.link), home, config)
-                play.play(trial, progress="Trial 1 of 1", away_s=1.0, took_over=stage.link.epoch > 1)
+                play = TrialPlay(page, cast(StoreLink, stage.link), home, config, trial, name="Trial 1 of 1")
+                play.play(away_s=1.0, took_over=stage.link.epoch > 1)
                 if not again:
                     break
-                desk.choose(Card("Saved", paragraphs("The trial is over."), (Choice("more", "Once more"),)))
-                desk.choose(Card("Ready", paragraphs("The trial begins."), (Choice("begin", "Begin"),)))
+                page.choose(Card("Saved", paragraphs("The trial is over."), (Choice("more", "Once more"),)))
+                page.choose(Card("Ready", paragraphs("The trial begins."), (Choice("begin", "Begin"),)))
                 stage.link = MemoryLink()
-            desk.page.notice("Saved", "The trial is over.")
+            page.card(Card("Saved", paragraphs("The trial is over.")))
         except (GoneError, SupersededError):
             pass
         except Exception:  # a test must see why
@@ -141,9 +141,9 @@ def staged(
 
     @server.on_client_disconnect
     async def _(client: viser.ClientHandle) -> None:
-        for desk in stage.desks:
-            if desk.page.client.client_id == client.client_id:
-                desk.put(Item(Signal.GONE))
+        for page in stage.pages:
+            if page.client.client_id == client.client_id:
+                page.end(GoneError())
 
     try:
         yield stage

@@ -1,18 +1,15 @@
 """Which object of the home each node of an ownership graph is, and how the graph is drawn."""
 
 import re
-import threading
 
 import numpy as np
-import pytest
 
-from personal_viz.browse.graph_svg import GraphDrawing, graph_svg, link_counts
 from personal_viz.browse.layers import box_edges, path_segments, thinned
-from personal_viz.browse.library import Homes
 from personal_viz.browse.object_links import ObjectLink, SceneTexts, object_links
-from sim.episodes.ownership import OwnershipGraph, ownership_graph
+from personal_viz.browse.panel_html import graph_html
+from sim.episodes.ownership import ownership_graph
 
-from .browse_worlds import CAPTIONS, episode, goal
+from .browse_worlds import CAPTIONS, episode, goal, library
 
 SENTENCES = (
     "Nell owns a red couch under the round window in the hall",
@@ -66,42 +63,36 @@ def test_two_nodes_never_share_an_object() -> None:
     assert [link.goal for link in links] == ["lamp_3", None, None]
 
 
-def drawing() -> GraphDrawing:
-    graph = ownership_graph(ASKED)
-    return GraphDrawing(graph, object_links(ASKED, graph, texts()), "Nell")
+SHOWN = library(ASKED, *OTHERS).read(0)
 
 
 def test_the_drawing_has_a_node_per_person_and_object_and_an_edge_per_thing_owned() -> None:
-    svg = graph_svg(drawing())
-    assert re.findall(r'data-node="(\w+)"', svg) == ["p0", "p1", "p2", "o0", "o1", "o2", "o3"]
-    assert re.findall(r'data-ends="([^"]+)"', svg) == ["p0 o0", "p1 o1", "p1 o2", "p1 o3", "p2 o0"]
-    assert 'data-click="object 2"' in svg
-    assert 'data-click="object 3"' not in svg, "no place to go to"
-    assert svg.count("guess") == 1
+    drawing = graph_html(SHOWN)
+    assert re.findall(r'data-node="(\w+)"', drawing) == ["p0", "p1", "p2", "o0", "o1", "o2", "o3"]
+    assert re.findall(r'data-ends="([^"]+)"', drawing) == ["p0 o0", "p1 o1", "p1 o2", "p1 o3", "p2 o0"]
+    assert 'data-click="object 2"' in drawing
+    assert 'data-click="object 3"' not in drawing, "no place to go to"
+    assert drawing.count("guess") == 1
+    assert "4 objects: 1 asked for, 2 linked by the words of captions, 1 not linked" in drawing
 
 
 def test_a_marked_object_is_marked_with_its_edges_and_owners() -> None:
-    svg = graph_svg(drawing(), marked=0)
-    marked = re.findall(r'class="[^"]* on[^"]*" data-(?:node|ends)="([^"]+)"', svg)
+    drawing = graph_html(SHOWN, marked=0, notes=["storey 2", "", "", ""])
+    marked = re.findall(r'class="[^"]* on[^"]*" data-(?:node|ends)="([^"]+)"', drawing)
     assert marked == ["p0 o0", "p2 o0", "p0", "p2", "o0"]
-
-
-def test_the_line_below_counts_links_honestly() -> None:
-    line = link_counts(drawing().links)
-    assert line.startswith("4 objects: 1 asked for, 2 linked by the words of captions, 1 not linked")
+    assert "(couch_1 · storey 2)" in drawing
 
 
 def test_names_in_the_drawing_are_escaped() -> None:
     evil = episode("1", "couch_1", ("<b>Nell owns a <script>couch</script> in the hall",), owner="<b>Nell")
-    graph = ownership_graph(evil)
-    svg = graph_svg(GraphDrawing(graph, object_links(evil, graph, texts()), "<b>Nell"))
-    assert "<script" not in svg
-    assert "<b>" not in svg
-    assert "&lt;b&gt;Nell" in svg
+    drawing = graph_html(library(evil).read(0))
+    assert "<script" not in drawing
+    assert "<b>" not in drawing
+    assert "&lt;b&gt;Nell" in drawing
 
 
 def test_an_episode_without_sentences_has_a_note_instead_of_a_drawing() -> None:
-    assert "no ownership sentence" in graph_svg(GraphDrawing(OwnershipGraph(()), (), "Nell"))
+    assert "no ownership sentence" in graph_html(library(episode("1", "couch_1", ())).read(0))
 
 
 def test_a_box_has_twelve_edges_along_the_axes() -> None:
@@ -125,38 +116,3 @@ def test_a_dense_region_is_thinned_to_one_point_per_square() -> None:
     points = np.array([[0.01, 0, 0.01], [0.05, 0, 0.05], [0.25, 0, 0.01]])
     assert thinned(points, 0.2)[:, 0].tolist() == [0.01, 0.25]
     assert thinned(np.zeros((0, 3)), 0.2).shape == (0, 3)
-
-
-def test_the_last_homes_stay_open_and_older_ones_are_opened_again() -> None:
-    opened: list[str] = []
-    homes = Homes(lambda name: opened.append(name) or name, kept=2)  # type: ignore[arg-type, return-value]
-    for name in ("a", "b", "a", "c", "a", "b"):
-        assert homes.ask(name).result(10) == name
-    homes.close()
-    assert opened == ["a", "b", "c", "b"]
-
-
-def test_a_home_that_failed_is_tried_again() -> None:
-    tries: list[str] = []
-
-    def open_home(name: str) -> None:
-        tries.append(name)
-        raise KeyError(name)
-
-    homes = Homes(open_home)  # type: ignore[arg-type]
-    for _ in range(2):
-        with pytest.raises(KeyError):
-            homes.ask("a").result(10)
-    homes.close()
-    assert tries == ["a", "a"]
-
-
-def test_asking_does_not_wait_for_the_home() -> None:
-    may_open = threading.Event()
-    homes = Homes(lambda name: may_open.wait(30) and name)  # type: ignore[arg-type, return-value]
-    future = homes.ask("a")
-    assert not future.done()
-    assert homes.ask("a") is future
-    may_open.set()
-    assert future.result(30) == "a"
-    homes.close()

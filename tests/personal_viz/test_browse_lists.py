@@ -1,13 +1,14 @@
 """The list of episodes, its filter, and the runs that are shown beside an episode."""
 
-from personal_viz.browse.catalogue import PAGE, Catalogue, ListPage, Wanted, list_page, neighbour
-from personal_viz.browse.episode_texts import facts_html, head_html, list_html, runs_html, story_html
-from personal_viz.browse.messages import MessageQueue, Said, Slid, Stepped
-from personal_viz.browse.shown import RunIndex
+import pytest
+
+from personal_viz.browse.library import PAGE, ListPage, Wanted, list_page, neighbour
+from personal_viz.browse.messages import MessageQueue
+from personal_viz.browse.panel_html import part_html, runs_html, story_html
 from recordings.traces import RUN_COLORS
 from sim.episodes.ownership import ownership_graph
 
-from .browse_worlds import episode, run_of
+from .browse_worlds import episode, library, run_of
 
 SENTENCES = ("Nell owns a red couch under the round window in the hall",)
 EPISODES = (
@@ -17,29 +18,33 @@ EPISODES = (
 )
 
 
-def catalogue() -> Catalogue:
-    return Catalogue(EPISODES, num_runs=(0, 2, 0))
+LISTED = library(
+    *EPISODES, runs=[run_of(EPISODES[1].key, "explorer"), run_of(EPISODES[1].key, "pilot", participant="P07")]
+)
 
 
-def test_the_filter_looks_into_text_query_owner_object_and_key() -> None:
-    listed = catalogue()
-    assert listed.matching(Wanted()) == (0, 1, 2)
-    assert listed.matching(Wanted(words="NIGHT")) == (1,)
-    assert listed.matching(Wanted(words="lamp_3")) == (1,)
-    assert listed.matching(Wanted(words="find ivo's")) == (2,)
-    assert listed.matching(Wanted(words="barn/3")) == (2,)
-    assert listed.matching(Wanted(words="share couch")) == (0, 2)
-    assert listed.matching(Wanted(words="share zebra")) == ()
-
-
-def test_split_scene_and_runs_narrow_the_list_together() -> None:
-    listed = catalogue()
-    assert listed.scenes == ("Barn", "Hut")
-    assert listed.matching(Wanted(split="hard")) == (1,)
-    assert listed.matching(Wanted(scene="Hut")) == (0, 1)
-    assert listed.matching(Wanted(scene="Hut", split="easy", words="couch")) == (0,)
-    assert listed.matching(Wanted(with_runs=True)) == (1,)
-    assert listed.matching(Wanted(with_runs=True, scene="Barn")) == ()
+@pytest.mark.parametrize(
+    ("wanted", "numbers"),
+    [
+        (Wanted(), (0, 1, 2)),
+        (Wanted(words="NIGHT"), (1,)),
+        (Wanted(words="lamp_3"), (1,)),
+        (Wanted(words="find ivo's"), (2,)),
+        (Wanted(words="barn/3"), (2,)),
+        (Wanted(words="share couch"), (0, 2)),
+        (Wanted(words="share zebra"), ()),
+        (Wanted(split="hard"), (1,)),
+        (Wanted(scene="Hut"), (0, 1)),
+        (Wanted(scene="Hut", split="easy", words="couch"), (0,)),
+        (Wanted(with_runs=True), (1,)),
+        (Wanted(with_runs=True, scene="Barn"), ()),
+    ],
+)
+def test_split_scene_runs_and_words_of_texts_query_owner_object_or_key_narrow_the_list(
+    wanted: Wanted, numbers: tuple[int, ...]
+) -> None:
+    assert LISTED.scenes == ("Barn", "Hut")
+    assert LISTED.matching(wanted) == numbers
 
 
 def test_a_list_of_two_thousand_is_shown_fifty_at_a_time() -> None:
@@ -53,27 +58,26 @@ def test_a_list_of_two_thousand_is_shown_fifty_at_a_time() -> None:
     assert list_page(tuple(range(51)), 1).numbers == (50,)
 
 
-def test_the_neighbour_is_in_the_filtered_list_and_its_ends_hold() -> None:
-    assert neighbour((2, 5, 9), 5, 1) == 9
-    assert neighbour((2, 5, 9), 9, 1) == 9
-    assert neighbour((2, 5, 9), 2, -1) == 2
-    assert neighbour((), 2, 1) is None
-
-
-def test_from_a_hidden_episode_the_first_step_leads_to_the_nearest_listed_one() -> None:
-    assert neighbour((2, 5, 9), 6, 1) == 9
-    assert neighbour((2, 5, 9), 6, -1) == 5
-    assert neighbour((2, 5, 9), 0, -1) == 2
-    assert neighbour((2, 5, 9), 11, 1) == 9
+@pytest.mark.parametrize(
+    ("number", "by", "found"),
+    [(5, 1, 9), (9, 1, 9), (2, -1, 2), (6, 1, 9), (6, -1, 5), (0, -1, 2), (11, 1, 9)],
+)
+def test_the_neighbour_is_the_nearest_in_the_filtered_list_and_its_ends_hold(number: int, by: int, found: int) -> None:
+    assert neighbour((2, 5, 9), number, by) == found
+    assert neighbour((), number, by) is None
 
 
 def test_everything_from_files_is_escaped() -> None:
     evil = "<img src=x onerror=alert(1)>"
     bad = episode("1", "couch_1", (f"{evil} owns a couch in the hall",), owner=evil, summary=f"{evil} has a couch.")
     graph = ownership_graph(bad)
-    listed = list_html(Catalogue((bad,), num_runs=(0,)), ListPage((0,), 0, 1), 0)
     assert graph.people == (evil,)
-    for text in (listed, head_html(bad, place=0, total=1), story_html(bad, graph), facts_html(bad)):
+    for text in (
+        part_html("list", library=library(bad), page=ListPage((0,), 0, 1), here=0),
+        part_html("head", episode=bad, place=0, total=1),
+        part_html("facts", episode=bad),
+        story_html(bad, graph),
+    ):
         assert "<img src=x" not in text
         assert "&lt;img src=x onerror=alert(1)&gt;" in text
 
@@ -93,53 +97,39 @@ def test_the_paragraph_shows_each_persons_name_in_bold_and_underlines_the_owner(
 
 def test_runs_of_an_episode_have_distinct_names_and_colours_and_people_come_first() -> None:
     key = EPISODES[0].key
-    index = RunIndex(
-        [
-            run_of(key, "explorer"),
-            run_of(key, "explorer"),
-            run_of(key, "pilot", participant="P07"),
-            run_of(EPISODES[1].key, "rpg", points=3),
-        ]
-    )
-    shown = index.of(key)
-    assert [one.label for one in shown] == ["human P07", "explorer (explorer)", "explorer (explorer) #3"]
-    assert [one.rgb for one in shown] == list(RUN_COLORS[:3])
-    assert index.count(key) == 3
-    assert index.count(EPISODES[2].key) == 0
-    (answer,) = index.of(EPISODES[1].key)
-    assert answer.run is None
-    assert answer.answer is not None
+    runs = [
+        run_of(key, "explorer"),
+        run_of(key, "explorer"),
+        run_of(key, "pilot", participant="P07"),
+        run_of(EPISODES[1].key, "rpg", points=3),
+    ]
+    listed = library(*EPISODES, runs=runs)
+    shown = listed.read(0).traces
+    assert [trace.title for trace in shown] == ["human-P07", "explorer", "explorer-2"]
+    assert [trace.rgb for trace in shown] == list(RUN_COLORS[:3])
+    assert listed.num_runs == (3, 1, 0)
+    assert listed.read(2).traces == ()
 
 
 def test_the_table_of_runs_has_a_check_box_for_each_that_is_off_for_hidden_ones() -> None:
     key = EPISODES[0].key
-    shown = RunIndex([run_of(key, "explorer"), run_of(key, "rpg", points=2)]).of(key)
-    table = runs_html(shown, hidden={"rpg"}, walked="explorer")
+    shown = library(*EPISODES, runs=[run_of(key, "explorer"), run_of(key, "rpg", points=2)])
+    table = runs_html(shown.read(0), hidden={"rpg"}, walked=0)
     assert 'data-click="show 0" checked' in table
     assert 'data-click="show 1" aria-label="Show rpg"' in table
-    assert "No run" in runs_html((), hidden=(), walked=None)
+    assert "No run" in runs_html(shown.read(2), hidden=set(), walked=None)
 
 
 def test_a_slow_visitor_handles_only_the_last_of_many_slides_and_hovers() -> None:
     messages = MessageQueue()
     for step in range(100):
-        messages.put(Slid(step))
-    messages.put(Said("hover o1"))
-    messages.put(Said("hover o2"))
-    messages.put(Said("click object 1"))
-    messages.put(Said("click object 2"))
-    messages.put(Stepped(1))
-    messages.put(Stepped(1))
+        messages.put(("slide", str(step)))
+    kept = [("hover", "o2"), ("object", "1"), ("object", "2"), ("step", "1"), ("step", "1"), Wanted(words="lamp")]
+    for message in (("hover", "o1"), *kept[:-1], Wanted(words="la"), kept[-1]):
+        messages.put(message)
     taken = []
     for message in messages:
         taken.append(message)
-        if len(taken) == 6:
+        if message == kept[-1]:
             messages.end()
-    assert taken == [
-        Slid(99),
-        Said("hover o2"),
-        Said("click object 1"),
-        Said("click object 2"),
-        Stepped(1),
-        Stepped(1),
-    ]
+    assert taken == [("slide", "99"), *kept]

@@ -16,9 +16,8 @@ from playwright.sync_api import BrowserContext, Page, expect
 
 from human_study.trial.events import Cam
 from personal_viz.browse.app import browser_app, is_own_page
-from personal_viz.browse.catalogue import Wanted
 from personal_viz.browse.layers import Layers, Outlined
-from personal_viz.browse.library import Library, open_library
+from personal_viz.browse.library import Library, Wanted, open_library
 from personal_viz.cli.browse import Browse
 from personal_viz.cli.run import Run
 from personal_viz.study_app.operator.served import hear_ctrl_c
@@ -57,6 +56,7 @@ class Marks(NamedTuple):
 
     outlined: list[list[Outlined]]
     clients: list[viser.ClientHandle]
+    """Browsers whose camera was moved."""
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def until(page: Page, holds) -> None:
 def test_filter_next_and_list_lead_through_the_episodes(served: tuple[Library, str], browser: BrowserContext) -> None:
     library, address = served
     page = opened(browser, address)
-    first, second, third = library.catalogue.episodes
+    first, second, third = library.episodes
     expect(page.get_by_text("For researchers: shows the goal.")).to_be_visible()
     expect(page.get_by_role("heading", name=first.record.query[0])).to_be_visible()
     expect(page.locator(".runs")).to_contain_text("shortest-path")
@@ -121,7 +121,7 @@ def test_filter_next_and_list_lead_through_the_episodes(served: tuple[Library, s
     target = third.targets[0].object_name
     search = page.locator("label", has_text="Search").locator("xpath=ancestor::div[.//input][1]").locator("input")
     search.fill(target)
-    found = library.catalogue.matching(Wanted(words=target))
+    found = library.matching(Wanted(words=target))
     assert 1 <= len(found) < 3
     expect(page.locator(".rows .row")).to_have_count(len(found))
     search.fill("nothing has these words")
@@ -133,7 +133,7 @@ def test_hovering_and_clicking_a_node_shows_its_object_and_a_box_its_node(
 ) -> None:
     library, address = served
     page = opened(browser, address)
-    episode = library.catalogue.episodes[0]
+    episode = library.episodes[0]
     target = episode.targets[0]
     graph = ownership_graph(episode)
     node = page.locator(".og .node.object.target")
@@ -201,8 +201,8 @@ def test_two_browsers_are_independent(served: tuple[Library, str], browser: Brow
     library, address = served
     one, other = opened(browser, address), opened(browser, address)
     other.get_by_role("button", name="next").click()
-    expect(other.get_by_role("heading", name=library.catalogue.episodes[1].record.query[0])).to_be_visible()
-    expect(one.get_by_role("heading", name=library.catalogue.episodes[0].record.query[0])).to_be_visible()
+    expect(other.get_by_role("heading", name=library.episodes[1].record.query[0])).to_be_visible()
+    expect(one.get_by_role("heading", name=library.episodes[0].record.query[0])).to_be_visible()
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from playwright.sync_api import BrowserContext, Page
 
 from personal_viz.bench.sim.scenes import bench_mesh
 from personal_viz.screenshots.rerun_page import screenshot_rrd
-from personal_viz.study_app.home.scene_view import SceneView, StoreyCopies
+from personal_viz.study_app.home.surfaces import SceneView, StoreyCopies
 from recordings.scene import log_scene
 from sim.mesh import FLAT, VERTEX_COLOURS, Scene, TriangleMesh
 from sim.walk.floor_grid import floor_grid_from_mesh

@@ -14,7 +14,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 from human_study.trial.events import Act, Cam, Clicked, Confidence, Event, MapOff, MapOn, Shown
 from human_study.trial.outcome import end_reason
 from personal_viz.study_app.home.homes import Home
-from personal_viz.study_app.home.scene_view import MARK_COLOR
+from personal_viz.study_app.home.surfaces import MARK_COLOR
 from personal_viz.study_app.home.top_view import STRIP
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import EpisodeKey

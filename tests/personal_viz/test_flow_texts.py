@@ -12,13 +12,14 @@ import pytest
 from PIL import Image
 
 from human_study.design.study import Condition, StudyConfig, StudyDataset
+from human_study.journey import Journey
 from human_study.texts.participants import instruction_texts
 from human_study.texts.quiz import QuizRound, questions_for
 from personal_viz.screenshots.make import MAX_BYTES, SIZE, small_jpeg
 from personal_viz.study_app.markdown import html_from_markdown, title_of
 from personal_viz.study_app.page_script import STATIC, Device, OwnKeys, Pressed, Told, page_html, said_in, script
+from personal_viz.study_app.screens.cards import Card, card_html, progress_html
 from personal_viz.study_app.screens.pan import BUTTON_LABELS
-from personal_viz.study_app.screens.panels import Card, card_html, progress_html
 from sim.types import TaskKind
 
 
@@ -174,8 +175,8 @@ def test_the_right_answer_is_not_always_the_first_and_stays_where_it_is() -> Non
 
 
 def test_progress_is_said_in_words_and_to_screen_readers() -> None:
-    bar = progress_html(3, 12)
-    assert "3 of 12 trials done" in bar
+    bar = progress_html(Journey("trial", num_done=3, num_all=12))
+    assert "3 of 12 searches done" in bar
     assert 'role="progressbar"' in bar
     assert tags_in(bar) == ["div", "div", "p"]
     card = Card("Title <b>", "<p>x</p>", parts=("A", "B", "C"), part=1)

@@ -129,7 +129,7 @@ def test_a_home_that_cannot_be_opened_says_so_each_time_and_can_be_tried_again()
     opener = Opener()
     opener.fails = True
     library = HomeLibrary(opener)
-    library.warm("A")
+    assert isinstance(library.warm("A").exception(TIMEOUT_S), SceneError)
     with pytest.raises(SceneError, match="A: is not there"), library.use("A"):
         pass
     opener.fails = False
@@ -138,10 +138,26 @@ def test_a_home_that_cannot_be_opened_says_so_each_time_and_can_be_tried_again()
     library.close()
 
 
+def test_a_home_that_nobody_wants_any_more_is_not_opened_until_somebody_asks_again() -> None:
+    opener = Opener()
+    opener.may_open.clear()
+    library = HomeLibrary(opener)
+    first, unwanted = library.warm("A"), library.warm("B")
+    assert opener.begun.wait(TIMEOUT_S)
+    assert library.warm("A") is first
+    assert not first.cancel()
+    assert unwanted.cancel()
+    opener.may_open.set()
+    assert library.warm("C").result(TIMEOUT_S).scene == "C"
+    assert [home.scene for home in opener.opened] == ["A", "C"]
+    assert library.warm("B").result(TIMEOUT_S).scene == "B"
+    library.close()
+
+
 def test_a_closed_library_warms_nothing() -> None:
     opener = Opener()
     library = HomeLibrary(opener)
     library.close()
-    library.warm("A")
+    assert library.warm("A").cancelled()
     assert opener.opened == []
     assert library.open_scenes() == ()

@@ -8,10 +8,10 @@ from human_study.design.plan import Phase
 from human_study.export.verify import verify_trial
 from human_study.store.store import SupersededError
 from human_study.store.writer import StoreFullError
-from human_study.trial.commands import CloseMap, Confirm, GiveUp, Move, PageChanged, PressStop, Rate, ShowStorey
+from human_study.trial.commands import CloseMap, Confirm, GiveUp, Move, PageChanged, PressStop, ShowStorey
 from human_study.trial.events import Clicked, Confidence, Event, Shown
 from human_study.trial.views import LookView, PanView, PogView
-from personal_viz.study_app.screens.desk import GoneError, WithdrawnError
+from personal_viz.study_app.screens.page import GoneError, WithdrawnError
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import Action, Camera, Pose
 
@@ -33,7 +33,7 @@ def kinds(trial: Played) -> list[str]:
 
 def test_a_walk_without_a_map_is_one_screen(fake_screens: Fakes) -> None:
     trial = played(fake_screens, MemoryLink("pan"), FORWARD, *STOP)
-    assert trial.screens == ["PanApp"]
+    assert trial.screens == ["PanScreen"]
     assert [view.step for view in trial.shown if isinstance(view, PanView)][-1] == 2
     assert isinstance(trial.link.outcome, EpisodeEnd)
     assert trial.link.outcome.reason == "stop"
@@ -81,12 +81,12 @@ def test_the_pictures_of_the_next_keys_are_wished_for_and_forgotten_at_the_end(f
     assert [pose.position for pose in frames.begun] == [(0.0, 0.0, -0.25)]
 
 
-def test_a_look_comes_before_the_walk_and_is_closed(fake_screens: Fakes) -> None:
+def test_a_look_comes_before_the_walk(fake_screens: Fakes) -> None:
     trial = played(fake_screens, MemoryLink("pan", "topdown"), PASS, PASS, CloseMap(), FORWARD, *STOP, **MAP)
-    assert trial.screens == ["LookApp", "LookApp closed", "PanApp"]
+    assert trial.screens == ["LookScreen", "PanScreen"]
     assert isinstance(trial.shown[0], LookView)
     assert kinds(trial)[:4] == ["open", "map_on", "map_off", "shown"]
-    assert trial.desk.waits[0] == pytest.approx(1.0)
+    assert trial.page.waits[0] == pytest.approx(1.0)
 
 
 def test_a_look_that_nobody_leaves_ends_by_itself(fake_screens: Fakes) -> None:
@@ -98,7 +98,7 @@ def test_a_look_that_nobody_leaves_ends_by_itself(fake_screens: Fakes) -> None:
 
 def test_the_texts_come_after_the_home(fake_screens: Fakes) -> None:
     trial = played(fake_screens, MemoryLink("pog", "map_first"), CloseMap(), RAY, Confirm(), **HOME_FIRST)
-    assert trial.screens == ["LookApp", "LookApp closed", "SceneView", "PogApp", "PogApp closed"]
+    assert trial.screens == ["LookScreen", "SceneView", "PogScreen"]
     assert isinstance(trial.link.outcome, Answer)
     assert trial.link.outcome.candidates == (HIT,)
 
@@ -118,8 +118,8 @@ def test_a_click_after_the_time_is_up_is_nothing(fake_screens: Fakes) -> None:
 
 
 def test_the_question_after_an_answer_is_a_screen_of_its_own(fake_screens: Fakes) -> None:
-    trial = played(fake_screens, MemoryLink("pog"), RAY, Confirm(), Rate(2), confidence=True)
-    assert trial.screens == ["SceneView", "PogApp", "PogApp closed", "RateApp", "RateApp closed"]
+    trial = played(fake_screens, MemoryLink("pog"), RAY, Confirm(), "2", confidence=True)
+    assert trial.screens == ["SceneView", "PogScreen", "How sure are you?"]
     assert [event.value for event in trial.link.stored if isinstance(event, Confidence)] == [2]
     assert trial.link.calls[-1] == "finish"
 
@@ -136,7 +136,7 @@ def test_a_page_that_is_closed_before_the_answer_leaves_the_trial_open(fake_scre
     assert isinstance(first.raised, GoneError)
     assert link.outcome is None
     again = played(fake_screens, link, Confirm(), away_s=5.0, **HOME_FIRST)
-    assert again.screens == ["SceneView", "PogApp", "PogApp closed"]
+    assert again.screens == ["SceneView", "PogScreen"]
     view = again.shown[0]
     assert isinstance(view, PogView)
     assert view.marker == HIT

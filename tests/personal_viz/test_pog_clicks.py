@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from human_study.trial.outcome import HIT_TOLERANCE
 from human_study.trial.views import PogView
-from personal_viz.study_app.home.map_view import map_click
+from personal_viz.study_app.home.surfaces import map_click
 from personal_viz.study_app.home.top_view import TopView
 from personal_viz.study_app.screens.pog import Nudge, click_of
 from sim.copies.cut import StoreyCut

@@ -146,23 +146,14 @@ class Frames:
         self._lock = threading.Lock()
         self._frames: OrderedDict[_Key, Future[Frame]] = OrderedDict()
         self._jpegs: dict[int, bytes] = {}
-        self.num_rendered = 0
-        """Number of rendered pictures, ahead or not."""
 
     def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
         """The wrapped renderer's frame, perhaps from memory. Raises the wrapped renderer's errors."""
-        key = (np.asarray(T_world_camera, np.float64).tobytes(), camera)
-        place, is_new = self._place_of(key)
-        if is_new:
-            self._threads.run(lambda: self._fill(key, place))
-        return place.result()
+        return self._begun((np.asarray(T_world_camera, np.float64).tobytes(), camera)).result()
 
     def begin(self, pose: Pose, camera: Camera) -> None:
         """Begins to render a picture that will be asked for soon; returns at once."""
-        key = (T_world_camera(pose, camera).tobytes(), camera)
-        place, is_new = self._place_of(key)
-        if is_new:
-            self._threads.run(lambda: self._fill(key, place))
+        self._begun((T_world_camera(pose, camera).tobytes(), camera))
 
     def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
         """The frames of poses (B, 4, 4), each from `render`."""
@@ -192,6 +183,13 @@ class Frames:
         keys = [(T_world_camera(pose, camera).tobytes(), camera) for pose in poses]
         self._threads.look_ahead(who, [lambda key=key: self._fill_ahead(key) for key in keys])
 
+    def _begun(self, key: _Key) -> Future[Frame]:
+        """The place of a frame that is rendered, or being rendered."""
+        place, is_new = self._place_of(key)
+        if is_new:
+            self._threads.run(lambda: self._fill(key, place))
+        return place
+
     def _place_of(self, key: _Key) -> tuple[Future[Frame], bool]:
         """The place of a frame, and whether it is new, so that the caller has to fill it."""
         with self._lock:
@@ -220,7 +218,6 @@ class Frames:
             place.set_exception(error)
             return
         with self._lock:
-            self.num_rendered += 1
             self._jpegs[id(frame.rgb)] = jpeg
         place.set_result(frame if self._keep_depth else _without_depth(frame))
 
@@ -255,5 +252,5 @@ def successors(
 
 def _without_depth(frame: Frame) -> Frame:
     shape = frame.depth_m.shape
-    nothing = np.broadcast_to(np.float32(0), shape), np.broadcast_to(np.int32(0), shape)
-    return replace(frame, depth_m=nothing[0], ids=nothing[1])
+    depth_m, ids = np.broadcast_to(np.float32(0), shape), np.broadcast_to(np.int32(0), shape)
+    return replace(frame, depth_m=depth_m, ids=ids)

@@ -1,15 +1,15 @@
-"""The homes that a worker holds in memory: opened when a trial needs them, kept for later trials, closed for others.
+"""The homes that a process holds in memory: opened when somebody needs them, kept for later, closed for others.
 
-Opening a scan takes seconds, so the next trial's home is opened on a thread of its own while the participant still
-reads or walks. Nothing here runs on viser's event loop.
+Opening a scan takes seconds, so a home is opened on a thread of its own while its visitor still reads or walks. Nothing
+here runs on viser's event loop.
 """
 
 import contextlib
 import threading
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from human_study.design.study import StudyConfig
@@ -22,7 +22,7 @@ from sim.types import EpisodeKey
 
 from ..watch import Watches
 from .frames import Frames
-from .scene_view import StoreyCopies
+from .surfaces import StoreyCopies
 
 KEPT_HOMES = 3
 """Number of unused homes that stay open; a scan with its browser copies takes some hundred megabytes."""
@@ -64,20 +64,6 @@ class Closeable(Protocol):
 HomeT = TypeVar("HomeT", bound=Closeable)
 
 
-@dataclass(slots=True)
-class _Entry(Generic[HomeT]):
-    """A home that is wanted, being opened, or open."""
-
-    home: Future[HomeT] = field(default_factory=Future)
-    is_begun: bool = False
-    """Whether a thread opens it or has opened it."""
-    num_users: int = 0
-
-    @property
-    def is_open(self) -> bool:
-        return self.home.done() and self.home.exception() is None
-
-
 class HomeLibrary(Generic[HomeT]):
     """Opens each home once for all who use it; thread safe."""
 
@@ -90,7 +76,9 @@ class HomeLibrary(Generic[HomeT]):
         """
         assert kept >= 0, kept
         self._open_home, self._kept = open_home, kept
-        self._entries: OrderedDict[str, _Entry[HomeT]] = OrderedDict()
+        self._homes: OrderedDict[str, Future[HomeT]] = OrderedDict()
+        """Homes that are wanted, being opened, or open."""
+        self._num_users: Counter[str] = Counter()
         self._lock = threading.Lock()
         self._warmer = ThreadPoolExecutor(1, thread_name_prefix="warm-home")
         self._is_closed = False
@@ -103,30 +91,36 @@ class HomeLibrary(Generic[HomeT]):
             PersonalVizError: The home cannot be opened. Asking again tries again.
         """
         with self._lock:
-            entry = self._entries.setdefault(scene, _Entry())
-            entry.num_users += 1
+            home, _ = self._wanted(scene)
+            self._num_users[scene] += 1
         try:
-            self._open_once(scene, entry)
-            yield entry.home.result()
+            self._open_once(scene, home)
+            yield home.result()
         finally:
             with self._lock:
-                entry.num_users -= 1
-                if self._entries.get(scene) is entry:
-                    self._entries.move_to_end(scene)
+                self._num_users[scene] -= 1
+                if self._homes.get(scene) is home:
+                    self._homes.move_to_end(scene)
             self._close_unused()
 
-    def warm(self, scene: str) -> None:
-        """Opens a home in the background; returns at once. A failure is raised when the home is used."""
+    def warm(self, scene: str) -> "Future[HomeT]":
+        """Opens a home in the background; returns it at once.
+
+        The future may be cancelled while it waits. A failure is raised where the home is used, and asking again tries
+        again.
+        """
         with self._lock:
-            if scene in self._entries or self._is_closed:
-                return
-            entry = self._entries.setdefault(scene, _Entry())
-            self._warmer.submit(self._warm, scene, entry)
+            home, is_new = self._wanted(scene)
+            if self._is_closed:
+                home.cancel()
+            elif is_new:
+                self._warmer.submit(self._warm, scene, home)
+            return home
 
     def open_scenes(self) -> tuple[str, ...]:
         """Scenes that are open now, the one unused for longest first."""
         with self._lock:
-            return tuple(scene for scene, entry in self._entries.items() if entry.is_open)
+            return tuple(scene for scene, home in self._homes.items() if _is_open(home))
 
     def close(self) -> None:
         """Closes every unused home at once and every other home when it is left; nothing is warmed any more."""
@@ -136,33 +130,46 @@ class HomeLibrary(Generic[HomeT]):
         self._warmer.shutdown(wait=True, cancel_futures=True)
         self._close_unused()
 
-    def _warm(self, scene: str, entry: _Entry[HomeT]) -> None:
+    def _wanted(self, scene: str) -> "tuple[Future[HomeT], bool]":
+        """The home of a scene, and whether nobody has asked for it yet. Needs the lock."""
+        home = self._homes.get(scene)
+        if home is not None and not home.cancelled():
+            self._homes.move_to_end(scene)
+            return home, False
+        home = self._homes[scene] = Future()
+        return home, True
+
+    def _warm(self, scene: str, home: "Future[HomeT]") -> None:
         if not self._is_closed:
-            self._open_once(scene, entry)
+            self._open_once(scene, home)
             self._close_unused(but=scene)
 
-    def _open_once(self, scene: str, entry: _Entry[HomeT]) -> None:
+    def _open_once(self, scene: str, home: "Future[HomeT]") -> None:
         """Opens the home unless another thread does; a failure is raised for all who wait, and then forgotten."""
         with self._lock:
-            if entry.is_begun:
+            if home.running() or home.done():
                 return
-            entry.is_begun = True
+            home.set_running_or_notify_cancel()
         try:
-            entry.home.set_result(self._open_home(scene))
+            home.set_result(self._open_home(scene))
         except BaseException as error:  # raised where the home is used
             with self._lock:
-                if self._entries.get(scene) is entry:
-                    del self._entries[scene]
-            entry.home.set_exception(error)
+                if self._homes.get(scene) is home:
+                    del self._homes[scene]
+            home.set_exception(error)
 
     def _close_unused(self, *, but: str | None = None) -> None:
         """Closes unused homes over `kept`, except `but`, which was just opened for somebody who is about to come."""
         with self._lock:
             unused = [
                 scene
-                for scene, entry in self._entries.items()
-                if entry.is_open and not entry.num_users and scene != but
+                for scene, home in self._homes.items()
+                if _is_open(home) and not self._num_users[scene] and scene != but
             ]
-            closed = [self._entries.pop(scene) for scene in unused[: max(0, len(unused) - self._kept)]]
-        for entry in closed:
-            entry.home.result().close()
+            closed = [self._homes.pop(scene) for scene in unused[: max(0, len(unused) - self._kept)]]
+        for home in closed:
+            home.result().close()
+
+
+def _is_open(home: "Future[HomeT]") -> bool:
+    return home.done() and not home.cancelled() and home.exception() is None

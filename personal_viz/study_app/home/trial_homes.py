@@ -1,8 +1,10 @@
 """Opens a study's homes for doing trials again, for `study verify` and `study import-check`."""
 
+import functools
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from human_study.design.plan import PRACTICE_FOLDER, StudyScene
 from human_study.export.verify import TrialHome
@@ -11,14 +13,14 @@ from sim.errors import StudyError
 from sim.mesh import Scene
 from sim.tasks.pan import SIMULATOR_VERSION
 from sim.tasks.run_files import Vector3
+from sim.walk.storeys import nearest_storey
+
+if TYPE_CHECKING:
+    from sim.tasks.pog import PogScene
 
 
 def require_same_dataset(dataset: PersonalDataset, digest: str) -> None:
-    """Refuses a dataset that is not the one of the trials.
-
-    Args:
-        dataset: The given dataset.
-        digest: Digest of the study's dataset.
+    """Refuses a dataset whose digest is not `digest`, the study's.
 
     Raises:
         StudyError: The digests differ.
@@ -71,16 +73,16 @@ def sim_hash(home: TrialHome) -> str:
 
 def _caster(scene: Scene) -> Callable[[float, Vector3, Vector3], Vector3 | None]:
     """A function that casts clicks into the shown storey; the storeys are cut at the first click."""
-    from sim.render.raycast import Raycaster
-    from sim.tasks.pog import PogScene
 
-    opened: list[PogScene] = []
+    @functools.cache
+    def pog_scene() -> "PogScene":
+        from sim.render.raycast import Raycaster
+        from sim.tasks.pog import PogScene
+
+        return PogScene(scene, make_renderer=Raycaster)
 
     def cast(storey_y: float, origin: Vector3, direction: Vector3) -> Vector3 | None:
-        if not opened:
-            opened.append(PogScene(scene, make_renderer=Raycaster))
-        storeys = opened[0].storeys
-        shown = min(range(len(storeys)), key=lambda index: abs(storeys[index] - storey_y))
-        return opened[0].hit(shown, origin, direction)
+        storey = int(nearest_storey(storey_y, pog_scene().storeys))
+        return pog_scene().hit(storey, origin, direction)
 
     return cast

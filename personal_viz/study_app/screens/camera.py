@@ -1,17 +1,21 @@
-"""The camera of a home or a map: buttons that turn, move and zoom it, and samples of its pose."""
+"""Buttons to look around without a mouse: the storey that is shown, and the camera's turns, moves and zoom.
+
+The camera's pose is sampled while it moves.
+"""
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
-from human_study.trial.commands import LookFrom
+from human_study.trial.commands import LookFrom, ShowStorey
 from human_study.trial.trial_session import CAMERA_EVERY_S
 
-from .panels import Page
+from ..home.surfaces import place_camera
+from .page import Page, Send
 
 TURN = math.radians(15)
 """Turn of one press, radians."""
@@ -27,7 +31,12 @@ SAMPLE_EVERY_S = 1.1 * CAMERA_EVERY_S
 _SHIFT = 0.15
 """A map moves by this share of the camera's height per press."""
 _SIDES = {"Left": (-1, 0), "Right": (1, 0), "Up": (0, 1), "Down": (0, -1)}
-Move = Callable[[viser.CameraHandle, str], None]
+
+
+def add_storey_buttons(page: Page, count: int, send: Send) -> None:
+    """Adds a button for each storey, where there are several."""
+    for index in range(count if count > 1 else 0):
+        page.button(f"Show storey {index + 1} of {count}", partial(send, ShowStorey(index)))
 
 
 def add_camera_buttons(page: Page, *, is_map: bool) -> None:
@@ -42,6 +51,26 @@ def add_camera_buttons(page: Page, *, is_map: bool) -> None:
     _add_group(page, "Zoom", ("In", "Out"), zoom)
 
 
+def sample_camera(page: Page, send: Send) -> None:
+    """Sends the camera's pose, as `LookFrom`, while it moves, until the next `Page.clear`."""
+    latest: LookFrom | None = None
+    is_sampling = False
+
+    async def moved(camera: viser.CameraHandle) -> None:
+        nonlocal latest, is_sampling
+        latest = LookFrom(three(camera.position), four(camera.wxyz))
+        if is_sampling:
+            return
+        is_sampling, sent = True, None
+        while latest != sent:
+            sent = latest
+            await send(sent)
+            await asyncio.sleep(SAMPLE_EVERY_S)
+        is_sampling = False
+
+    page.listen_to_camera(moved)
+
+
 def orbit(camera: viser.CameraHandle, side: str) -> None:
     """Moves the camera around its target; the home's ground stays level."""
     right, up = _SIDES[side]
@@ -52,7 +81,7 @@ def orbit(camera: viser.CameraHandle, side: str) -> None:
     elevation = min(max(math.asin(max(-1.0, min(1.0, offset[1] / distance))) + up * TURN, flat), steep)
     level = math.cos(elevation)
     direction = [level * math.sin(azimuth), math.sin(elevation), level * math.cos(azimuth)]
-    _look(camera, np.asarray(camera.look_at, float), distance * np.array(direction))
+    place_camera(camera, np.asarray(camera.look_at, float), distance * np.array(direction))
 
 
 def shift(camera: viser.CameraHandle, side: str) -> None:
@@ -60,7 +89,7 @@ def shift(camera: viser.CameraHandle, side: str) -> None:
     right, up = _SIDES[side]
     offset = np.asarray(camera.position, float) - camera.look_at
     step = _SHIFT * float(np.linalg.norm(offset))
-    _look(camera, np.asarray(camera.look_at, float) + np.array([right * step, 0.0, -up * step]), offset)
+    place_camera(camera, np.asarray(camera.look_at, float) + np.array([right * step, 0.0, -up * step]), offset)
 
 
 def zoom(camera: viser.CameraHandle, way: str) -> None:
@@ -69,47 +98,7 @@ def zoom(camera: viser.CameraHandle, way: str) -> None:
     distance = float(np.linalg.norm(offset))
     nearest, furthest = min(DISTANCES[0], distance), max(DISTANCES[1], distance)
     wanted = min(max(distance * (ZOOM if way == "In" else 1 / ZOOM), nearest), furthest)
-    _look(camera, np.asarray(camera.look_at, float), offset * (wanted / distance))
-
-
-def _look(camera: viser.CameraHandle, at: NDArray[np.float64], offset: NDArray[np.float64]) -> None:
-    with camera.client.atomic():
-        camera.position = at + offset
-        camera.look_at = at
-
-
-def _add_group(page: Page, label: str, names: tuple[str, ...], move: Move) -> None:
-    group = page.client.gui.add_button_group(label, names)
-
-    @group.on_click
-    async def _(event: viser.GuiEvent) -> None:
-        if event.target.value in names:  # a browser may send any name
-            move(page.client.camera, event.target.value)
-
-    page.add(group)
-
-
-class CameraSamples:
-    """Samples the camera of one screen."""
-
-    def __init__(self, sample: Callable[[LookFrom], Awaitable[None]]) -> None:
-        """Samples nothing before the camera moves; `sample` is called with each pose to keep."""
-        self._sample = sample
-        self._looked_from: LookFrom | None = None
-        self._is_sampling = False
-
-    async def moved(self, camera: viser.CameraHandle) -> None:
-        """Samples the camera while it moves."""
-        self._looked_from = LookFrom(three(camera.position), four(camera.wxyz))
-        if self._is_sampling:
-            return
-        self._is_sampling = True
-        sent = None
-        while self._looked_from != sent:
-            sent = self._looked_from
-            await self._sample(sent)
-            await asyncio.sleep(SAMPLE_EVERY_S)
-        self._is_sampling = False
+    place_camera(camera, np.asarray(camera.look_at, float), offset * (wanted / distance))
 
 
 def three(values: Iterable[float]) -> tuple[float, float, float]:
@@ -122,3 +111,12 @@ def four(values: Iterable[float]) -> tuple[float, float, float, float]:
     """The four values as plain floats."""
     w, x, y, z = (float(value) for value in values)
     return (w, x, y, z)
+
+
+def _add_group(page: Page, label: str, names: tuple[str, ...], move: Callable[[viser.CameraHandle, str], None]) -> None:
+    group = page.add(page.client.gui.add_button_group(label, names))
+
+    @group.on_click
+    async def _(event: viser.GuiEvent) -> None:
+        if event.target.value in names:  # a browser may send any name
+            move(page.client.camera, event.target.value)

@@ -3,38 +3,42 @@
 import base64
 import functools
 import html
-from collections.abc import Awaitable, Callable
 
-from human_study.trial.commands import CloseMap, Command, ShowStorey
+from human_study.trial.commands import CloseMap
 from human_study.trial.events import MapKind
 from human_study.trial.views import LookView
 
-from ..home.scene_view import SceneView, StoreyCopies
+from ..home.surfaces import SceneView, StoreyCopies
 from ..home.top_view import TopView
-from .camera import CameraSamples, add_camera_buttons
-from .panels import Page, overlay_html, roomy_html, sender
+from .camera import add_camera_buttons, add_storey_buttons, sample_camera
+from .page import Page, Send, overlay_html, roomy_html
 
-Send = Callable[[Command], Awaitable[None]]
-_TITLES: dict[MapKind, str] = {
-    "topdown": "Look at the home from above",
-    "glb": "Look around in the home",
-    "home": "Look around in the home",
+_WORDS: dict[MapKind, tuple[str, str, str]] = {
+    "topdown": (
+        "Look at the home from above",
+        "Afterwards you will walk in it, without this map.",
+        "Start walking",
+    ),
+    "glb": (
+        "Look around in the home",
+        f"{SceneView.advice} Afterwards you will walk in it, without this view.",
+        "Start walking",
+    ),
+    "home": (
+        "Look around in the home",
+        f"{SceneView.advice} Afterwards you will read what to find, and point at it.",
+        "Show what to find",
+    ),
 }
-_ADVICE: dict[MapKind, str] = {
-    "topdown": "Afterwards you will walk in it, without this map.",
-    "glb": "Drag to turn, scroll to zoom, right-drag to move. Afterwards you will walk in it, without this view.",
-    "home": "Drag to turn, scroll to zoom, right-drag to move. Afterwards you will read what to find, and point at it.",
-}
-_BEGIN: dict[MapKind, str] = {"topdown": "Start walking", "glb": "Start walking", "home": "Show what to find"}
-
+"""Title, advice, and the button that begins the task."""
 _LONGEST = "88:88 minutes left. You can go on in 88:88 minutes."
 """The longest text of the clock; it reserves room, so that nothing below the clock moves."""
 
 
-class LookApp:
+class LookScreen:
     """Draws a look at a home on a page and turns presses into commands."""
 
-    def __init__(self, page: Page, view: LookView, send: Send, *, copies: StoreyCopies, progress: str) -> None:
+    def __init__(self, page: Page, view: LookView, send: Send, *, copies: StoreyCopies, caption: str) -> None:
         """Builds the screen.
 
         Args:
@@ -42,26 +46,23 @@ class LookApp:
             view: The first view.
             send: Receives the commands.
             copies: The home's browser copies and pictures.
-            progress: The trial's name, such as "Search 1 of 6".
+            caption: HTML with the trial's name and the kind of home, without the home's name.
         """
-        self._page, self._copies, self._shown = page, copies, view
+        self._page, self._copies, self._shown, self._caption = page, copies, view, caption
         page.clear()
-        self._status = page.client.gui.add_html("")
-        page.add(self._status)
-        self._caption = f"{html.escape(progress)} &middot; {html.escape(copies.scene.unnamed_label)}"
+        self._status = page.add(page.client.gui.add_html(""))
         self._scene_view: SceneView | None = None
         if view.what == "topdown":
             self._picture = page.overlay("")
         else:
-            self._scene_view = SceneView(page.client, copies)
-            page.listen_to_camera(CameraSamples(send).moved)
-        if len(view.storeys) > 1:
-            for index in range(len(view.storeys)):
-                page.button(f"Show storey {index + 1} of {len(view.storeys)}", sender(send, ShowStorey(index)))
+            self._scene_view = page.add(SceneView(page.client, copies))
+            sample_camera(page, send)
+        add_storey_buttons(page, len(view.storeys), send)
         if self._scene_view is not None:
             add_camera_buttons(page, is_map=False)
-        page.button(_BEGIN[view.what], sender(send, CloseMap()), color="green")
-        page.hotkey("enter", _BEGIN[view.what], sender(send, CloseMap()))
+        begin, close = _WORDS[view.what][2], functools.partial(send, CloseMap())
+        page.button(begin, close, color="green")
+        page.hotkey("enter", begin, close)
         self._show_storey(view.storey)
         self._draw_status()
 
@@ -73,11 +74,6 @@ class LookApp:
         if (view.wait_s, view.left_s, view.storey) != (before.wait_s, before.left_s, before.storey):
             self._draw_status()
 
-    def close(self) -> None:
-        """Takes the home out of the browser; `Page.clear` ends the rest."""
-        if self._scene_view is not None:
-            self._scene_view.remove()
-
     def _show_storey(self, index: int) -> None:
         if self._scene_view is not None:
             self._scene_view.show_storey(index)
@@ -87,6 +83,7 @@ class LookApp:
 
     def _draw_status(self) -> None:
         view = self._shown
+        title, advice, _ = _WORDS[view.what]
         clock = "Take as long as you like."
         if view.left_s is not None:
             clock = f"{_seconds(view.left_s)} left."
@@ -95,8 +92,8 @@ class LookApp:
         self._status.content = (
             f'<div class="personal-caption">{self._caption}</div>'
             f'<div class="personal-text" style="padding:.3em .65rem">'
-            f'<p style="font-size:1.2em;font-weight:600;margin:.2em 0">{_TITLES[view.what]}</p>'
-            f'<p style="margin:.2em 0">{_ADVICE[view.what]}</p>'
+            f'<p style="font-size:1.2em;font-weight:600;margin:.2em 0">{title}</p>'
+            f'<p style="margin:.2em 0">{advice}</p>'
             f'<div role="timer" style="margin:.5em 0;font-weight:600">{roomy_html(clock, _LONGEST)}</div></div>'
         )
         self._page.client.flush()

@@ -5,20 +5,20 @@ that nothing moves under the pointer between the two presses.
 """
 
 import base64
-import html
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from human_study.trial.commands import GiveUp, Move, PanCommand, PressStop
+from human_study.trial.commands import GiveUp, Move, PressStop
 from human_study.trial.views import PanView
 from sim.render.renderer import jpeg_bytes
 from sim.types import Action
 
 from ..page_script import KeyAction
-from .panels import AGAIN, GIVE_UP, GIVING_UP, Page, overlay_html, relabel, sender, show_giving_up
+from .page import AGAIN, GIVE_UP, GIVING_UP, Page, Send, overlay_html, relabel, show_giving_up
 
 BUTTON_LABELS = {
     Action.FORWARD: ("Forward", "W or Up"),
@@ -42,11 +42,10 @@ HOTKEYS = {
 """(logged code, action) by viser's names of keys; DESIGN.md, keys."""
 BLOCKED = "Blocked: something is in the way"
 STOP_ARMED = "Press Enter or STOP again to finish"
-Send = Callable[[PanCommand], Awaitable[None]]
 Encode = Callable[[NDArray[np.uint8]], bytes]
 
 
-class PanApp:
+class PanScreen:
     """Draws one PAN trial on a page and turns presses into commands."""
 
     def __init__(
@@ -55,11 +54,9 @@ class PanApp:
         view: PanView,
         send: Send,
         *,
-        scene_label: str,
-        progress: str,
+        caption: str,
         display_scale: float = 2.0,
         encode: Encode = jpeg_bytes,
-        own_keys: Callable[[], Mapping[KeyAction, str]] = dict,
     ) -> None:
         """Builds the screen.
 
@@ -67,21 +64,16 @@ class PanApp:
             page: The participant's page.
             view: The first view.
             send: Receives the commands.
-            scene_label: Label of the kind of home (for schematic and invented homes), without the home's name.
-            progress: The trial's name, such as "Search 1 of 6".
+            caption: HTML with the trial's name and the kind of home, without the home's name.
             display_scale: The picture fills the window up to this many times its size.
             encode: Encodes a picture as JPEG; `Frames.jpeg` remembers the results.
-            own_keys: Returns `KeyboardEvent.code` by action where the participant chose other keys; they may change.
         """
-        self._page, self._encode, self._display_scale = page, encode, display_scale
-        self._own_keys = own_keys
+        self._page, self._caption, self._encode, self._display_scale = page, caption, encode, display_scale
         self._buttons: dict[Action, viser.GuiButtonHandle] = {}
         page.clear()
-        self._caption = f"{html.escape(progress)} &middot; {html.escape(scene_label)}"
         with page.client.atomic():
-            self._status_html = _status_html(self._caption, view)
-            self._status = page.client.gui.add_html(self._status_html)
-            page.add(self._status)
+            self._status_html = _status_html(caption, view)
+            self._status = page.add(page.client.gui.add_html(self._status_html))
             page.task_texts(view.task)
             self._image = page.overlay(self._image_html(view))
             self._shown = (view.rgb, view.step)
@@ -101,7 +93,7 @@ class PanApp:
             self._shown = (view.rgb, view.step)
             self._image.content = overlay_html(self._image_html(view))
         for action, button in self._buttons.items():
-            relabel(button, button_label(action, self._own_keys(), is_armed=view.is_armed))
+            relabel(button, button_label(action, self._page.own_keys, is_armed=view.is_armed))
         show_giving_up(self._give_up, is_giving_up=view.is_giving_up)
         self._page.client.flush()
 
@@ -117,15 +109,15 @@ class PanApp:
         page = self._page
         for action in view.task.actions:
             if action is not Action.STOP:
-                press = sender(send, Move(action, code=f"button-{action.value}"))
-                self._buttons[action] = page.button(button_label(action, self._own_keys()), press)
-        stop = sender(send, PressStop(code="button-stop"))
-        self._buttons[Action.STOP] = page.button(button_label(Action.STOP, self._own_keys()), stop, color="red")
-        self._give_up = page.button(GIVE_UP, sender(send, GiveUp()), color="gray")
+                press = partial(send, Move(action, code=f"button-{action.value}"))
+                self._buttons[action] = page.button(button_label(action, self._page.own_keys), press)
+        stop = partial(send, PressStop(code="button-stop"))
+        self._buttons[Action.STOP] = page.button(button_label(Action.STOP, self._page.own_keys), stop, color="red")
+        self._give_up = page.button(GIVE_UP, partial(send, GiveUp()), color="gray")
         for key, (code, action) in HOTKEYS.items():
             if action in view.task.actions:
-                page.hotkey(key, f"{action.value} ({code})", sender(send, Move(action, code=code)))
-        page.hotkey("enter", "stop (Enter)", sender(send, PressStop(code="Enter")))
+                page.hotkey(key, f"{action.value} ({code})", partial(send, Move(action, code=code)))
+        page.hotkey("enter", "stop (Enter)", partial(send, PressStop(code="Enter")))
 
     def _image_html(self, view: PanView) -> str:
         """The robot's view as an inline JPEG; empty while there is no picture."""

@@ -5,77 +5,69 @@ waits as long as the session says, stores its events, and shows its view on the 
 """
 
 import contextlib
+import html
 import queue
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from human_study.design.study import StudyConfig
 from human_study.store.store import SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
-from human_study.trial.commands import Command, Resume, Start, Tick
+from human_study.trial.commands import Command, Rate, Resume, Start, Tick
 from human_study.trial.events import Error, Event
 from human_study.trial.outcome import has_begun, pan_outcome, pog_outcome, technical_outcome
 from human_study.trial.session import PanSession, PogSession
 from human_study.trial.terms import terms_of
 from human_study.trial.views import LookView, PanView, PogView, RateView, SessionUpdate
-from sim.episodes.schema import Episode
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, ClickRay, EpisodeRun
 
 from ..home.frames import successors
 from ..home.homes import Home, pan_env
-from ..home.map_view import MapView
-from ..home.scene_view import SceneView
+from ..home.surfaces import MapView, SceneView
 from ..store_link import StoreLink
 from ..watch import TrialWatch
-from .cards import RateApp
-from .desk import Desk, GoneError, WithdrawnError
-from .look import LookApp
-from .pan import PanApp
-from .pog import Nudge, PogApp, click_of
+from .cards import rate_card
+from .look import LookScreen
+from .page import GoneError, Page
+from .pan import PanScreen
+from .pog import Nudge, PogScreen, click_of
 
-Session = PanSession | PogSession
 View = LookView | PanView | PogView | RateView
 
 
-@dataclass(frozen=True, slots=True)
-class _Screen:
-    """The screen on the page now."""
-
-    kind: type
-    """Type of the screen's views."""
-    show: Callable[[Any], None]
-    close: Callable[[], None]
-
-
 class TrialPlay:
-    """Plays trials of one participant in one home."""
+    """Plays one trial of one participant in one home."""
 
-    def __init__(self, desk: Desk, link: StoreLink, home: Home, config: StudyConfig) -> None:
+    def __init__(
+        self, page: Page, link: StoreLink, home: Home, config: StudyConfig, trial: Trial, *, name: str
+    ) -> None:
         """Shows nothing yet.
 
         Args:
-            desk: The participant's page and queue.
+            page: The participant's page.
             link: The link to the store.
-            home: The home of the trials.
+            home: The home of the trial.
             config: The study.
+            trial: The trial, as the store opened it.
+            name: The trial's name, such as "Search 3 of 30".
         """
-        self._desk, self._link, self._home, self._config = desk, link, home, config
+        self._page, self._link, self._home, self._config, self._trial = page, link, home, config, trial
+        self._caption = f"{html.escape(name)} &middot; {html.escape(home.scene.unnamed_label)}"
         self._watch = TrialWatch()
+        self._kind: type | None = None
+        """Type of the views that the present screen shows."""
+        self._show: Callable[[Any], None] = _nothing_changes
+        """Draws the changes of a view on the present screen."""
         self._owed: tuple[Event, ...] = ()
         """Events that are stored together with the next ones: a commit of their own would only delay the next key."""
 
-    def play(
-        self, trial: Trial, *, progress: str, away_s: float, took_over: bool = False
-    ) -> EpisodeRun | Answer | None:
-        """Plays an opened trial to its stored outcome and returns it; None when a failure of ours ended the trial.
+    def play(self, *, away_s: float, took_over: bool = False) -> EpisodeRun | Answer | None:
+        """Plays the trial to its stored outcome and returns it; None when a failure of ours ended the trial.
 
         Args:
-            trial: The trial, as the store opened it.
-            progress: The trial's name, such as "Search 3 of 30".
             away_s: Seconds for which the participant was away; 0 where that was our fault.
             took_over: Whether another tab of the participant still showed the trial.
 
@@ -83,91 +75,30 @@ class TrialPlay:
             StoreFullError: The store cannot write now; open the trial again to go on.
             SupersededError, TrialEndedError, GoneError, WithdrawnError: This page no longer plays the trial.
         """
-        session: Session | None = None
+        session: PanSession | PogSession | None = None
         try:
-            episode = self._home.episodes[trial.key]
-            stored = self._link.events(trial.trial_id)
-            session = self._session(trial, episode, stored)
-            self._lead(session, trial, stored, Resume(away_s, took_over) if stored else Start(), progress)
+            stored = self._link.events(self._trial.trial_id)
+            session = self._session(stored)
+            self._lead(session, stored, Resume(away_s, took_over) if stored else Start())
         except GoneError:
-            if session is None or not session.is_over:
-                raise
-            self._finish(trial)  # only the question how sure the participant is was not answered: the answer counts
+            if session is not None and session.is_over:
+                self._finish()  # only how sure the participant is was not answered: the answer counts
             raise
-        except (StoreFullError, SupersededError, TrialEndedError, WithdrawnError):
+        except (StoreFullError, SupersededError, TrialEndedError):
             raise
         except Exception as error:  # the live session's door: the same trial must not fail for ever
-            traceback.print_exc()
-            self._note_failure(trial, error)
-        return self._finish(trial)
+            self._note_failure(error)
+        return self._finish()
 
     def leave(self) -> None:
         """Ends the trial on this page when the participant is gone: tells observers, and renders nothing ahead."""
         self._watch.leave()
-        self._home.renderer.look_ahead(self._desk.code, (), self._config.robot_camera)
+        self._home.renderer.look_ahead(self._trial.code, (), self._config.robot_camera)
 
-    def _lead(self, session: Session, trial: Trial, stored: list[Event], first: Start | Resume, progress: str) -> None:
-        """Shows the session's views until the trial has ended."""
-        update = session.handle(first, time.monotonic())
-        self._store(trial, update.events)
-        sensed = session.observation if isinstance(session, PanSession) else None
-        episode = self._home.episodes[trial.key]
-        self._watch = self._home.watches.begin(trial, episode, [*stored, *update.events], sensed)
-        screen: _Screen | None = None
-        try:
-            while not session.is_done:
-                screen = self._shown(screen, update.view, trial, progress)
-                self._look_ahead(session)
-                update = self._next_update(session, screen, trial)
-            if screen is not None and isinstance(update.view, screen.kind):
-                screen.show(update.view)
-        finally:
-            if screen is not None:
-                screen.close()
-            with contextlib.suppress(StudyError):  # somebody else goes on with the trial, or the store cannot write
-                self._store(trial, ())
-
-    def _next_update(self, session: Session, screen: _Screen, trial: Trial) -> SessionUpdate:
-        """Does and stores the next change, by the browser or by time alone; returns it with the view to show."""
-        try:
-            item = self._desk.wait(timeout_s=session.wait_s(time.monotonic()))
-        except queue.Empty:
-            update = session.handle(Tick(), time.monotonic())
-            self._store(trial, update.events)
-            self._watch.tell(update.events, session.observation if isinstance(session, PanSession) else None)
-            return update
-        command = self._command(item.content, trial, session)
-        update = session.handle(command, time.monotonic(), busy=item.is_busy)
-        if not isinstance(session, PanSession):
-            self._store(trial, update.events)
-            self._desk.done_with(item)
-            self._watch.tell(update.events)
-            return update
-        if session.needs_look:  # the picture is rendered while the step is written to disk
-            self._home.renderer.begin(session.pose, self._config.robot_camera)
-        self._store(trial, update.events)
-        if not session.needs_look:
-            self._desk.done_with(item)
-            self._watch.tell(update.events, session.observation)
-            return update
-        if isinstance(update.view, screen.kind):
-            screen.show(update.view)  # the counter is shown before the picture, because the step is on disk
-        looked = session.look(time.monotonic())
-        self._desk.done_with(item)  # not before: a press before this picture is dropped as busy
-        if isinstance(looked.view, screen.kind):
-            screen.show(looked.view)
-        self._owed = looked.events  # they say that the picture was sent; the step itself was stored before
-        self._watch.tell((*update.events, *looked.events), session.observation)
-        return looked
-
-    def _store(self, trial: Trial, events: tuple[Event, ...]) -> None:
-        owed, self._owed = self._owed, ()
-        if owed or events:
-            self._link.append_many(trial.trial_id, trial.epoch, (*owed, *events))
-
-    def _session(self, trial: Trial, episode: Episode, stored: list[Event]) -> Session:
+    def _session(self, stored: list[Event]) -> PanSession | PogSession:
         """A new session, or the stored one in its old phase, at the same step, pose, storey and mark."""
-        config, scene = self._config, self._home.scene
+        config, scene, trial = self._config, self._home.scene, self._trial
+        episode = self._home.episodes[trial.key]
         names = {
             "key": trial.key,
             "task": config.task_for(episode, trial.task),
@@ -184,71 +115,110 @@ class TrialPlay:
             session = PanSession(env, **names, looks_later=True)
         return session.after(stored) if stored else session
 
-    def _look_ahead(self, session: Session) -> None:
+    def _lead(self, session: PanSession | PogSession, stored: list[Event], first: Start | Resume) -> None:
+        """Shows the session's views until the trial has ended."""
+        update = session.handle(first, time.monotonic())
+        self._store(update.events)
+        episode = self._home.episodes[self._trial.key]
+        events = [*stored, *update.events]
+        self._watch = self._home.watches.begin(self._trial, episode, events, _sensed(session))
+        try:
+            while not session.is_done:
+                if not self._redraw(update.view):
+                    self._kind, self._show = type(update.view), self._new_screen(update.view)
+                self._look_ahead(session)
+                update = self._next_update(session)
+            self._redraw(update.view)
+        finally:
+            with contextlib.suppress(StudyError):  # somebody else goes on with the trial, or the store cannot write
+                self._store(())
+
+    def _next_update(self, session: PanSession | PogSession) -> SessionUpdate:
+        """Does and stores the next change, by the browser or by time alone; returns it with the view to show."""
+        try:
+            item = self._page.wait(timeout_s=session.wait_s(time.monotonic()))
+        except queue.Empty:
+            update = session.handle(Tick(), time.monotonic())
+            self._store(update.events)
+            self._watch.tell(update.events, _sensed(session))
+            return update
+        update = session.handle(self._command(item.content, session), time.monotonic(), busy=item.is_busy)
+        if not isinstance(session, PanSession) or not session.needs_look:
+            self._store(update.events)
+            self._page.done_with(item)
+            self._watch.tell(update.events, _sensed(session))
+            return update
+        self._home.renderer.begin(session.pose, self._config.robot_camera)  # while the step is written to disk
+        self._store(update.events)
+        self._redraw(update.view)  # the counter is shown before the picture, because the step is on disk
+        looked = session.look(time.monotonic())
+        self._page.done_with(item)  # not before: a press before this picture is dropped as busy
+        self._redraw(looked.view)
+        self._owed = looked.events  # they say that the picture was sent; the step itself was stored before
+        self._watch.tell((*update.events, *looked.events), _sensed(session))
+        return looked
+
+    def _store(self, events: tuple[Event, ...]) -> None:
+        owed, self._owed = self._owed, ()
+        if owed or events:
+            self._link.append_many(self._trial.trial_id, self._trial.epoch, (*owed, *events))
+
+    def _look_ahead(self, session: PanSession | PogSession) -> None:
         """Begins to render pictures that the next key could show, while nobody waits for another picture."""
-        if not isinstance(session, PanSession) or session.phase != "task":
-            return
-        config, frames = self._config, self._home.renderer
-        poses = successors(session.pose, self._home.scene.navigation, config.action_set, last=session.last_action)
-        frames.look_ahead(self._desk.code, poses, config.robot_camera)
+        if isinstance(session, PanSession) and session.phase == "task":
+            config, navigation = self._config, self._home.scene.navigation
+            poses = successors(session.pose, navigation, config.action_set, last=session.last_action)
+            self._home.renderer.look_ahead(self._trial.code, poses, config.robot_camera)
 
-    def _shown(self, screen: _Screen | None, view: View, trial: Trial, progress: str) -> _Screen:
-        """Shows the view on the present screen, or on a new one of the right kind; returns the screen."""
-        if screen is not None and isinstance(view, screen.kind):
-            screen.show(view)
-            return screen
-        if screen is not None:
-            screen.close()
-        return self._new_screen(view, trial, progress)
+    def _redraw(self, view: View) -> bool:
+        """Draws the view if the present screen is of its kind; returns whether it is."""
+        if type(view) is not self._kind:
+            return False
+        self._show(view)
+        return True
 
-    def _new_screen(self, view: View, trial: Trial, progress: str) -> _Screen:
-        page, send, copies = self._desk.page, self._desk.new_screen(), self._home.copies
-        label = self._home.scene.unnamed_label
+    def _new_screen(self, view: View) -> Callable[[Any], None]:
+        """Puts a screen for the view on the page, whose old one ends; returns the function that draws changes."""
+        page, send, copies = self._page, self._page.new_screen(), self._home.copies
         match view:
             case LookView():
-                app = LookApp(page, view, send, copies=copies, progress=progress)
+                return LookScreen(page, view, send, copies=copies, caption=self._caption).show
             case PanView():
-                walk = PanApp(
-                    page,
-                    view,
-                    send,
-                    scene_label=label,
-                    progress=progress,
-                    display_scale=self._config.display_scale,
-                    encode=self._home.renderer.jpeg,
-                    own_keys=lambda: self._desk.own_keys,
-                )
-                return _Screen(PanView, walk.show, _nothing_to_close)
+                config = self._config
+                scale, encode = config.display_scale, self._home.renderer.jpeg
+                return PanScreen(page, view, send, caption=self._caption, display_scale=scale, encode=encode).show
             case PogView():
-                is_map = trial.condition == "map_2d"
+                is_map = self._trial.condition == "map_2d"
                 surface = MapView(page.client, copies.maps) if is_map else SceneView(page.client, copies)
-                app = PogApp(page, view, send, surface=surface, scene_label=label, progress=progress)
+                return PogScreen(page, view, send, surface=surface, caption=self._caption).show
             case RateView():
-                app = RateApp(page, view, send)
-        return _Screen(type(view), app.show, app.close)
+                page.card(rate_card(view), send)
+                return _nothing_changes
 
-    def _command(self, content: Any, trial: Trial, session: Session) -> Command:
+    def _command(self, content: Any, session: PanSession | PogSession) -> Command:
         """The participant's input as a command of the session; rays and moves of the mark become clicks."""
+        if isinstance(content, str):  # a choice of the rating card
+            return Rate(int(content))
         if isinstance(content, ClickRay | Nudge):
             view = session.view(time.monotonic())
             if not isinstance(view, PogView):
                 return Tick()  # the time was up between the click and now
-            return click_of(content, view, self._home, is_map=trial.condition == "map_2d")
+            return click_of(content, view, self._home, is_map=self._trial.condition == "map_2d")
         assert isinstance(content, Command), content
         return content
 
-    def _finish(self, trial: Trial) -> EpisodeRun | Answer | None:
+    def _finish(self) -> EpisodeRun | Answer | None:
         """Stores the outcome that the stored events give, and returns it; it stays on the server."""
+        trial = self._trial
         result: EpisodeRun | Answer | None = None
         try:
             events = self._link.events(trial.trial_id)
             if has_begun(events):
-                result = self._result(events, trial, self._home.episodes[trial.key])
+                result = self._result(events)
         except (StoreFullError, SupersededError, TrialEndedError):
             raise
         except Exception as error:  # the live session's door: the same trial must not fail for ever
-            traceback.print_exc()
-            self._note_failure(trial, error)
+            self._note_failure(error)
         outcome = result.end if isinstance(result, EpisodeRun) else result
         if outcome is None or outcome.reason == "technical":
             result, outcome = None, technical_outcome(trial.key, trial.task, participant=trial.code)
@@ -256,16 +226,24 @@ class TrialPlay:
         self._watch.end(result)
         return result
 
-    def _note_failure(self, trial: Trial, error: Exception) -> None:
-        """Stores an event that says that a failure of ours ended the trial."""
-        self._link.append_many(trial.trial_id, trial.epoch, (Error(message=repr(error)[:500], is_fatal=True),))
-
-    def _result(self, events: list[Event], trial: Trial, episode: Episode) -> EpisodeRun | Answer:
+    def _result(self, events: list[Event]) -> EpisodeRun | Answer:
+        trial, home = self._trial, self._home
+        episode = home.episodes[trial.key]
         if trial.task == "pan":
-            navigation = self._home.scene.navigation
-            return pan_outcome(events, episode, navigation=navigation, participant=trial.code)
-        return pog_outcome(events, episode, storeys=self._home.storeys, participant=trial.code)
+            return pan_outcome(events, episode, navigation=home.scene.navigation, participant=trial.code)
+        return pog_outcome(events, episode, storeys=home.storeys, participant=trial.code)
+
+    def _note_failure(self, error: Exception) -> None:
+        """Prints a failure of ours that ended the trial, and stores an event that says so."""
+        traceback.print_exc()
+        failed = Error(message=repr(error)[:500], is_fatal=True)
+        self._link.append_many(self._trial.trial_id, self._trial.epoch, (failed,))
 
 
-def _nothing_to_close() -> None:
-    """Does nothing, because `Page.clear` ends the PAN screen."""
+def _nothing_changes(view: View) -> None:
+    """Does nothing, because a card never changes."""
+
+
+def _sensed(session: PanSession | PogSession) -> Any:
+    """What the robot senses now, for researchers who watch; None in POG."""
+    return session.observation if isinstance(session, PanSession) else None

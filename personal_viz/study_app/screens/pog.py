@@ -3,24 +3,22 @@
 `click_of` turns a browser's rays and moves of the mark, on the home and on its map, into the session's clicks.
 """
 
-import html
 import math
-from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import Protocol
+from functools import partial
 
 import numpy as np
 import viser
 import viser.transforms
 
-from human_study.trial.commands import Click, Command, Confirm, GiveUp, ShowStorey
+from human_study.trial.commands import Click, Confirm, GiveUp
 from human_study.trial.views import PogView
 from sim.tasks.run_files import ClickRay, Vector3
 
 from ..home.homes import Home
-from ..home.map_view import map_click
-from .camera import CameraSamples, add_camera_buttons, four, three
-from .panels import GIVE_UP, GIVING_UP, Page, roomy_html, sender, show_giving_up
+from ..home.surfaces import Surface, map_click
+from .camera import add_camera_buttons, add_storey_buttons, four, sample_camera, three
+from .page import GIVE_UP, GIVING_UP, Page, Send, roomy_html, show_giving_up
 
 NUDGE_M = 0.1
 """Distance by which one press moves the mark (metres): a tenth of the success radius."""
@@ -44,36 +42,10 @@ class Nudge:
     """Moves along x and z, world metres."""
 
 
-Send = Callable[[Command | ClickRay | Nudge], Awaitable[None]]
-
-
-class Surface(Protocol):
-    """The thing that participants point at: a `SceneView` or a `MapView`."""
-
-    advice: str
-    """Advice for participants on looking around."""
-    is_map: bool
-    """Whether it is a picture from above."""
-
-    def show_storey(self, index: int, *, move_camera: bool = True) -> None:
-        """Shows one storey, without a mark."""
-        ...
-
-    def show_mark(self, position: Vector3) -> None:
-        """Puts the mark there."""
-        ...
-
-    def remove(self) -> None:
-        """Takes everything out of the browser."""
-        ...
-
-
-class PogApp:
+class PogScreen:
     """Draws one POG trial on a page and turns clicks into rays and commands."""
 
-    def __init__(
-        self, page: Page, view: PogView, send: Send, *, surface: Surface, scene_label: str, progress: str
-    ) -> None:
+    def __init__(self, page: Page, view: PogView, send: Send, *, surface: Surface, caption: str) -> None:
         """Builds the screen.
 
         Args:
@@ -81,25 +53,21 @@ class PogApp:
             view: The first view.
             send: Receives commands, rays of clicks, and moves of the mark.
             surface: The home, or its map.
-            scene_label: Label of the kind of home (for schematic and invented homes), without the home's name.
-            progress: The trial's name, such as "Search 1 of 6".
+            caption: HTML with the trial's name and the kind of home, without the home's name.
         """
-        self._page, self._send, self._surface = page, send, surface
+        self._page, self._send, self._surface, self._caption = page, send, surface, caption
         self._shown = view
         page.clear()
-        self._status = page.client.gui.add_html("")
-        page.add(self._status)
-        self._caption = f"{html.escape(progress)} &middot; {html.escape(scene_label)}"
+        page.add(self)
+        self._status = page.add(page.client.gui.add_html(""))
         page.task_texts(view.task)
-        if len(view.storeys) > 1:
-            for index in range(len(view.storeys)):
-                page.button(f"Show storey {index + 1} of {len(view.storeys)}", sender(send, ShowStorey(index)))
+        add_storey_buttons(page, len(view.storeys), send)
         add_camera_buttons(page, is_map=surface.is_map)
         self._add_nudges()
-        page.button("Confirm the mark", sender(send, Confirm()), color="green")
-        self._give_up = page.button(GIVE_UP, sender(send, GiveUp()), color="gray")
+        page.button("Confirm the mark", partial(send, Confirm()), color="green")
+        self._give_up = page.button(GIVE_UP, partial(send, GiveUp()), color="gray")
         page.client.scene.on_click()(self._on_click)  # type: ignore[arg-type]  # viser awaits it
-        page.listen_to_camera(CameraSamples(send).moved)
+        sample_camera(page, send)
         surface.show_storey(view.storey)
         if view.marker is not None:
             surface.show_mark(view.marker)
@@ -115,27 +83,23 @@ class PogApp:
         if _status_of(view) != _status_of(before):
             self._draw_status()
 
-    def close(self) -> None:
-        """Takes the home out of the browser and stops listening to clicks; `Page.clear` ends the rest."""
+    def remove(self) -> None:
+        """Takes the home out of the browser and stops listening to clicks; `Page.clear` calls it."""
         self._page.client.scene.remove_click_callback(self._on_click)
         self._surface.remove()
 
     def _add_nudges(self) -> None:
-        group = self._page.client.gui.add_button_group("Move the mark", tuple(_SIDES), hint="Also with the arrow keys")
+        page = self._page
+        group = page.add(
+            page.client.gui.add_button_group("Move the mark", tuple(_SIDES), hint="Also with the arrow keys")
+        )
 
         @group.on_click
         async def _(event: viser.GuiEvent) -> None:
             await self._nudge(event.target.value)
 
-        self._page.add(group)
         for name in _SIDES:
-            self._page.hotkey(f"arrow{name.lower()}", f"move the mark {name.lower()}", self._nudger(name))
-
-    def _nudger(self, name: str) -> Callable[[], Awaitable[None]]:
-        async def press() -> None:
-            await self._nudge(name)
-
-        return press
+            page.hotkey(f"arrow{name.lower()}", f"move the mark {name.lower()}", partial(self._nudge, name))
 
     async def _nudge(self, name: str) -> None:
         """Moves the mark in the direction that the screen shows, for any direction of the camera."""

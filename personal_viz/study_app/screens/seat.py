@@ -15,7 +15,7 @@ import viser
 
 from human_study.design.plan import StudyPlan
 from human_study.design.study import StudyConfig
-from human_study.journey import AssignedTrial, Person, trial_name
+from human_study.journey import AssignedTrial, Person, journey_of, trial_name
 from human_study.store.record_types import has_reached, last_detail
 from human_study.store.store import SupersededError, TrialEndedError
 from human_study.store.writer import StoreFullError
@@ -25,9 +25,8 @@ from ..gateway.device import IN_3D
 from ..home.homes import Home, HomeLibrary
 from ..page_script import KeyAction, PageMessages
 from ..store_link import StoreLink
-from .cards import TrialCards, lost_picture_card, paused_card
-from .desk import Desk, GoneError, Item, Signal, WithdrawnError
-from .panels import Page
+from .cards import BROKEN, LOST_PICTURE, PAUSED, TAKEN_OVER, Card, begin_card, card_after, welcome_back_card
+from .page import GoneError, Page, WithdrawnError
 from .play import TrialPlay
 
 _KEYS: dict[str, tuple[KeyAction, ...]] = {
@@ -74,44 +73,42 @@ class Seat:
         """
         self.code, self.connection = code, connection
         self._took_over = took_over
-        self._client, self._link, self._study = client, link, study
-        self._desk = Desk(Page(client), code)
-        self._desk.on_keys = self._keep_keys
+        self._link, self._study = link, study
+        self._page = Page(client)
+        self._page.on_keys = self._keep_keys
         self._was_paused = False
-        self._pages = TrialCards(self._desk, link, study.config)
         threading.Thread(target=self._run, daemon=True, name=f"seat-{code}").start()
 
     def leave(self) -> None:
         """Tells the seat that the browser is gone; the thread ends after its present work."""
-        self._desk.put(Item(Signal.GONE))
+        self._page.end(GoneError())
 
     def supersede(self) -> None:
         """Tells the seat that a newer tab took over; this page says so and ends."""
-        self._desk.put(Item(Signal.SUPERSEDED))
+        self._page.end(SupersededError(f"{self.code} opened the study in another tab."))
 
     def _run(self) -> None:
-        page = self._desk.page
         try:
             self._begin()
             self._until_stored(self._lead)
         except WithdrawnError:
             self._until_stored(self._withdraw)
         except SupersededError:
-            page.notice("This page is no longer used", "You opened the study in another tab. Continue there.")
+            self._page.card(TAKEN_OVER)
         except GoneError:
             pass
         except Exception:  # the live session's door: the participant is told, the operator sees everything
             traceback.print_exc()
-            page.notice("Something went wrong", "Nothing that you did is lost. Open your personal link again.")
+            self._page.card(BROKEN)
 
     def _begin(self) -> None:
         """Starts the page's script with the participant's own keys, and shows the tools."""
-        person = self._person()
+        person, page = self._person(), self._page
         actions = _KEYS[self._study.config.actions] if person.task == "pan" else ()
-        messages = PageMessages(self._client, self._desk.heard, actions=actions)
-        self._desk.own_keys = last_detail(person.stages, "keys_changed")
-        messages.begin(self._desk.own_keys)
-        self._desk.page.tools(has_keys=bool(actions), on_leave=leave_text(self._study.config))
+        messages = PageMessages(page.client, page.heard, actions=actions)
+        page.own_keys = last_detail(person.stages, "keys_changed")
+        messages.begin(page.own_keys)
+        page.tools(has_keys=bool(actions), on_leave=leave_text(self._study.config))
 
     def _until_stored(self, work: Callable[[], None]) -> None:
         """Does the work. While the store cannot write, the page waits; then all is rebuilt from the stored records."""
@@ -122,67 +119,65 @@ class Seat:
             except StoreFullError as error:
                 print(f"personal-viz: {error}", file=sys.stderr)
                 self._was_paused = True
-                self._desk.choose(paused_card())
+                self._page.choose(PAUSED)
 
     def _lead(self) -> None:
         """Leads through trials until another page comes next, which the gateway has."""
-        self._pages.welcome_back()
+        config = self._study.config
+        self._tell(welcome_back_card(config, self._person()))
         while True:
             person = self._person()
-            journey = self._pages.journey(person)
+            journey = journey_of(config, person)
             due = self._link.next_trial(self.code) if journey.place in ("practice", "trial") else None
             if due is None:
-                self._go_on()
-                return
+                break
             self._warm_next(person)
-            if self._desk.has_lost_picture and due.condition in IN_3D:
-                self._load_again()
-            self._pages.introduce(person, journey)
+            if self._page.has_lost_picture and due.condition in IN_3D:
+                self._page.choose(LOST_PICTURE)
+                self._page.reload()
+                self._until_gone()
+            self._tell(begin_card(config, person))
             if not has_reached(person.stages, "sitting_started"):
                 self._link.enter_stage(self.code, "sitting_started", {"done": journey.num_done})
             with contextlib.suppress(TrialEndedError):  # finished in another tab a moment ago
                 self._play(due)
-
-    def _load_again(self) -> None:
-        """Asks the participant to load the page again, without which it cannot draw in 3-D; ends this connection."""
-        self._desk.choose(lost_picture_card())
-        self._desk.reload()
+        self._page.go_on()
         self._until_gone()
 
-    def _go_on(self) -> None:
-        """Makes the browser open the gateway's next page, which is not part of viser."""
-        self._desk.go_on()
-        self._until_gone()
+    def _tell(self, card: Card | None) -> None:
+        if card is not None:
+            self._page.choose(card)
 
     def _until_gone(self) -> None:
         while True:
-            self._desk.wait()
+            self._page.wait()
 
     def _withdraw(self) -> None:
         self._link.withdraw(self.code)
-        self._desk.go_on()
+        self._page.go_on()
 
     def _play(self, place: AssignedTrial) -> None:
         """Plays one trial to its stored outcome, then shows the card after it."""
+        config = self._study.config
         with self._study.homes.use(place.key.scene) as home:
-            self._desk.require_here()  # no trial begins if the page was left while the home was opened
+            self._page.require_here()  # no trial begins if the page was left while the home was opened
             trial = self._link.open_trial(self.code, place.order_no, connection=self.connection)
-            progress = trial_name(self._person(), place)
             # time in which the study was not served, or could not store, is not the participant's absence
             away_s = 0.0 if self._was_paused else min(trial.away_s, time.monotonic() - self._study.opened_s)
-            play = TrialPlay(self._desk, self._link, home, self._study.config)
+            name = trial_name(self._person(), place)
+            play = TrialPlay(self._page, self._link, home, config, trial, name=name)
             try:
                 self._was_paused = False
-                result = play.play(trial, progress=progress, away_s=away_s, took_over=self._took_over)
+                result = play.play(away_s=away_s, took_over=self._took_over)
             finally:
                 self._took_over = False
                 play.leave()
         self._link.next_trial(self.code)  # assigns the next trial, if any, so that the pages before it know of it
-        self._warm_next(self._person())
-        if not self._desk.has_lost_picture:
-            is_practice = place.phase == "practice"
-            word = practice_text(self._study.config, place.task, result) if is_practice else ""
-            self._pages.after(place, word=word)
+        person = self._person()
+        self._warm_next(person)
+        if not self._page.has_lost_picture:
+            feedback = practice_text(config, place.task, result) if place.phase == "practice" else ""
+            self._tell(card_after(config, person, place, feedback=feedback))
 
     def _person(self) -> Person:
         return self._link.person(self.code)

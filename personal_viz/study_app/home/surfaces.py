@@ -1,0 +1,245 @@
+"""The two things that participants look at and point at in 3-D: a home, one cut storey at a time, and its map.
+
+The map is a storey's picture from above on the storey's floor, so a click is a place. The browser sends the ray of a
+click. The place is the point where the ray meets the floor's plane, exact to the rounding of the browser's numbers, at
+any zoom, pixel density or camera angle.
+"""
+
+import functools
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, ClassVar
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from human_study.trial.commands import Click
+from sim.copies.browser_glb import browser_glb
+from sim.copies.cut import storey_cut
+from sim.mesh import Scene, SceneObject
+from sim.tasks.run_files import ClickRay, Vector3
+
+from .top_view import TopView, top_views
+
+MARK_COLOR = (214, 0, 110)
+VIEW_ANGLE = math.radians(55)
+"""Elevation from which a storey is first shown."""
+JPEG_QUALITY = 90
+_FIT = 1.04
+"""A map's first view shows this many times the picture's size."""
+_ABOVE = 0.02
+"""Height of the mark over the map (metres)."""
+_QUAT_WXYZ_LYING = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
+"""Turns viser's upright pictures (right = x, down = y) onto the floor: right = +x, down = +z."""
+
+
+class StoreyCopies:
+    """The browser copies of one scene's storeys, made once and shared by all browsers of a process."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Makes every copy, or reads it from the cache.
+
+        Raises:
+            SceneError: A storey has no faces.
+        """
+        self.scene = scene
+        self.storeys = scene.navigation.storey_heights
+        self.cuts = tuple(storey_cut(scene, floor_y) for floor_y in self.storeys)
+        with ThreadPoolExecutor() as pool:
+            self.glbs = tuple(pool.map(lambda floor_y: browser_glb(scene, floor_y), self.storeys))
+
+    @functools.cached_property
+    def maps(self) -> tuple[TopView, ...]:
+        """Each storey from above, made or read at the first access; the first time on a machine takes some seconds.
+
+        Raises:
+            SceneError: A storey has no faces.
+        """
+        return top_views(self.scene)
+
+    def objects(self, index: int) -> list[SceneObject]:
+        """The objects of a storey, in the order of the scene."""
+        bottom_y, top_y = self.cuts[index]
+        return [item for item in self.scene.objects if bottom_y <= item.centre[1] <= top_y]
+
+    def walkable_xz(self, index: int) -> NDArray[np.float64]:
+        """World (x, z) of the walkable places of a storey, (N, 2)."""
+        free, grid, _ = self.scene.navigation.top_down(self.storeys[index])
+        return grid.xz_from_rc(np.argwhere(free))
+
+    def middle(self, index: int) -> tuple[float, float]:
+        """World (x, z) of the walkable place of a storey that is nearest to the mean of them all."""
+        xz = self.walkable_xz(index)
+        x, z = xz[np.linalg.norm(xz - xz.mean(axis=0), axis=1).argmin()]
+        return float(x), float(z)
+
+
+class Surface:
+    """A storey at a time in one browser, and a mark on it."""
+
+    advice: ClassVar[str]
+    """Advice for participants on looking around."""
+    is_map: ClassVar[bool]
+    """Whether it is a picture from above."""
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        """Shows nothing yet."""
+        self._client = client
+        self._nodes: list[Any] = []
+        self._mark: list[Any] = []
+
+    def show_storey(self, index: int) -> None:
+        """Shows one storey, without a mark, and looks at all of it from above."""
+        raise NotImplementedError
+
+    def show_mark(self, position: Vector3) -> None:
+        """Puts the participant's mark there, and takes an older one away."""
+        for node in self._mark:
+            node.remove()
+        self._mark = self._mark_at(position)
+        self._client.flush()
+
+    def remove(self) -> None:
+        """Takes everything out of the browser."""
+        for node in (*self._nodes, *self._mark):
+            node.remove()
+        self._nodes, self._mark = [], []
+
+    def _mark_at(self, position: Vector3) -> list[Any]:
+        raise NotImplementedError
+
+
+class SceneView(Surface):
+    """A home, with category names on homes that are no scans."""
+
+    advice = "Drag to turn, scroll to zoom, right-drag to move."
+    is_map = False
+
+    def __init__(self, client: viser.ClientHandle, copies: StoreyCopies) -> None:
+        """Shows nothing yet; light is off because the copies carry theirs."""
+        super().__init__(client)
+        self._copies = copies
+        client.scene.configure_default_lights(True, cast_shadow=False)
+
+    def show_storey(self, index: int) -> None:
+        """Shows one storey, without a mark, and looks at all of it from above."""
+        self.remove()
+        self._nodes.append(self._client.scene.add_glb("/home", self._copies.glbs[index]))
+        if self._copies.scene.kind != "scan":
+            self._label_objects(index)
+        self._look_at_storey(index)
+        self._client.flush()
+
+    def _mark_at(self, position: Vector3) -> list[Any]:
+        ball = self._client.scene.add_icosphere("/mark", radius=0.12, color=MARK_COLOR, position=position)
+        self._client.scene.add_label("/mark/label", "your mark", position=(0.0, 0.3, 0.0))  # goes with its parent
+        return [ball]
+
+    def _label_objects(self, index: int) -> None:
+        """Adds category names over the objects of a storey; homes made of boxes cannot be read without them.
+
+        Nodes are numbered from one end of the home to the other, because instance numbers would identify the objects.
+        """
+        for number, item in enumerate(sorted(self._copies.objects(index), key=lambda item: item.centre)):
+            x, y, z = item.centre
+            above = (x, y + item.size[1] / 2 + 0.1, z)
+            self._nodes.append(self._client.scene.add_label(f"/labels/{number}", item.category, position=above))
+
+    def _look_at_storey(self, index: int) -> None:
+        xz = self._copies.walkable_xz(index)
+        low, high = xz.min(axis=0), xz.max(axis=0)
+        x, z = (low + high) / 2
+        distance = 0.62 * float(np.linalg.norm(high - low)) + 2.0
+        offset = distance * np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)])
+        place_camera(self._client.camera, (x, self._copies.storeys[index], z), offset, up=(0.0, 1.0, 0.0))
+
+
+class MapView(Surface):
+    """The maps of a home."""
+
+    advice = "Scroll to zoom, right-drag to move."
+    is_map = True
+
+    def __init__(self, client: viser.ClientHandle, maps: tuple[TopView, ...]) -> None:
+        """Shows nothing yet."""
+        super().__init__(client)
+        self._maps = maps
+
+    def show_storey(self, index: int) -> None:
+        """Shows one storey's picture, without a mark, and looks straight down at all of it."""
+        self.remove()
+        view, rgb = self._maps[index], self._maps[index].rgb()
+        width, height = (side * view.grid.cell for side in (rgb.shape[1], rgb.shape[0]))
+        x, z = view.grid.origin_xz
+        centre = (x + width / 2, view.floor_y, z + height / 2)
+        picture = self._client.scene.add_image(
+            "/map",
+            rgb,
+            width,
+            height,
+            format="jpeg",
+            jpeg_quality=JPEG_QUALITY,
+            cast_shadow=False,
+            receive_shadow=False,
+            wxyz=_QUAT_WXYZ_LYING,
+            position=centre,
+        )
+        self._nodes.append(picture)
+        camera = self._client.camera
+        distance = _FIT * max(height, width / max(camera.aspect, 0.1)) / 2 / math.tan(camera.fov / 2)
+        place_camera(camera, centre, (0.0, distance, 0.0), up=(0.0, 0.0, -1.0))
+        self._client.flush()
+
+    def _mark_at(self, position: Vector3) -> list[Any]:
+        """A ring with a dot, large enough to see, small enough to aim."""
+        x, y, z = position
+        ring = np.array([[math.cos(a), 0.0, math.sin(a)] for a in np.linspace(0, 2 * math.pi, 49)]) * 0.3
+        segments = np.stack([ring[:-1], ring[1:]], axis=1) + np.array([x, y + _ABOVE, z])
+        return [
+            self._client.scene.add_line_segments("/mark/ring", segments, MARK_COLOR, thickness=0.05),
+            self._client.scene.add_icosphere("/mark/dot", radius=0.06, color=MARK_COLOR, position=(x, y + _ABOVE, z)),
+            self._client.scene.add_label("/mark/label", "your mark", position=(x, y + 0.05, z - 0.45)),
+        ]
+
+
+def place_camera(
+    camera: viser.CameraHandle,
+    centre: Sequence[float] | NDArray[np.float64],
+    offset: Sequence[float] | NDArray[np.float64],
+    *,
+    up: tuple[float, float, float] | None = None,
+) -> None:
+    """Makes a browser look at a point.
+
+    Args:
+        camera: The browser's camera.
+        centre: The point (3,), world metres.
+        offset: The way (3,) from the point to the camera.
+        up: The new up direction; None keeps the old one.
+    """
+    with camera.client.atomic():
+        if up is not None:
+            camera.up_direction = up
+        camera.position = np.asarray(centre, float) + np.asarray(offset, float)
+        camera.look_at = np.asarray(centre, float)
+
+
+def map_click(view: TopView, ray: ClickRay) -> Click:
+    """The click of a ray on a storey's picture: the hit is the place of its pixel, on the storey's floor.
+
+    Args:
+        view: The picture of the shown storey.
+        ray: The ray from the browser; its `storey_y` must be the storey's.
+
+    Returns:
+        A click that hit nothing where the ray goes past the picture, or to the strip below it.
+    """
+    assert ray.storey_y == view.floor_y, (ray.storey_y, view.floor_y)
+    down = ray.origin[1] - view.floor_y
+    if ray.direction[1] * down >= 0:
+        return Click(ray, None)
+    t = -down / ray.direction[1]
+    pixel = view.pixel_at((ray.origin[0] + t * ray.direction[0], ray.origin[2] + t * ray.direction[2]))
+    return Click(ray, None if pixel is None else pixel.point(view.floor_y), pixel)

@@ -1,0 +1,161 @@
+"""Inputs of a page: what is heard when, keys with their times, and how the waiting thread is told to stop."""
+
+import asyncio
+import queue
+from collections.abc import Awaitable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+from unittest.mock import MagicMock
+
+import pytest
+
+from human_study.store.store import SupersededError
+from human_study.trial.commands import GiveUp, Measure, Move, PageChanged, PressStop, Resize
+from personal_viz.study_app.page_script import Device, OwnKeys, PageTold, Pressed, RoundTrip, Told
+from personal_viz.study_app.screens.cards import Card, Choice
+from personal_viz.study_app.screens.page import MAX_WAITING, GoneError, Item, Page, WithdrawnError
+from sim.types import Action
+
+CARD = Card("Title", "<p>text</p>", (Choice("yes", "Yes"),))
+
+
+@pytest.fixture
+def page() -> Page:
+    """A page that no browser shows."""
+    return Page(MagicMock())
+
+
+def run(work: Awaitable[None]) -> None:
+    """Does what viser's event loop would."""
+
+    async def wait() -> None:
+        await work
+
+    asyncio.run(wait())
+
+
+def hear(page: Page, *messages: Any) -> None:
+    """As the page's script tells them."""
+    for said in messages:
+        run(page.heard(said))
+
+
+def test_a_trial_hears_of_the_page_and_a_card_does_not(page: Page) -> None:
+    page.new_screen()
+    hear(
+        page,
+        PageTold(n=1, t_cli_ms=7.0, what="hidden"),
+        Device(n=2, t_cli_ms=8.0, webgl2=True, width=1200, height=700),
+        RoundTrip(n=3, t_cli_ms=9.0, ms=31.0),
+    )
+    heard = [page.wait().content for _ in range(3)]
+    assert heard == [PageChanged("hidden", 7.0), Resize(1200, 700), Measure(31.0)]
+    page.new_screen(hears=())
+    hear(page, PageTold(n=4, t_cli_ms=7.0, what="visible"))
+    with pytest.raises(queue.Empty):
+        page.wait(timeout_s=0.0)
+
+
+def test_a_screen_gets_only_what_its_own_buttons_send(page: Page) -> None:
+    old, new = page.new_screen(), page.new_screen()
+    run(old("no"))
+    run(new("yes"))
+    assert page.wait().content == "yes"
+    with pytest.raises(queue.Empty):
+        page.wait(timeout_s=0.0)
+
+
+def test_a_card_waits_for_one_of_its_buttons(page: Page) -> None:
+    with ThreadPoolExecutor(1) as pool:
+        chosen = pool.submit(page.choose, CARD)
+        button = page.client.gui.add_button.return_value  # type: ignore[attr-defined]
+        while not button.on_click.called:
+            assert not chosen.done()
+        run(button.on_click.call_args[0][0](None))
+        assert chosen.result(30) == "yes"
+
+
+def test_a_key_gets_its_place_and_the_browser_time_and_a_button_does_not(page: Page) -> None:
+    send = page.new_screen()
+    hear(page, Pressed(n=0, t_cli_ms=123.5, code="KeyZ"))
+    run(send(Move(Action.FORWARD, code="KeyW")))
+    assert page.wait().content == Move(Action.FORWARD, code="KeyZ", t_cli_ms=123.5)
+    run(send(Move(Action.FORWARD, code="KeyW")))
+    assert page.wait().content == Move(Action.FORWARD, code="KeyW")
+    hear(page, Pressed(n=0, t_cli_ms=200.0, code="Enter"))
+    run(send(PressStop(code="button-stop")))
+    assert page.wait().content == PressStop(code="button-stop")
+    run(send(PressStop()))
+    assert page.wait().content == PressStop()
+
+
+def test_presses_while_a_frame_is_under_way_are_marked_busy(page: Page) -> None:
+    send = page.new_screen()
+    run(send(Move(Action.LEFT, code="KeyA")))
+    run(send(Move(Action.LEFT, code="KeyA")))
+    hear(page, RoundTrip(n=1, t_cli_ms=0.0, ms=5.0))
+    first, second, told = (page.wait() for _ in range(3))
+    assert (first.is_busy, second.is_busy, told.is_busy) == (False, True, False)
+    page.done_with(told)
+    run(send(GiveUp()))
+    assert page.wait().is_busy
+    page.done_with(first)
+    run(send(GiveUp()))
+    assert not page.wait().is_busy
+
+
+@pytest.mark.parametrize("error", [GoneError(), SupersededError("another tab")])
+def test_an_end_is_heard_on_any_screen_and_by_who_only_looks(page: Page, error: Exception) -> None:
+    page.require_here()
+    page.new_screen(hears=())
+    page.end(error)
+    for listen in (page.require_here, page.wait):
+        with pytest.raises(type(error)):
+            listen()
+
+
+def test_leaving_the_study_comes_through_the_script(page: Page) -> None:
+    page.new_screen()
+    hear(page, Told(n=1, t_cli_ms=0.0, name="something else"), Told(n=2, t_cli_ms=0.0, name="withdraw"))
+    with pytest.raises(WithdrawnError):
+        page.wait()
+
+
+def test_chosen_keys_are_kept_on_the_waiting_thread_and_do_not_disturb_it(page: Page) -> None:
+    kept: list[dict[str, str]] = []
+    page.on_keys = lambda keys: kept.append({str(action): code for action, code in keys.items()})
+    page.new_screen(hears=())
+    hear(page, OwnKeys(n=1, t_cli_ms=0.0, keys={"forward": "KeyI"}))
+    assert kept == []
+    with pytest.raises(queue.Empty):
+        page.wait(timeout_s=0.0)
+    assert kept == [{"forward": "KeyI"}]
+
+
+def test_a_lost_picture_is_remembered_until_the_page_is_new(page: Page) -> None:
+    assert not page.has_lost_picture
+    hear(page, PageTold(n=1, t_cli_ms=0.0, what="context_lost"), PageTold(n=2, t_cli_ms=0.0, what="focus"))
+    assert page.has_lost_picture
+
+
+def test_a_flood_is_cut_off(page: Page) -> None:
+    send = page.new_screen()
+    for _ in range(2 * MAX_WAITING):
+        run(send(GiveUp()))
+    found = 0
+    while True:
+        try:
+            page.wait(timeout_s=0.0)
+        except queue.Empty:
+            break
+        found += 1
+    assert found == MAX_WAITING
+
+
+def test_a_flooded_seat_still_hears_that_its_browser_is_gone(page: Page) -> None:
+    page.new_screen()
+    for _ in range(MAX_WAITING):
+        page.put(Item("told", screen=-1))
+    page.end(GoneError())
+    with pytest.raises(GoneError):
+        page.wait(timeout_s=1.0)
