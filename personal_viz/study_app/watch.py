@@ -89,22 +89,19 @@ class Watches:
         if observers is None:
             return TrialWatch(None)
 
-        def open_teller() -> "_Teller":
+        def open_teller() -> _Teller:
             if trial.task == "pan":
                 assert observation is not None
-                walk = _WalkTeller(observers.of_walk(trial))
-                walk.begin(episode, events, observation, env=self._make_env(episode))
-                return walk
-            answer = _AnswerTeller(observers.of_answer(trial))
-            answer.begin(episode, events)
-            return answer
+                walk = observers.of_walk(trial)
+                return _WalkTeller(walk, episode, events, observation, env=self._make_env(episode))
+            return _AnswerTeller(observers.of_answer(trial), episode, events)
 
         with self._lock:
             if trial.code not in self._threads:
                 self._threads[trial.code] = _WatchThread(trial.code)
             thread = self._threads[trial.code]
         watch = TrialWatch(thread)
-        thread.put(_Begin(watch, open_teller))
+        thread.put(_Item(watch, open_teller=open_teller))
         return watch
 
     def close(self) -> None:
@@ -122,39 +119,31 @@ class TrialWatch:
 
     def tell(self, events: Sequence[Event], observation: Observation | None = None) -> None:
         """Reports events that are stored and shown; `observation` is the robot's observation after them."""
-        if self._thread is not None:
-            self._thread.put(_Tell(self, lambda teller: teller.tell(events, observation)))
+        self._put(lambda teller: teller.tell(events, observation))
 
     def end(self, result: EpisodeRun | Answer | None) -> None:
         """Reports that the trial is over and stored; None = a failure of ours ended it without a result."""
-        if self._thread is not None and result is not None:
-            self._thread.put(_Tell(self, lambda teller: teller.end(result)))
+        if result is not None:
+            self._put(lambda teller: teller.end(result))
         self.leave()
 
     def leave(self) -> None:
         """Reports that nothing more will come: the participant is gone, or the trial is over."""
+        self._put(None)
+
+    def _put(self, call: "Callable[[_Teller], None] | None") -> None:
         if self._thread is not None:
-            self._thread.put(_Leave(self))
-
-
-class _Teller(Protocol):
-    """Reports a trial of either task to its observer, from the study's events."""
-
-    def tell(self, events: Sequence[Event], observation: Observation | None) -> None: ...
-
-    def end(self, result: EpisodeRun | Answer) -> None: ...
+            self._thread.put(_Item(self, call))
 
 
 class _WalkTeller:
     """Reports a PAN trial to an `Observer`."""
 
-    def __init__(self, observer: Observer) -> None:
-        self._observer = observer
-        self._began_s = 0.0
-
-    def begin(self, episode: Episode, events: Sequence[Event], observation: Observation, *, env: PanEnv) -> None:
+    def __init__(
+        self, observer: Observer, episode: Episode, events: Sequence[Event], observation: Observation, *, env: PanEnv
+    ) -> None:
         """Reports the start and, in a resumed trial, every step so far as the participant saw it."""
-        self._began_s = task_began_s(events)
+        self._observer, self._began_s = observer, task_began_s(events)
         steps = walked_steps(events)
         self._observer.on_reset(episode, env.reset() if steps else observation)
         for number, step in enumerate(steps, start=1):
@@ -178,12 +167,10 @@ class _WalkTeller:
 class _AnswerTeller:
     """Reports a POG trial to an `AnswerObserver`."""
 
-    def __init__(self, observer: AnswerObserver) -> None:
-        self._observer = observer
-
-    def begin(self, episode: Episode, events: Sequence[Event]) -> None:
+    def __init__(self, observer: AnswerObserver, episode: Episode, events: Sequence[Event]) -> None:
         """Reports the start and, in a resumed trial, every storey and mark so far."""
-        self._observer.on_reset(episode)
+        self._observer = observer
+        observer.on_reset(episode)
         self.tell(events, None)
 
     def tell(self, events: Sequence[Event], observation: Observation | None) -> None:
@@ -198,27 +185,18 @@ class _AnswerTeller:
         self._observer.on_end(result)
 
 
-@dataclass(frozen=True, slots=True)
-class _Begin:
-    """Item of the queue: a trial begins, and from now on only its calls count."""
-
-    watch: TrialWatch
-    open_teller: Callable[[], _Teller]
+_Teller = _WalkTeller | _AnswerTeller
 
 
 @dataclass(frozen=True, slots=True)
-class _Tell:
-    """Item of the queue: something happened in a trial."""
+class _Item:
+    """Something to report of a trial."""
 
     watch: TrialWatch
-    call: Callable[[_Teller], None]
-
-
-@dataclass(frozen=True, slots=True)
-class _Leave:
-    """Item of the queue: a trial's observer is let go."""
-
-    watch: TrialWatch
+    call: Callable[[_Teller], None] | None = None
+    """Reports it; None = the observer is let go."""
+    open_teller: Callable[[], _Teller] | None = None
+    """Makes the teller of a trial that begins; from then on only this trial's items count."""
 
 
 class _WatchThread:
@@ -226,14 +204,14 @@ class _WatchThread:
 
     def __init__(self, code: str) -> None:
         self._code = code
-        self._items: queue.Queue[_Begin | _Tell | _Leave | None] = queue.Queue(MAX_WAITING)
+        self._items: queue.Queue[_Item | None] = queue.Queue(MAX_WAITING)
         self._lost: TrialWatch | None = None
         self._present: TrialWatch | None = None
         self._teller: _Teller | None = None
         self._thread = threading.Thread(target=self._run, daemon=True, name=f"watch-{code}")
         self._thread.start()
 
-    def put(self, item: _Begin | _Tell | _Leave) -> None:
+    def put(self, item: _Item) -> None:
         """Queues an item; with too many waiting, this one and its trial's later ones are left out."""
         if item.watch is self._lost:
             return
@@ -259,12 +237,12 @@ class _WatchThread:
             del item  # it holds a picture
         self._teller = None
 
-    def _take(self, item: _Begin | _Tell | _Leave) -> None:
-        if isinstance(item, _Begin):
+    def _take(self, item: _Item) -> None:
+        if item.open_teller is not None:
             self._present, self._teller = item.watch, None  # lets go of the previous one: they may share a file
             self._teller = item.open_teller()
         elif item.watch is self._present and self._teller is not None:
-            if isinstance(item, _Tell):
+            if item.call is not None:
                 item.call(self._teller)
             else:
                 self._teller = None

@@ -14,7 +14,7 @@ from human_study.design.plan import StudyScene, save_plan
 from human_study.design.planning import make_plan
 from human_study.design.secrets import token_hash
 from human_study.design.study import save_study
-from human_study.store.database import require_free_space
+from human_study.store.database import BACKUP_FOLDER, require_free_space
 from human_study.store.progress import study_progress
 from human_study.store.record_types import has_dropped_out
 from human_study.store.records import read_study
@@ -22,7 +22,7 @@ from human_study.store.store import StudyStore, open_store
 from personal_viz.cli.study.exclude import StudyExclude
 from personal_viz.cli.study.withdraw import StudyWithdraw
 from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
-from personal_viz.study_app.gateway.upkeep import Backups, Upkeep, upkeep
+from personal_viz.study_app.gateway.upkeep import Upkeep, upkeep
 from sim.errors import StudyError
 from sim.types import EpisodeKey
 from tests.human_study.small_world import study
@@ -250,16 +250,22 @@ def test_a_store_that_cannot_be_written_is_told_and_tried_again(
 
 
 def test_backups_are_made_when_something_was_written_and_not_oftener(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
-        backups = Backups(store, every_s=600.0)
-        assert [backups.tick(now_s) for now_s in (0.0, 700.0)] == [None, None]
+    with started(tmp_path, **CROSSED) as store:  # where leases give nothing away
+        keeper, clock, _ = kept(store)
+        rounds = Upkeep(store, keeper, tell=print, clock=clock)
+
+        def backups(now_s: float) -> list[Path]:
+            clock.now_s = now_s
+            rounds.tick()
+            return sorted((tmp_path / BACKUP_FOLDER).glob("*.db"))
+
+        assert backups(700.0) == []
         store.enter_stage("p01", "arrived")
-        first = backups.tick(701.0)
-        assert first is not None
+        (first,) = backups(701.0)
         store.enter_stage("p01", "instructed")
-        assert backups.tick(1300.0) is None
-        assert backups.tick(1301.0) not in (None, first)
-        assert backups.tick(5000.0) is None
+        assert backups(1300.0) == [first]
+        assert len(backups(1301.0)) == 2
+        assert len(backups(5000.0)) == 2
     folder = tmp_path / "copy"
     folder.mkdir()
     first.rename(folder / "study.db")
@@ -284,10 +290,10 @@ def test_what_fails_in_a_round_stops_neither_the_rest_of_it_nor_the_next_one(
         keeper, _, told = kept(store)
         rounds = Upkeep(store, keeper, tell=told.append)
 
-        def vanished(now_s: float) -> None:
+        def vanished() -> None:
             raise FileNotFoundError("study.db-wal")
 
-        monkeypatch.setattr(rounds._backups, "tick", vanished)
+        monkeypatch.setattr(keeper, "tick", vanished)
         monkeypatch.setattr("personal_viz.study_app.gateway.upkeep.free_mb", lambda _: 3)
         rounds.tick()
         rounds.tick()

@@ -5,7 +5,6 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from human_study.store.database import MIN_FREE_MB, free_mb
 from human_study.store.records import DATABASE_FILE
@@ -17,75 +16,35 @@ from .lease_keeper import LeaseKeeper
 
 TICK_S = 15.0
 BACKUP_EVERY_S = 600.0
-
-
-class Backups:
-    """Copies the database when something was written since the last copy."""
-
-    def __init__(self, store: StudyStore, *, every_s: float = BACKUP_EVERY_S) -> None:
-        """Starts with the present state counted as copied.
-
-        Args:
-            store: The open store.
-            every_s: Shortest time between two copies, seconds.
-        """
-        self._store, self._every_s = store, every_s
-        self._copied = self._state()
-        self._copied_s: float | None = None
-
-    def tick(self, now_s: float) -> Path | None:
-        """Makes a copy if one is due; returns its path, or None.
-
-        Args:
-            now_s: Seconds of a steady clock.
-
-        Raises:
-            StudyError: The copy cannot be written.
-        """
-        if self._copied_s is None:
-            self._copied_s = now_s
-        return self.copy(now_s) if now_s - self._copied_s >= self._every_s else None
-
-    def copy(self, now_s: float) -> Path | None:
-        """Makes a copy if anything was written since the last one; returns its path, or None. Raises as `tick`."""
-        state = self._state()
-        if state == self._copied:
-            return None
-        self._copied_s = now_s  # a copy that fails is tried again after the same time
-        path = self._store.back_up()
-        self._copied = state
-        return path
-
-    def _state(self) -> tuple[tuple[int, int], ...]:
-        """A value that changes with every write."""
-        path = self._store.folder / DATABASE_FILE
-        files = [path, path.with_name(f"{path.name}-wal")]
-        return tuple((stat.st_size, stat.st_mtime_ns) for stat in (file.stat() for file in files if file.exists()))
+"""Shortest time between two copies of the database."""
 
 
 class Upkeep:
     """All regular work of a served study."""
 
-    def __init__(self, store: StudyStore, keeper: LeaseKeeper, *, tell: Callable[[str], None]) -> None:
-        """Does nothing yet.
+    def __init__(
+        self,
+        store: StudyStore,
+        keeper: LeaseKeeper,
+        *,
+        tell: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Does nothing yet; the present state of the database counts as copied.
 
         Args:
             store: The open store.
             keeper: Knows who is connected.
             tell: Writes one line for the person at the terminal.
+            clock: Seconds of a steady clock.
         """
-        self._store, self._keeper, self._tell = store, keeper, tell
-        self._backups = Backups(store)
+        self._store, self._keeper, self._tell, self._clock = store, keeper, tell, clock
+        self._copied, self._copied_s = self._state(), clock()
         self._has_warned = False
 
     def tick(self) -> None:
         """Does one round; a part that fails is reported and tried again in a later round."""
-        for work in (
-            self._do_requests,
-            self._keeper.tick,
-            lambda: self._backups.tick(time.monotonic()),
-            self._look_at_disk,
-        ):
+        for work in (self._do_requests, self._keeper.tick, self._back_up, self._look_at_disk):
             try:
                 work()
             except StudyError as error:
@@ -97,7 +56,7 @@ class Upkeep:
     def end(self) -> None:
         """Makes a last copy if anything was written since the one before."""
         try:
-            self._backups.copy(time.monotonic())
+            self._copy()
         except StudyError as error:
             self._tell(str(error))
 
@@ -105,6 +64,24 @@ class Upkeep:
         """Does the changes that the researcher requested with a command: withdrawals and exclusions."""
         for line in take_requests(self._store):
             self._tell(line)
+
+    def _back_up(self) -> None:
+        if self._clock() - self._copied_s >= BACKUP_EVERY_S:
+            self._copy()
+
+    def _copy(self) -> None:
+        """Copies the database if anything was written since the last copy; raises StudyError if it cannot."""
+        state = self._state()
+        if state != self._copied:
+            self._copied_s = self._clock()  # a copy that fails is tried again after the same time
+            self._store.back_up()
+            self._copied = state
+
+    def _state(self) -> tuple[tuple[int, int], ...]:
+        """A value that changes with every write."""
+        path = self._store.folder / DATABASE_FILE
+        files = [path, path.with_name(f"{path.name}-wal")]
+        return tuple((stat.st_size, stat.st_mtime_ns) for stat in (file.stat() for file in files if file.exists()))
 
     def _look_at_disk(self) -> None:
         """Reports once each time that the disk gets nearly full."""

@@ -61,8 +61,14 @@ def serve_study(
     """
     require_may_serve(options, store.config, [scene.kind for scene in store.plan.scenes])
     codes = _codes(folder, store.config)
-    tickets = Tickets(folder)
-    admission = _admission(store, links, platform_key)
+    tickets, keeper = Tickets(folder), LeaseKeeper(store, tell=_tell)
+    admission = Admission(
+        store,
+        store.config,
+        token_of_code={code: token for _, code, token in links},
+        platform_key=platform_key,
+        pay_file=PayFile(store.folder),
+    )
     print(_opening(store.plan, options.num_workers), flush=True)
     with (
         listen(options.bind, options.port) as listening,
@@ -77,7 +83,8 @@ def serve_study(
             heartbeat=options.heartbeat,
             end_s=WORKERS_SHARE * options.drain_s,
         ) as pool,
-        _looked_after(store, pool, options) as (keeper, page),
+        upkeep(store, keeper, tell=_tell),
+        dashboard(folder, options.dashboard_port, serving=functools.partial(serving_of, pool, keeper)) as page,
     ):
         pages = Pages(
             store,
@@ -86,59 +93,25 @@ def serve_study(
             end_code=functools.partial(end_code, codes, platform_key),
             warm=pool.warm,
         )
-        gateway = _gateway(store, admission, pool, keeper, tickets=tickets, pages=pages, codes=codes, options=options)
-        _print_links(options.address(listening.getsockname()[1]), links, has_open_link=admission.has_open_link)
+        gateway = Gateway(
+            admission,
+            pool,
+            tickets=tickets,
+            options=options,
+            pages=pages,
+            present=keeper.present,
+            screen_out_code=codes.prolific and codes.prolific.screen_out,
+            tell=_tell,
+            note_error=store.note_error,
+        )
+        address = options.address(listening.getsockname()[1])
+        for label, code, token in links:
+            print(f"  {label}  {code}  {address}/#{token}")
+        if admission.has_open_link:
+            print(f"  Open link for everybody else: {address}/join")
         print(f"  Progress of participants, for you only: {page}")
         print(f"Everything is written to {folder}. Ctrl-C ends the study.", flush=True)
         _serve_until_told(uvicorn_server(gateway.app(), options), listening, pool)
-
-
-@contextlib.contextmanager
-def _looked_after(store: StudyStore, pool: WorkerPool, options: ServeOptions) -> Iterator[tuple[LeaseKeeper, str]]:
-    """The keeper of leases and the dashboard's link; leases, backups and disk are checked until the block ends."""
-    keeper = LeaseKeeper(store, tell=_tell)
-    serving = functools.partial(serving_of, pool, keeper)
-    with (
-        upkeep(store, keeper, tell=_tell),
-        dashboard(store.folder, options.dashboard_port, serving=serving) as page,
-    ):
-        yield keeper, page
-
-
-def _gateway(
-    store: StudyStore,
-    admission: Admission,
-    pool: WorkerPool,
-    keeper: LeaseKeeper,
-    *,
-    tickets: Tickets,
-    pages: Pages,
-    codes: RecruitCodes,
-    options: ServeOptions,
-) -> Gateway:
-    """The web server that participants' browsers talk to."""
-    return Gateway(
-        admission,
-        pool,
-        tickets=tickets,
-        options=options,
-        pages=pages,
-        present=keeper.present,
-        screen_out_code=codes.prolific and codes.prolific.screen_out,
-        tell=_tell,
-        note_error=store.note_error,
-    )
-
-
-def _admission(store: StudyStore, links: Sequence[tuple[str, str, str]], platform_key: bytes) -> Admission:
-    """The admission of holders of links, and of people who come by the study file's way of recruiting."""
-    return Admission(
-        store,
-        store.config,
-        token_of_code={code: token for _, code, token in links},
-        platform_key=platform_key,
-        pay_file=PayFile(store.folder),
-    )
 
 
 def require_many_recordings(rerun: str | None, plan: StudyPlan) -> None:
@@ -217,13 +190,6 @@ def _codes(folder: Path, config: StudyConfig) -> RecruitCodes:
             'Write [prolific], completion = "...", screen_out = "..." and no_consent = "..." into it.'
         )
     return codes
-
-
-def _print_links(address: str, links: Sequence[tuple[str, str, str]], *, has_open_link: bool) -> None:
-    for label, code, token in links:
-        print(f"  {label}  {code}  {address}/#{token}")
-    if has_open_link:
-        print(f"  Open link for everybody else: {address}/join")
 
 
 def _serve_until_told(server: uvicorn.Server, listener: socket.socket, pool: WorkerPool) -> None:
