@@ -1,7 +1,7 @@
 """A scene as arrays, for the raycaster, the browser copies and the recordings. Made by sim/homes/open_home.py."""
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,19 +60,16 @@ class TriangleMesh:
     ids: IdImages | None = None
     """Object ids finer than faces, or None."""
 
-    def select(self, keep: NDArray[np.bool_]) -> "TriangleMesh":
-        """The faces where `keep` (F,) is True, with all vertices and textures."""
-        ids = self.ids and IdImages(self.ids.images, self.ids.face_image[keep], self.ids.face_uv[keep])
-        return TriangleMesh(
-            self.vertices,
-            self.faces[keep],
-            self.face_rgb[keep],
-            self.face_instance[keep],
-            self.face_texture[keep],
-            self.face_uv[keep],
-            self.textures,
-            self.vertex_rgb,
-            ids,
+    def select(self, keep: NDArray[np.bool_] | NDArray[np.integer]) -> "TriangleMesh":
+        """The faces where `keep` (F,) is True, or those with these numbers, with all vertices and textures."""
+        return replace(
+            self,
+            faces=self.faces[keep],
+            face_rgb=self.face_rgb[keep],
+            face_instance=self.face_instance[keep],
+            face_texture=self.face_texture[keep],
+            face_uv=self.face_uv[keep],
+            ids=self.ids and IdImages(self.ids.images, self.ids.face_image[keep], self.ids.face_uv[keep]),
         )
 
     def digest(self) -> str:

@@ -13,6 +13,11 @@ CUT_HEIGHT = 1.9
 whose walls have a rim at this height."""
 STOREY_GAP = 1.5
 """Two points are on one storey when their floor heights differ by less than this (metres, DESIGN.md)."""
+SUCCESS_RADIUS = 1.0
+"""Metres (paper, Sec. III); planar is our reading: a picture at 1.7 m is never within 1 m of a robot's base in 3-D."""
+RELAXED_RADIUS = 1.5
+"""For targets without an original view point within SUCCESS_RADIUS (paper, Sec. IV: 1 m relaxed to 1.5 m; choosing
+these targets is our reading)."""
 FORWARD_STEP = 0.25
 """Length of MOVE_FORWARD (metres; paper, Sec. III-A)."""
 TURN_STEP = math.radians(30)

@@ -16,7 +16,7 @@ from sim.errors import SceneError
 from sim.types import CUT_HEIGHT, STOREY_GAP
 from sim.walk.navigation_map import NavigationMap
 
-from ..mesh import IdImages, Scene, TriangleMesh
+from ..mesh import Scene, TriangleMesh
 
 CUT_BELOW = 0.4
 """Storeys begin this far below their lowest floor (metres): they keep their floor and the first steps of a stair down.
@@ -206,18 +206,19 @@ class _Pieces(NamedTuple):
     share: NDArray[np.float64]
     """(P, 3) share of the way from `kept` to `lost` at which the corner lies, 0-1."""
 
-    def between(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Values (F, 3, K) of the old faces' corners at the pieces' corners, (P, 3, K)."""
+    def behind(self, whole: NDArray[np.bool_], values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Values (F, 3, K) of corners of the old faces: of the `whole` (F,) ones, and at the pieces' corners."""
         at_kept, at_lost = (
             np.take_along_axis(values[self.rows], corner[..., None], axis=1) for corner in (self.kept, self.lost)
         )
-        return (at_kept + self.share[..., None] * (at_lost - at_kept)).astype(np.float32)
+        between = (at_kept + self.share[..., None] * (at_lost - at_kept)).astype(np.float32)
+        return np.concatenate([values[whole], between])
 
 
 def _clipped(mesh: TriangleMesh, height: np.float32, *, side: int) -> TriangleMesh:
     """The part of a mesh below (`side` 1) or above (-1) a height."""
     over = (mesh.vertices[:, 1] - height) * np.float32(side)
-    whole = (over[mesh.faces] <= 0).all(axis=1)
+    whole = np.asarray((over[mesh.faces] <= 0).all(axis=1))
     pieces = _pieces(over[mesh.faces])
     faces = mesh.faces[pieces.rows]
     a = np.take_along_axis(faces, pieces.kept, axis=1)
@@ -233,21 +234,15 @@ def _clipped(mesh: TriangleMesh, height: np.float32, *, side: int) -> TriangleMe
     rgb = mesh.vertex_rgb
     if rgb is not None:
         rgb = np.concatenate([rgb, np.rint(_mixed(rgb, *ends, share)).astype(np.uint8)])
-    ids = mesh.ids and IdImages(
-        mesh.ids.images,
-        np.concatenate([mesh.ids.face_image[whole], mesh.ids.face_image[pieces.rows]]),
-        np.concatenate([mesh.ids.face_uv[whole], pieces.between(mesh.ids.face_uv)]),
-    )
-    cut = TriangleMesh(
-        np.concatenate([mesh.vertices, points]),
-        np.concatenate([mesh.faces[whole], a]),
-        np.concatenate([mesh.face_rgb[whole], mesh.face_rgb[pieces.rows]]),
-        np.concatenate([mesh.face_instance[whole], mesh.face_instance[pieces.rows]]),
-        np.concatenate([mesh.face_texture[whole], mesh.face_texture[pieces.rows]]),
-        np.concatenate([mesh.face_uv[whole], pieces.between(mesh.face_uv)]),
-        mesh.textures,
-        rgb,
-        ids,
+    cut = mesh.select(np.concatenate([np.flatnonzero(whole), pieces.rows]))
+    if mesh.ids and cut.ids:
+        cut = replace(cut, ids=replace(cut.ids, face_uv=pieces.behind(whole, mesh.ids.face_uv)))
+    cut = replace(
+        cut,
+        vertices=np.concatenate([mesh.vertices, points]),
+        faces=np.concatenate([mesh.faces[whole], a]),
+        face_uv=pieces.behind(whole, mesh.face_uv),
+        vertex_rgb=rgb,
     )
     a, b, c = cut.faces.T
     return cut.select((a != b) & (b != c) & (c != a))

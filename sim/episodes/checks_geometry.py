@@ -10,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.frames import forward_from_yaw, planar_distance, yaw_from_quat_xyzw
-from sim.types import STOREY_GAP, EpisodeKey, Split
+from sim.types import RELAXED_RADIUS, STOREY_GAP, SUCCESS_RADIUS, EpisodeKey, Split
 
 from .schema import Episode, Goal, Vector3, goals_key
 from .survey import Find, Hit, Rule, Survey, splits_in_order
 
 GEODESIC_LIMITS: dict[Split, tuple[float, float]] = {"easy": (2.0, 4.0), "medium": (3.0, 7.0), "hard": (3.0, 11.0)}
 """Limits of the generator for the distance between start and target, metres, per split (DATA_FORMAT.md, row 32)."""
-_NEAR = 1.0
-_FAR = 1.5
 _EQUAL = 1e-6
 _AWAY_DEG = 135.0
 
@@ -124,13 +122,13 @@ def _looks_away(episode: Episode) -> bool:
 
 
 def _starts_near_centre(episode: Episode) -> bool:
-    return planar_distance(episode.record.start_position, episode.targets[0].position) <= _NEAR
+    return planar_distance(episode.record.start_position, episode.targets[0].position) <= SUCCESS_RADIUS
 
 
 def _starts_near_view_point(episode: Episode, *, num_targets: int | None) -> bool:
     """Whether a view point of the first `num_targets` targets (None = all) is within 1 m of the start, in 3-D."""
     gaps = [positions_of(goal) - episode.record.start_position for goal in episode.targets[:num_targets]]
-    return any((np.linalg.norm(gap, axis=1) <= _NEAR).any() for gap in gaps)
+    return any((np.linalg.norm(gap, axis=1) <= SUCCESS_RADIUS).any() for gap in gaps)
 
 
 def _objects_on_wrong_storey(survey: Survey) -> Iterator[Hit]:
@@ -198,10 +196,11 @@ GEOMETRY_RULES = (
          also=(("goal-with-such-view-point", "goal entries", _goals_where(_is_extra_on_other_storey)),)),
     Rule(36, "extra-view-point-looks-away", "defect", "extra view points", "an added view point has the goal behind it",
          _points_where(lambda goal: is_extra_of(goal) & is_looking_away_of(goal))),
-    Rule(37, "view-point-far", "note", "view points", f"a view point is more than {_FAR} m from the goal (planar)",
-         _points_where(lambda goal: planar_distances_of(goal) > _FAR),
+    Rule(37, "view-point-far", "note", "view points",
+         f"a view point is more than {RELAXED_RADIUS} m from the goal (planar)",
+         _points_where(lambda goal: planar_distances_of(goal) > RELAXED_RADIUS),
          also=(("view-point-beyond-1-m", "view points",
-                _points_where(lambda goal: planar_distances_of(goal) > _NEAR)),)),
+                _points_where(lambda goal: planar_distances_of(goal) > SUCCESS_RADIUS)),)),
     Rule(38, "start-near-centre", "note", "episodes", "the start is within 1 m of the target's centre (planar)",
          _episodes_where(_starts_near_centre)),
     Rule(39, "start-near-view-point", "note", "episodes", "the start is within 1 m of the first target's view points",

@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -16,7 +15,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from sim.cache import cached_bytes
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError, line_from_validation_error
-from sim.files import bounded_json
+from sim.files import bounded_json, write_whole
 from sim.types import ClutterLevel, GridSpec
 from sim.words.finishes import Material, Pattern, Rgb
 
@@ -321,11 +320,8 @@ def save_plan(plan: HomePlan, path: Path) -> None:
     Raises:
         SceneError: The file cannot be written.
     """
-    beside = path.with_name(path.name + ".part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside.write_bytes(plan_bytes(plan))
-        os.replace(beside, path)
+        write_whole(path, plan_bytes(plan))
     except OSError as error:
         raise SceneError(f"{path}: cannot be written ({error}). Give a folder that you can write.") from None
 

@@ -101,13 +101,13 @@ def packet_dtype(width: int) -> np.dtype:
     return np.dtype(fields)
 
 
-def new_packet(width: int, count: int = 1) -> NDArray[np.void]:
-    """(count,) packets, each at a multiple of 64 bytes as Embree wants; zero except `tfar` (inf), `mask` and `geom`."""
+def new_packet(width: int) -> NDArray[np.void]:
+    """(1,) packet at a multiple of 64 bytes as Embree wants; zero except `tfar` (inf), `mask` and `geom`."""
     dtype = packet_dtype(width)
-    packets = aligned_bytes(count * dtype.itemsize).view(dtype)
-    packets["tfar"] = np.inf
-    packets["mask"] = packets["geom"] = INVALID
-    return packets
+    packet = aligned_bytes(dtype.itemsize).view(dtype)
+    packet["tfar"] = np.inf
+    packet["mask"] = packet["geom"] = INVALID
+    return packet
 
 
 def aligned_bytes(size: int) -> NDArray[np.uint8]:

@@ -21,9 +21,18 @@ from sim.mesh import TriangleMesh
 from sim.types import Camera, Frame
 
 from . import embree
-from .cast_kernels import cast_rays, refine_ranges
 from .raycast_kernels import SKY_RGB as SKY_RGB
-from .raycast_kernels import TILES, Picture, Rows, Sampling, View, depth_rows, render_rows
+from .raycast_kernels import (
+    TILES,
+    Picture,
+    Rows,
+    Sampling,
+    View,
+    cast_rays,
+    depth_rows,
+    refine_ranges,
+    render_rows,
+)
 from .renderer import Backend, Hits
 from .texels import FILTERS, Surfaces, TextureFilter, lanes_dtype, surfaces_of_mesh
 

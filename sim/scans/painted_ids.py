@@ -1,5 +1,6 @@
 """Copies object ids that are painted on one mesh to another mesh of the same place. Used by hm3d.py."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -82,17 +83,7 @@ def with_ids(mesh: TriangleMesh, painted: PaintedMesh) -> TriangleMesh:
         centres = mesh.vertices[mesh.faces[~found]].mean(axis=1)
         face_id[~found] = _nearest_ids(centres, painted)
     ids = None if (face_image == FACE_IDS).all() else IdImages(painted.ids.images, face_image, face_uv)
-    return TriangleMesh(
-        mesh.vertices,
-        mesh.faces,
-        mesh.face_rgb,
-        face_id,
-        mesh.face_texture,
-        mesh.face_uv,
-        mesh.textures,
-        mesh.vertex_rgb,
-        ids,
-    )
+    return replace(mesh, face_instance=face_id, ids=ids)
 
 
 def _ids(texels: NDArray[np.uint8], id_of_rgb: NDArray[np.uint16]) -> NDArray[np.uint16]:

@@ -15,17 +15,12 @@ from numpy.typing import NDArray
 
 from sim.episodes.schema import Episode, Goal, Vector3, ViewPoint
 from sim.frames import planar_distance
-from sim.types import STOREY_GAP, SUCCESS_RULES, Pose, SuccessRule
+from sim.types import RELAXED_RADIUS, STOREY_GAP, SUCCESS_RADIUS, SUCCESS_RULES, Pose, SuccessRule
 from sim.walk.navigation_map import NavigationMap
 from sim.walk.storeys import same_storey, storey_clusters, storey_of
 
 from .run_files import AnswerMeasures, Measures, RuleMeasures
 
-SUCCESS_RADIUS = 1.0
-"""Metres (paper, Sec. III); planar is our reading: a picture at 1.7 m is never within 1 m of a robot's base in 3-D."""
-RELAXED_RADIUS = 1.5
-"""For targets without an original view point within SUCCESS_RADIUS (paper, Sec. IV: 1 m relaxed to 1.5 m; choosing
-these targets is our reading)."""
 HABITAT_DISTANCE = 0.1
 """Strict upper bound of ObjectNav-HM3D's success_distance, metres."""
 AUTHORS_DISTANCE = 0.2

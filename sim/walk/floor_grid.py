@@ -37,7 +37,7 @@ _KEPT_FIELDS = 8
 """Number of stored distance fields: an episode needs the same goals again and again."""
 
 
-class _Ends(NamedTuple):
+class Ends(NamedTuple):
     """Points moved onto the grid; grid units."""
 
     u: NDArray[np.float64]
@@ -126,12 +126,12 @@ class FloorGrid:
 
     def snap(self, point: Points) -> Points | None:
         """Nearest place (3,) to stand within 2 m sideways and 4 m in height, on the floor; None if there is none."""
-        ends = self._ends(np.asarray(point, float)[None])
+        ends = self.ends(np.asarray(point, float)[None])
         return self._points(ends.u, ends.v, ends.nodes)[0] if ends.nodes[0] >= 0 else None
 
     def island(self, point: Points) -> int | None:
         """Number of the connected part that `point` snaps to; None if there is none."""
-        node = self._ends(np.asarray(point, float)[None]).nodes[0]
+        node = self.ends(np.asarray(point, float)[None]).nodes[0]
         return int(self.islands[node]) if node >= 0 else None
 
     def is_navigable(self, point: Points, *, max_dy: float = 0.5) -> bool:
@@ -147,7 +147,7 @@ class FloorGrid:
         height from the floor below it); no move if start or end is on no island or they are on different ones.
         """
         start, end = np.asarray(start, float), np.asarray(end, float)
-        ends = self._ends(np.stack([start, end]))
+        ends = self.ends(np.stack([start, end]))
         wanted = end - start
         if min(ends.nodes) < 0 or self.islands[ends.nodes[0]] != self.islands[ends.nodes[1]]:
             return StepResult(
@@ -176,7 +176,7 @@ class FloorGrid:
         not if start and goal are over the same point. inf where unreachable, or where no place is near a point.
         """
         field = self._field(goals)
-        ends = self._ends(np.asarray(starts, float).reshape(-1, 3))
+        ends = self.ends(np.asarray(starts, float).reshape(-1, 3))
         return lengths_to_goals(self.cells, field, ends.u, ends.v, ends.h, ends.nodes) * self.grid.cell
 
     def shortest_path(self, start: Points, goals: Points) -> Points | None:
@@ -185,7 +185,7 @@ class FloorGrid:
         Its ends are the snapped points. A start on the goal gives two equal points.
         """
         field = self._field(goals)
-        ends = self._ends(np.asarray(start, float)[None])
+        ends = self.ends(np.asarray(start, float)[None])
         if ends.nodes[0] < 0:
             return None
         uv, nodes = path_to_goal(self.cells, field, ends.u[0], ends.v[0], ends.h[0], ends.nodes[0])
@@ -263,11 +263,11 @@ class FloorGrid:
         x0, z0 = self.grid.origin_xz
         return np.stack([x0 + u * self.grid.cell, self.node_y[nodes], z0 + v * self.grid.cell], axis=-1)
 
-    def _ends(self, points: Points) -> _Ends:
-        """World points (M, 3) moved onto the map."""
+    def ends(self, points: Points) -> Ends:
+        """World points (M, 3) moved onto the map, in grid units."""
         u, h, v = self._grid_units(points)
         cell = self.grid.cell
-        return _Ends(*snap_all(self.cells, u, h, v, SNAP_REACH / cell, SNAP_HEIGHT / cell, SNAP_CLIMB / cell))
+        return Ends(*snap_all(self.cells, u, h, v, SNAP_REACH / cell, SNAP_HEIGHT / cell, SNAP_CLIMB / cell))
 
     def _field(self, goals: Points) -> Field:
         """The distance field of these goals, remembered for the last few goal sets."""
@@ -276,7 +276,7 @@ class FloorGrid:
         for known, field in self._fields:
             if known == key:
                 return field
-        ends = self._ends(goals)
+        ends = self.ends(goals)
         kept = np.flatnonzero(ends.nodes >= 0)
         kept = kept[np.argsort(ends.nodes[kept], kind="stable")]
         count = len(self.cells.row)

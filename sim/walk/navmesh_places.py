@@ -23,6 +23,7 @@ _CEILING = 0.5
 """Least height of a ceiling above the mesh (metres): clear of the floor below it, and of stairs."""
 _CEILING_STEP = 4
 """Ceilings are searched above every fourth cell in both directions (20 cm)."""
+_TRIES = 1000
 _BARE = 30.0
 """Squared outline over area below which an island is a bare plate: 16 for a square, hundreds for a furnished storey."""
 
@@ -74,16 +75,14 @@ def places_near(polygons: Polygons, cells: Cells, centre: Points, *, radius: flo
     return np.column_stack([xz[near, 0], y[near], xz[near, 1]])
 
 
-def random_place(
-    polygons: Polygons, rng: np.random.Generator, *, band: tuple[float, float], tries: int = 1000
-) -> Points | None:
+def random_place(polygons: Polygons, rng: np.random.Generator, *, band: tuple[float, float]) -> Points | None:
     """A place (3,) uniform over the mesh's surface with its height strictly inside a band; None if none was hit."""
     lowest, highest = polygons.triangle[:, :, 1].min(axis=1), polygons.triangle[:, :, 1].max(axis=1)
     areas = np.where((highest > band[0]) & (lowest < band[1]), triangle_areas(polygons), 0.0)
     if not areas.any():
         return None
     upto = np.cumsum(areas)
-    for _ in range(tries):
+    for _ in range(_TRIES):
         triangle = int(np.searchsorted(upto, rng.random() * upto[-1], side="right"))
         a, b, c = polygons.triangle[triangle].astype(np.float64)
         u, v = rng.random(2)

@@ -11,17 +11,13 @@ from numpy.typing import NDArray
 
 from sim.frames import yaw_towards
 from sim.mesh import SceneObject, TriangleMesh
-from sim.types import TURN_STEP, Camera
+from sim.types import RELAXED_RADIUS, SUCCESS_RADIUS, TURN_STEP, Camera
 
 from ..render.renderer import Renderer
 from .navigation_map import NavigationMap, Points
 from .object_surface import object_ids_at, object_surface
 from .storeys import same_storey
 
-RADIUS = 1.0
-"""Planar metres from the object's centre (paper: success within 1.0 m)."""
-RELAXED_RADIUS = 1.5
-"""The radius where no place within RADIUS sees the object (DESIGN.md, rule `paper`)."""
 SPACING = 0.25
 """Smallest planar distance between two view points, metres (one step)."""
 SAMPLES = 48
@@ -77,8 +73,8 @@ def view_points_around(
         camera: Mounting height and field of view; None = the paper's.
 
     Returns:
-        Places on the object's storey at least SPACING apart, within RADIUS planar of its centre, or within
-        RELAXED_RADIUS when nothing within RADIUS sees it. Empty when nothing does, or the mesh lacks the object.
+        Places on the object's storey at least SPACING apart, within SUCCESS_RADIUS planar of its centre, or
+        within RELAXED_RADIUS when nothing nearer sees it. Empty when nothing does, or the mesh lacks the object.
     """
     camera = camera or Camera()
     centre = np.asarray(item.centre, float)
@@ -89,7 +85,7 @@ def view_points_around(
     away = np.hypot(around[:, 0] - centre[0], around[:, 2] - centre[2])
     for floor_y in _storeys_below(centre, around, navigation.storey_heights):
         on_storey = _on_storey(around, centre, floor_y, navigation)
-        for radius in (RADIUS, RELAXED_RADIUS):
+        for radius in (SUCCESS_RADIUS, RELAXED_RADIUS):
             places = around[on_storey & (away <= radius)]
             sights = _sights(places, targets, item.instance_id, mesh, renderer, camera)
             found = _spaced(places, sights, centre, camera)

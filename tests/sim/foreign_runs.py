@@ -60,3 +60,17 @@ def goal_row(name: str, position: list[float], view_points: list[list[float]]) -
         "floor_id": "0",
         "view_points": points,
     }
+
+
+def two_starts(root: Path, start: tuple[float, float, float], *, yaws_deg: tuple[float, float]) -> PersonalDataset:
+    """Two episodes of scene Flat, 40 and 41, that start at one place with these yaws."""
+    rows = [
+        {
+            "id": str(number),
+            "start": start,
+            "rotation": quat(yaw_deg),
+            "goals": [goal_row(f"thing_{number}", [1.0, 0.5, -6.0], [[1.0, 0.2, -5.0]])],
+        }
+        for number, yaw_deg in enumerate(yaws_deg, start=40)
+    ]
+    return write_dataset(root, "Flat", rows)

@@ -96,37 +96,26 @@ def test_an_unknown_scene_is_refused_with_the_known_ones(tmp_path: Path) -> None
         dataset.episode(EpisodeKey("easy", SCENE, "77"))
 
 
-def test_a_truncated_file_is_refused(tmp_path: Path) -> None:
+WHOLE = gzip.compress(json.dumps(example_content()).encode())
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (WHOLE[:-40], "cannot be read"),
+        (WHOLE[:-40], "expected gzip-compressed JSON"),
+        (b"{}", "expected gzip-compressed JSON"),
+        *((gzip.compress(text), "is text that is not JSON (") for text in (b"", b"not json", b'{"a": [', b"\x00")),
+        (gzip.compress(b'{"episodes": "\xff\xfe"}'), "is text that is not JSON ("),
+    ],
+)
+def test_a_damaged_file_is_refused(tmp_path: Path, data: bytes, expected: str) -> None:
     path = write_content(tmp_path, "easy", example_content())
-    path.write_bytes(path.read_bytes()[:-40])
-    with pytest.raises(DatasetError, match="cannot be read") as caught:
+    path.write_bytes(data)
+    with pytest.raises(DatasetError) as caught:
         list(PersonalDataset(tmp_path).episodes())
     assert one_line(caught).startswith(f"{path}: ")
-    assert "expected gzip-compressed JSON" in one_line(caught)
-
-
-def test_text_that_is_not_gzip_is_refused(tmp_path: Path) -> None:
-    path = write_content(tmp_path, "easy", example_content())
-    path.write_text("{}")
-    with pytest.raises(DatasetError, match="expected gzip-compressed JSON") as caught:
-        PersonalDataset(tmp_path).content("easy", SCENE)
-    one_line(caught)
-
-
-@pytest.mark.parametrize("text", ["", "not json", '{"episodes": [', "\x00"])
-def test_text_that_is_not_json_is_refused(tmp_path: Path, text: str) -> None:
-    path = write_content(tmp_path, "easy", text)
-    with pytest.raises(DatasetError, match=r"text that is not JSON \(.*\); expected: whole JSON") as caught:
-        PersonalDataset(tmp_path).content("easy", SCENE)
-    assert one_line(caught).startswith(f"{path}: ")
-
-
-def test_bytes_that_are_not_utf8_are_refused(tmp_path: Path) -> None:
-    path = write_content(tmp_path, "easy", example_content())
-    path.write_bytes(gzip.compress(b'{"episodes": "\xff\xfe"}'))
-    with pytest.raises(DatasetError) as caught:
-        PersonalDataset(tmp_path).content("easy", SCENE)
-    one_line(caught)
+    assert expected in one_line(caught)
 
 
 @pytest.mark.parametrize(

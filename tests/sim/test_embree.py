@@ -139,15 +139,15 @@ def test_embree_is_refused_where_it_was_asked_for_and_cannot_be_used(monkeypatch
 
 @pytest.mark.parametrize("width", embree.WIDTHS)
 def test_packets_are_laid_out_as_embree_wants(width):
-    packets = embree.new_packet(width, 3)
-    assert packets.ctypes.data % 64 == 0
-    assert packets.itemsize % 64 == 0
-    fields = packets.dtype.fields or {}
+    packet = embree.new_packet(width)
+    assert packet.ctypes.data % 64 == 0
+    assert packet.itemsize % 64 == 0
+    fields = packet.dtype.fields or {}
     offsets = {name: place[1] // (4 * width) for name, place in fields.items()}
     # RTCRay: 12 rows, RTCHit: 5 floats, then primID, geomID (Embree 4, rtcore_ray.h).
     expected = {"org_x": 0, "tnear": 3, "dir_x": 4, "time": 7, "tfar": 8, "mask": 9, "ng_x": 12, "u": 15, "prim": 17}
     assert {name: offsets[name] for name in expected} == expected
-    assert (packets["geom"] == embree.INVALID).all()
+    assert (packet["geom"] == embree.INVALID).all()
 
 
 def resident_mb() -> float:

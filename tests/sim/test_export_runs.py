@@ -28,7 +28,7 @@ from sim.tasks.run_files import (
 )
 from sim.types import Action, Pose
 
-from .foreign_runs import goal_row, quat, write_dataset
+from .foreign_runs import two_starts
 
 START = Pose((1.0, 0.2, -2.0), math.radians(90))
 WORLD = PoseReading("world")
@@ -91,16 +91,7 @@ BOTH = Run(info=info(), episodes=(episode_run(), episode_run(episode_id="41", st
 @pytest.fixture
 def dataset(tmp_path: Path) -> PersonalDataset:
     """Two episodes that start at START; ids 40 and 41."""
-    rows = [
-        {
-            "id": name,
-            "start": START.position,
-            "rotation": quat(90),
-            "goals": [goal_row(f"thing_{name}", [1, 0.5, -6], [])],
-        }
-        for name in ("40", "41")
-    ]
-    return write_dataset(tmp_path / "data", "Flat", rows)
+    return two_starts(tmp_path / "data", START.position, yaws_deg=(90, 90))
 
 
 def test_a_run_folder_comes_back_equal(tmp_path: Path) -> None:

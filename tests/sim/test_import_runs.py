@@ -16,7 +16,7 @@ from sim.exchange.import_runs import check_file, import_runs
 from sim.frames import forward_from_yaw
 from sim.tasks.run_files import EpisodeRun
 
-from .foreign_runs import Rows, goal_row, quat, write_dataset
+from .foreign_runs import Rows, quat, two_starts
 
 START = (1.0, 0.2, -2.0)
 
@@ -24,16 +24,7 @@ START = (1.0, 0.2, -2.0)
 @pytest.fixture
 def dataset(tmp_path: Path) -> PersonalDataset:
     """Two episodes that start at START looking along -z and along -x; ids 40 and 41."""
-    goal = goal_row("thing_1", [1.0, 0.5, -6.0], [[1.0, 0.2, -5.0]])
-    other = goal_row("thing_2", [1.0, 0.5, -6.0], [[1.0, 0.2, -5.0]])
-    return write_dataset(
-        tmp_path / "data",
-        "Flat",
-        [
-            {"id": "40", "start": START, "rotation": quat(0), "goals": [goal]},
-            {"id": "41", "start": START, "rotation": quat(90), "goals": [other]},
-        ],
-    )
+    return two_starts(tmp_path / "data", START, yaws_deg=(0, 90))
 
 
 def possible_run(writer: HabitatWriter, *, episode_id: str | int = "40", yaw_deg: float = 0.0) -> None:

@@ -213,9 +213,6 @@ def test_both_ways_to_trace_rays_agree(monkeypatch, tmp_path) -> None:
 
 def test_light_is_made_once_and_anew_for_other_geometry(monkeypatch, tmp_path) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    made = []
-    original = light_module._light
-    monkeypatch.setattr(light_module, "_light", lambda *arguments: (made.append(1), original(*arguments))[1])
 
     def lit(shift: float, *lamps: tuple[float, float, float]) -> str:
         builder = QuadBuilder()
@@ -225,7 +222,7 @@ def test_light_is_made_once_and_anew_for_other_geometry(monkeypatch, tmp_path) -
 
     first = lit(0.0)
     assert lit(0.0) == first
-    assert len(made) == 1
+    assert len(list(tmp_path.rglob("*.light"))) == 1
     assert lit(0.3) != first
     assert lit(0.0, (1.0, 1.5, 1.0)) != first
-    assert len(made) == 3
+    assert len(list(tmp_path.rglob("*.light"))) == 3

@@ -19,7 +19,7 @@ from sim.exchange.pose_files import FreeMotion, PoseReading
 from sim.tasks.run_files import EpisodeRun
 from sim.types import EpisodeKey
 
-from .foreign_runs import goal_row, quat, write_dataset
+from .foreign_runs import quat, two_starts
 
 START = (1.0, 0.2, -2.0)
 KEY = EpisodeKey("easy", "Flat", "40")
@@ -36,16 +36,7 @@ ACTIONS = ["forward", "left", "forward", "stop"]
 @pytest.fixture
 def dataset(tmp_path: Path) -> PersonalDataset:
     """Two episodes that start at START looking along -z and along -x; ids 40 and 41."""
-    goal = goal_row("thing_1", [1.0, 0.5, -6.0], [[1.0, 0.2, -5.0]])
-    other = goal_row("thing_2", [1.0, 0.5, -6.0], [[1.0, 0.2, -5.0]])
-    return write_dataset(
-        tmp_path / "data",
-        "Flat",
-        [
-            {"id": "40", "start": START, "rotation": quat(0), "goals": [goal]},
-            {"id": "41", "start": START, "rotation": quat(90), "goals": [other]},
-        ],
-    )
+    return two_starts(tmp_path / "data", START, yaws_deg=(0, 90))
 
 
 def runs_of(dataset: PersonalDataset, name: str, content: str | bytes, reading: PoseReading) -> list[EpisodeRun]:

@@ -5,18 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim.cache import VARIABLE
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
 from sim.frames import T_world_camera, quat_xyzw_from_yaw, yaw_towards
 from sim.homes.cells import cells_from_runs
 from sim.homes.open_home import open_scene, scene_from_plan
 from sim.homes.plan import HomePlan, load_plan, plan_bytes, save_plan
-from sim.homes.recovered import plans
 from sim.homes.recovered.objects import recovered_pieces
 from sim.homes.recovered.open_space import LOW_STEP, STEP, step_cells
 from sim.homes.recovered.plans import recover_plan
 from sim.render.raycast import Raycaster
-from sim.types import AGENT_RADIUS, Camera, Pose, Split
+from sim.types import AGENT_RADIUS, Camera, Pose
 from sim.walk.floor_grid import FloorGrid
 
 from .recorded_worlds import GROUND, recorded_goal, recorded_of
@@ -151,19 +151,13 @@ def test_the_room_is_what_the_sentence_says(tmp_path: Path) -> None:
 
 
 def test_a_plan_is_kept_until_the_files_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
     first = recover_plan(dataset_of(tmp_path, LATTICE), SCENE)
-    made: list[str] = []
-
-    def counted(dataset: PersonalDataset, scene: str, splits: tuple[Split, ...]) -> HomePlan:
-        made.append(scene)
-        return first
-
-    monkeypatch.setattr(plans, "_recovered", counted)
     assert recover_plan(dataset_of(tmp_path, LATTICE), SCENE) == first
-    assert made == []
+    assert len(list(tmp_path.rglob("*.plan"))) == 1
     recover_plan(dataset_of(tmp_path, LATTICE[:-1]), SCENE)
     recover_plan(dataset_of(tmp_path, LATTICE), SCENE, splits=("easy",))
-    assert made == [SCENE, SCENE]
+    assert len(list(tmp_path.rglob("*.plan"))) == 3
 
 
 def test_another_split_alone_has_no_place_to_stand(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from ..building.cells.spaces import floor_layers, padded, plinth_layers
 from ..building.cells.storeys import StoreyCells, StoreyLine, storeys_of_cells
 from ..cells import cells_from_runs
 from ..images import distance_to
-from ..invented.free_space import ReachedFloor, walkable_floor
+from ..invented.free_space import HALF_WALL, ReachedFloor, walkable_floor
 from ..plan import Furniture, HomePlan, Opening, Rect, Wall
 from .sights import Sights
 
@@ -320,7 +320,7 @@ def _storey_of_rooms(plan: HomePlan, k: int, ground: ReachedFloor) -> EmptyStore
     faces: list[WallFace] = []
     for number, item in enumerate(plan.rooms):
         if item.storey == k and item.rect is not None:
-            inner = item.rect.grown(-0.06)
+            inner = item.rect.grown(-HALF_WALL)
             room[inner.cells(grid, slack=_ROUNDING)] = number
             faces += _faces_of_rect(inner)
     is_open = room >= 0

@@ -95,7 +95,7 @@ _ONE_MATERIAL: dict[Family, Material] = {
 _CAN_BE_PATTERNED = (*_SOFT, "tile", "paper", "ceramic", "wicker")
 
 
-def finish_from_text(text: str, category: str, *, seed: str = "") -> Finish:
+def finish_from_text(text: str, category: str) -> Finish:
     """The finish that a caption describes; gaps are filled as usual for the category.
 
     The thing's own attributes count, not those of other things in the text: "white sofa with red pillows" and "the
@@ -104,10 +104,9 @@ def finish_from_text(text: str, category: str, *, seed: str = "") -> Finish:
     Args:
         text: A caption, or any English text; may be empty.
         category: The object's category; its words count where the text names no material or colour.
-        seed: Lets two objects differ if their captions say nothing; for example their names.
     """
     family = look_of(category).family
-    digest = zlib.crc32(f"{category}|{text}|{seed}".encode())
+    digest = zlib.crc32(f"{category}|{text}|".encode())  # the colours of made homes hang on it
     usual = usual_finish(family, digest // 7)
     said = own_words(text, category)
     if family in ("picture", "calendar"):
@@ -122,13 +121,6 @@ def finish_from_text(text: str, category: str, *, seed: str = "") -> Finish:
     if family == "bed" and is_of_part and material != "wood":
         pattern = "plain" if pattern == "patterned" else pattern
     return Finish(material=material, pattern=pattern, rgb=colours[0], rgb2=second)
-
-
-def names_colour(text: str, category: str) -> bool:
-    """Whether a caption tells its object's colour, by a colour word or by a material that has one."""
-    said = own_words(text, category)
-    words = (*said.noun, *said.rest, *said.parts)
-    return bool(_colours(said)[0]) or any(word in OF_MATERIAL for word in words)
 
 
 def _colours(said: OwnWords) -> tuple[list[Rgb], bool]:

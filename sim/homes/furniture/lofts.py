@@ -98,9 +98,9 @@ def cylinder(
     return skin.turned(*turn).moved(*foot)
 
 
-def ball(centre: Vec, size: Vec, *, sides: int = 8, rings: int = 5, low: float = -1.0, high: float = 1.0) -> Shape:
-    """An ellipsoid in a box of `size`, or the part of it between two heights (-1 = bottom, 1 = top)."""
-    angles = np.linspace(np.arcsin(low), np.arcsin(high), rings + 1)
+def ball(centre: Vec, size: Vec, *, sides: int = 8, rings: int = 5, low: float = -1.0) -> Shape:
+    """An ellipsoid in a box of `size`, or the part of it above the height `low` (-1 = bottom, 1 = top)."""
+    angles = np.linspace(np.arcsin(low), np.pi / 2, rings + 1)
     half = np.array(size) / 2
     profile = [(half[0] * np.cos(a), half[1] * np.sin(a)) for a in angles]
     return lathe(profile, at=centre, sides=sides, depth=half[2] / half[0])
@@ -149,22 +149,22 @@ def sheet(points: ArrayLike) -> Shape:
     return Shape(*parts)
 
 
-def cushion(centre: Vec, size: Vec, *, cells: int = 5, fullness: float = 0.55) -> Shape:
+def cushion(centre: Vec, size: Vec, *, cells: int = 5) -> Shape:
     """A pillow that lies flat, thick in the middle and thin at its four sides; `size` is along x, y, z."""
     t = np.sin(np.linspace(-1, 1, cells + 1) * np.pi / 2)
     x, z = np.meshgrid(t, t)
     drawn_in = 1 - 0.07 * (1 - np.stack([z, x], axis=2) ** 2)  # sides between the corners are drawn in
-    height = (np.maximum(1 - x**4, 0) * np.maximum(1 - z**4, 0)) ** fullness
+    height = (np.maximum(1 - x**4, 0) * np.maximum(1 - z**4, 0)) ** 0.55
     w, h, d = np.array(size) / 2
     top = np.stack([x * w * drawn_in[..., 0], height * h, z * d * drawn_in[..., 1]], axis=2)
     bottom = top * np.array([1, -1, 1])
     return merged([sheet(top), sheet(bottom[:, ::-1])]).moved(*centre)
 
 
-def curtain(centre: Vec, size: Vec, *, folds: int = 5, gather: float = 0.0, per_fold: int = 4) -> Shape:
+def curtain(centre: Vec, size: Vec, *, folds: int = 5, gather: float = 0.0) -> Shape:
     """Hanging cloth in folds, `size` along x, y, z; `gather` (0-1) draws it together at half its height."""
     w, h, d = size
-    s = np.linspace(-1, 1, folds * per_fold + 1)
+    s = np.linspace(-1, 1, 4 * folds + 1)
     rows = (1.0, 0.62, 0.4, 0.2, 0.0) if gather else (1.0, 0.0)
     wave = np.sin((s + 1) * np.pi * folds)
     grid = []

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.types import AGENT_RADIUS, Camera, GridSpec
+from sim.types import AGENT_RADIUS, RELAXED_RADIUS, SUCCESS_RADIUS, Camera, GridSpec
 
 from ..cells import CELL
 from ..images import distance_to, parts_of
@@ -35,8 +35,6 @@ _LEAST_SHARE = 0.85
 """Least share of a room's free floor that the robot can reach."""
 _LEAST_AREA = 0.8
 """Least area of a room's floor that the robot can reach (square metres)."""
-_REACHES = (1.0, 1.5)
-"""Planar distances in which a piece must be visible (`view_points_around`); the second if the first has no place."""
 _STEEPEST = 1.0
 """Steepest line of sight (radians); one look up or down shows about this angle."""
 _EYES = 30
@@ -240,14 +238,14 @@ def _wall_boxes(plan: HomePlan, wall: Wall) -> list[tuple[float, ...]]:
 
 
 def _is_seen(box: NDArray, others: NDArray, places: NDArray, eye_y: float) -> bool:
-    """Whether any place near the box has a free line to a point of its surface."""
+    """Whether any place as near as in `view_points_around` has a free line to a point of its surface."""
     low, high = box[:3], box[3:]
     overlapping = ((others[:, :3] < high - 1e-6) & (others[:, 3:] > low + 1e-6)).all(axis=1)
     others = others[~overlapping]  # a couch does not hide its cushion
     centre = (low + high) / 2
     away = np.hypot(*(places - centre[[0, 2]]).T)
     targets = _surface_points(low, high)
-    for reach in _REACHES:
+    for reach in (SUCCESS_RADIUS, RELAXED_RADIUS):
         near = places[away <= reach]
         near = near[:: max(1, len(near) // _EYES)]
         if not len(near):

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.types import GridSpec
-from sim.walk.floor_grid import SNAP_CLIMB, SNAP_HEIGHT, SNAP_REACH, FloorGrid
-from sim.walk.grid_kernels import connected_parts, snap_all
+from sim.walk.floor_grid import FloorGrid
+from sim.walk.grid_kernels import connected_parts
 from sim.walk.grid_routes import End, PricedFloor, is_touched, mark_near, polyline_length, route, work_for
 
 from ..cells import Cells
@@ -252,8 +252,5 @@ def _misfit(ratio: float) -> float:
 
 def _ends(floor: FloorGrid, points: list[tuple[float, float, float]]) -> list[End]:
     """The points as ends on the floor's nodes."""
-    world = np.array(points, float).reshape(-1, 3)
-    (x0, z0), cell = floor.grid.origin_xz, floor.grid.cell
-    at = (world[:, 0] - x0) / cell, world[:, 1] / cell, (world[:, 2] - z0) / cell
-    u, v, h, nodes = snap_all(floor.cells, *at, SNAP_REACH / cell, SNAP_HEIGHT / cell, SNAP_CLIMB / cell)
-    return [End(*end) for end in zip(u.tolist(), v.tolist(), h.tolist(), nodes.tolist(), strict=True)]
+    ends = floor.ends(np.array(points, float).reshape(-1, 3))
+    return [End(*end) for end in zip(*(values.tolist() for values in ends), strict=True)]
