@@ -11,6 +11,7 @@ import numpy as np
 
 from sim.errors import SceneError
 from sim.types import ClutterLevel
+from sim.walk.storeys import storey_of
 
 from ..furniture.families import Family, look_of
 from ..plan import Finish, Furniture, HomePlan, Rect
@@ -279,9 +280,6 @@ def _top_of(piece: Furniture) -> float:
 def _storeys_of(plan: HomePlan) -> list[int]:
     """Storey of each piece of a plan: the storey of its room, else the highest storey below it."""
     of_room = {room.name: room.storey for room in plan.rooms}
-    floors = np.array([storey.floor_y for storey in plan.storeys])
-    found = []
-    for piece in plan.furniture:
-        below = np.flatnonzero(floors <= piece.centre[1] - piece.size[1] / 2 + 0.3)
-        found.append(of_room.get(piece.room, int(below[np.argmax(floors[below])]) if len(below) else 0))
-    return found
+    floors = [(storey.floor_y, storey.floor_y) for storey in plan.storeys]
+    feet = [piece.centre[1] - piece.size[1] / 2 for piece in plan.furniture]
+    return [of_room.get(piece.room, storey_of(y, floors)) for piece, y in zip(plan.furniture, feet, strict=True)]

@@ -17,7 +17,8 @@ from ..building.cells.spaces import floor_layers, padded, plinth_layers
 from ..building.cells.storeys import StoreyCells, StoreyLine, storeys_of_cells
 from ..cells import cells_from_runs
 from ..images import distance_to
-from ..invented.free_space import HALF_WALL, ReachedFloor, walkable_floor
+from ..invented.free_space import ReachedFloor, walkable_floor
+from ..invented.layouts import HALF_WALL
 from ..plan import Furniture, HomePlan, Opening, Rect, Wall
 from .sights import Sights
 

@@ -15,14 +15,13 @@ from sim.types import AGENT_RADIUS, RELAXED_RADIUS, SUCCESS_RADIUS, Camera, Grid
 from ..cells import CELL
 from ..images import distance_to, parts_of
 from ..plan import HomePlan, Rect, Wall
-from .layouts import landings
+from .layouts import HALF_WALL, landings
 from .partitions import Partition
 
 GAP = 0.12
 """Least distance between pieces on the floor (metres)."""
 FRONT = 0.7
 """Free depth in front of a piece (metres); the robot needs 0.36 m."""
-HALF_WALL = 0.06
 _TALL = 0.9
 """Pieces of at least this height would cover a window (metres)."""
 _DOOR_DEPTH = 1.0

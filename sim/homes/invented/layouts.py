@@ -18,7 +18,8 @@ LANDING = 1.0
 """Depth of free floor at both ends of a flight (metres)."""
 _TREAD = 0.28
 _STAIR_WIDTH = 1.0
-_HALF_WALL = 0.06
+HALF_WALL = 0.06
+"""Half the thickness of a wall (metres)."""
 _LEAST_SIDE = 2.5
 """Least side of a room (metres); corridors may be narrower."""
 _CORRIDOR = 1.5
@@ -133,7 +134,7 @@ def _stair(z: float, width: float, rng: np.random.Generator) -> Stair:
     """A flight along the wall at `z`, with room to step on and off at both ends."""
     length = NUM_STEPS * _TREAD
     x0 = _between(rng, 2.1, width - length - 2.1)
-    rect = Rect(x0, round(z + _HALF_WALL, 3), round(x0 + length, 3), round(z + _HALF_WALL + _STAIR_WIDTH, 3))
+    rect = Rect(x0, round(z + HALF_WALL, 3), round(x0 + length, 3), round(z + HALF_WALL + _STAIR_WIDTH, 3))
     return Stair(storey=0, rect=rect, towards="+x", num_steps=NUM_STEPS)
 
 
