@@ -20,28 +20,18 @@ from sim.errors import DatasetError
 from tests.sim.synthetic import example_episode, write_dataset
 
 
-def test_a_sentence_splits_into_owner_phrase_and_room() -> None:
-    assert parse_ownership("Ada owns a low oak table in the lounge") == OwnershipEdge(
-        "Ada", "a low oak table", "lounge"
-    )
-
-
-def test_the_room_follows_the_last_in() -> None:
-    edge = parse_ownership("Bo owns a plant in a pot in the study of Ada")
-    assert (edge.phrase, edge.room) == ("a plant in a pot", "study of Ada")
-
-
-def test_periods_inside_and_at_the_end_split_nothing() -> None:
-    edge = parse_ownership("Bo owns a desk. it is red. in the study. ")
-    assert (edge.phrase, edge.room) == ("a desk. it is red", "study")
-
-
-def test_a_sentence_without_room_has_none() -> None:
-    assert parse_ownership("Bo owns a shelf next to the door.") == OwnershipEdge("Bo", "a shelf next to the door", None)
-
-
-def test_a_verb_inside_the_phrase_does_not_end_the_owner() -> None:
-    assert parse_ownership("Ada owns a mug that says Bo owns me in the study").owner == "Ada"
+@pytest.mark.parametrize(
+    ("sentence", "owner", "phrase", "room"),
+    [
+        ("Ada owns a low oak table in the lounge", "Ada", "a low oak table", "lounge"),
+        ("Bo owns a plant in a pot in the study of Ada", "Bo", "a plant in a pot", "study of Ada"),
+        ("Bo owns a desk. it is red. in the study. ", "Bo", "a desk. it is red", "study"),
+        ("Bo owns a shelf next to the door.", "Bo", "a shelf next to the door", None),
+        ("Ada owns a mug that says Bo owns me in the study", "Ada", "a mug that says Bo owns me", "study"),
+    ],
+)
+def test_a_sentence_is_owner_phrase_and_room(sentence: str, owner: str, phrase: str, room: str | None) -> None:
+    assert parse_ownership(sentence) == OwnershipEdge(owner, phrase, room)
 
 
 @pytest.mark.parametrize(

@@ -57,19 +57,6 @@ def test_cells_lie_within_the_robots_radius_of_the_lattice(tmp_path: Path) -> No
     assert len(cells.y) * 0.05**2 == pytest.approx(3.0, abs=0.2)
 
 
-def test_islands_are_joined_by_a_strip_that_is_marked_as_guessed(tmp_path: Path) -> None:
-    far = [(6.0, 0.0, 0.25 * j) for j in range(5)]
-    plan = recover_plan(dataset_of(tmp_path, LATTICE + far), SCENE)
-    assert plan.cells is not None
-    cells = cells_from_runs(plan.cells.walkable)
-    xz = plan.cells.grid.xz_from_rc(cells.rc[cells.guessed])
-    assert xz[:, 0].min() > 3.0
-    assert xz[:, 0].max() < 6.0
-    assert np.ptp(xz[:, 1]) <= 0.36
-    length = walkable_of(plan).distances(np.array([[1.0, 0, 0.5]]), np.array([[6.0, 0, 0.5]]))[0]
-    assert length == pytest.approx(5.0, rel=0.1)
-
-
 def test_two_storeys_get_one_ramp_of_at_most_40_degrees(tmp_path: Path) -> None:
     upstairs = [(x + 3.0, 2.8, z) for x, _, z in LATTICE]
     plan = recover_plan(dataset_of(tmp_path, LATTICE + upstairs), SCENE)
@@ -81,13 +68,6 @@ def test_two_storeys_get_one_ramp_of_at_most_40_degrees(tmp_path: Path) -> None:
     assert np.abs(moves[:, 1]).sum() == pytest.approx(2.8, abs=0.1)
     assert np.hypot(moves[:, 0], moves[:, 2]).sum() >= 2.8 / np.tan(np.radians(40))
     assert navigation.storey_heights == pytest.approx((0.0, 2.8))
-
-
-def test_a_storey_without_room_for_a_ramp_stays_an_island(tmp_path: Path) -> None:
-    plan = recover_plan(dataset_of(tmp_path, [(1.0, 0.0, 0.0), (2.0, 2.8, 0.0)]), SCENE)
-    navigation = walkable_of(plan)
-    assert navigation.is_navigable(np.array([2.0, 2.8, 0.0]))
-    assert np.isinf(navigation.distances(np.array([[1.0, 0, 0]]), np.array([[2.0, 2.8, 0]]))[0])
 
 
 def test_the_way_to_the_object_is_open_and_walls_stand_behind(tmp_path: Path) -> None:
