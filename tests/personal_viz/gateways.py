@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import msgspec
+from starlette.testclient import TestClient
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.sync.client import ClientConnection, connect
 
@@ -217,6 +218,32 @@ def running(
         port = listener.getsockname()[1]
         with served_in_thread(server, listener):
             yield Running(f"http://127.0.0.1:{port}", port, viser, tickets, people, told)
+
+
+@dataclass
+class Site:
+    """A gateway without workers, and its parts."""
+
+    client: TestClient
+    tickets: Tickets
+    people: FewPeople
+    told: list[str]
+
+
+def site(folder: Path, *, options: ServeOptions | None = None, peer: str = "192.0.2.7", **admission) -> Site:
+    """A gateway that is asked from one address."""
+    tickets, people, told = Tickets(), few_people(), []
+    gateway = Gateway(
+        admission_for(people, folder, **admission),
+        OnePort(9),
+        tickets=tickets,
+        options=options or ServeOptions(),
+        pages=NO_PAGES,
+        screen_out_code="FULL-1",
+        tell=told.append,
+    )
+    client = TestClient(gateway.app(), base_url="http://127.0.0.1", client=(peer, 5000))
+    return Site(client, tickets, people, told)
 
 
 def enter(address: str, token: str, *, origin: str | None = None, **context: Any) -> tuple[str, dict[str, str]]:

@@ -2,10 +2,7 @@
 
 import asyncio
 import json
-import signal
 import socket
-import subprocess
-import sys
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -20,11 +17,9 @@ from personal_viz.study_app.gateway.options import ServeOptions, require_may_ser
 from personal_viz.study_app.operator import doctor
 from personal_viz.study_app.operator.doctor import CHECKS, Check, examine
 from personal_viz.study_app.operator.doctor_site import site_from_url
-from personal_viz.study_app.operator.served import free_port, served
 from sim.errors import StudyError
 
 from .gateways import PRESS, Running, enter, pack, running, small_config
-from .invented import invented_dataset
 from .tls_proxy import Settings, TlsProxy, self_signed, tls_proxy
 
 
@@ -176,25 +171,3 @@ def test_our_own_tls_serves_without_a_proxy(tmp_path: Path) -> None:
         with pytest.raises(urllib.error.URLError):
             urllib.request.urlopen(address, timeout=20)  # nobody trusts it without the file
         assert failed({check.name: check for check in examine(address, insecure_ca=certificate)}) == []
-
-
-@pytest.mark.slow
-def test_a_served_study_behind_the_proxy_has_nothing_to_correct_from_the_command_line(tmp_path: Path) -> None:
-    invented_dataset(tmp_path / "data", name="Small", seed=3)
-    port = free_port()
-    with tls_proxy(tmp_path) as proxy:
-        proxy.set_behind(port)
-        serve = ["study", "serve", "--dataset", str(tmp_path / "data"), "--scene", "Small", "--workers", "1"]
-        serve += ["--out", str(tmp_path / "study"), "--port", str(port)]
-        serve += ["--public", "--proxy", "127.0.0.1", "--host", f"localhost:{proxy.port}"]
-        with served(serve, ended_by=signal.SIGTERM) as study:
-            link = study.link("pan")
-            assert link.startswith(f"https://localhost:{proxy.port}/#")
-            look = [sys.executable, "-m", "personal_viz", "study", "doctor", "--url", link.partition("/#")[0]]
-            look += ["--link", link, "--insecure-ca", str(tmp_path / "cert.pem")]
-            look += ["--http-port", str(proxy.http_port), "--json"]
-            looked = subprocess.run(look, capture_output=True, text=True, timeout=200)
-    rows = {row["name"]: (row["passed"], row["detail"]) for row in json.loads(looked.stdout)}
-    assert {name for name, (passed, _) in rows.items() if not passed} == set(), rows
-    assert "session" in rows
-    assert (looked.returncode, study.process.returncode) == (0, 0)

@@ -95,13 +95,6 @@ def test_a_wall_clock_that_went_back_over_a_restart_makes_nobody_wait_longer_tha
     assert left_s(entry) == 0.0
 
 
-def test_a_steady_clock_of_another_boot_is_not_compared(clocks: Clocks) -> None:
-    entry = began()
-    clocks.pass_s(60.0)
-    clocks.boot(since_s=5.0)
-    assert pause_left_s(entry, GAP_S, machine_time()) == 3540.0
-
-
 def test_where_boots_have_no_name_the_wall_clock_counts_and_a_pause_is_never_longer_than_it_is(clocks: Clocks) -> None:
     clocks.boot_id = None
     entry = began()

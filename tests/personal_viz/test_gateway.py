@@ -1,48 +1,20 @@
 """The gateway's routes: who is let in, as whom, with which cookies and headers."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from personal_viz.study_app.gateway.admission import DeviceProfile, Tickets
-from personal_viz.study_app.gateway.app import SESSION_COOKIE, Gateway
+from personal_viz.study_app.gateway.admission import DeviceProfile
+from personal_viz.study_app.gateway.app import SESSION_COOKIE
 from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.page_script import page_version
 
-from .gateways import NO_PAGES, FewPeople, OnePort, admission_for, few_people
+from .gateways import Site, site
 
 ORIGIN = {"origin": "http://127.0.0.1"}
 DEVICE = {"webgl2": True, "width": 1283, "height": 760, "dpr": 1.1, "touch": False}
 PUBLIC = ServeOptions(bind="0.0.0.0", public=True, hosts=("study.example.org",), proxy="10.0.0.9")
-
-
-@dataclass
-class Site:
-    """A gateway without workers, and its parts."""
-
-    client: TestClient
-    tickets: Tickets
-    people: FewPeople
-    told: list[str]
-
-
-def site(folder: Path, *, options: ServeOptions | None = None, peer: str = "192.0.2.7", **admission) -> Site:
-    """A gateway that is asked from one address."""
-    tickets, people, told = Tickets(), few_people(), []
-    gateway = Gateway(
-        admission_for(people, folder, **admission),
-        OnePort(9),
-        tickets=tickets,
-        options=options or ServeOptions(),
-        pages=NO_PAGES,
-        screen_out_code="FULL-1",
-        tell=told.append,
-    )
-    client = TestClient(gateway.app(), base_url="http://127.0.0.1", client=(peer, 5000))
-    return Site(client, tickets, people, told)
 
 
 def closed_with(at: Site, url: str, headers: dict[str, str]) -> int:

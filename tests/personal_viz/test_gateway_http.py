@@ -161,12 +161,3 @@ def test_all_together_have_an_end() -> None:
 )
 def test_names_in_host_headers(host: str, name: str) -> None:
     assert host_name(host) == name
-
-
-def test_connections_get_a_fifth_of_the_time_in_which_a_study_ends() -> None:
-    def patience(options: ServeOptions) -> int | None:
-        return uvicorn_server(Starlette(), options).config.timeout_graceful_shutdown
-
-    assert patience(ServeOptions()) == 2
-    assert patience(ServeOptions(drain_s=60.0)) == 12
-    assert patience(ServeOptions(drain_s=0.5)) == 1

@@ -1,8 +1,10 @@
-"""A visitor with a telling browser, address and platform id leaves none of them in files, output or export."""
+"""A public study behind a proxy: `study doctor` finds nothing, and a telling visitor leaves nothing behind.
+
+The visitor's browser, address and platform id are in no file, output or export.
+"""
 
 import http.cookies
 import json
-import re
 import signal
 import urllib.request
 from pathlib import Path
@@ -13,10 +15,13 @@ from websockets.sync.client import connect
 
 from human_study.design.study import StudyPractice, StudyPrivacy, StudyRecruit
 from human_study.export.study_export import export_study
-from personal_viz.study_app.operator.served import serve_command, served
+from personal_viz.cli.study.doctor import StudyDoctor
+from personal_viz.study_app.operator import doctor
+from personal_viz.study_app.operator.served import free_port, serve_command, served
 from personal_viz.study_app.recruit_codes import CODES_FILE
 
 from .flow_studies import plan_small
+from .tls_proxy import tls_proxy
 from .wire import CAMERA, WireClient
 
 pytestmark = pytest.mark.slow
@@ -58,7 +63,11 @@ def visit(address: str) -> None:
         client.receive_until(lambda message: "Step 0 of" in str(message) or "button" in str(message).lower())
 
 
-def test_nothing_tells_who_a_visitor_was(tmp_path: Path) -> None:
+def test_a_public_study_has_nothing_to_correct_and_nothing_tells_who_a_visitor_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(doctor, "MAX_ROUND_TRIP_S", 60.0)  # the speed of this machine is no finding
+    monkeypatch.setattr(doctor, "MIN_MBIT_S", 0.0)
     folder = plan_small(
         tmp_path,
         recruit=StudyRecruit(kind="prolific"),
@@ -67,16 +76,26 @@ def test_nothing_tells_who_a_visitor_was(tmp_path: Path) -> None:
         practice=StudyPractice(pan=0, pog=0),
     )
     (folder / CODES_FILE).write_text(CODES)
-    command = serve_command(folder, tmp_path / "dataset", workers=1)
-    with (tmp_path / "said.txt").open("w") as errors, served(command, stderr=errors) as program:
-        said = program.said
-        found = re.search(r"http://127\.0\.0\.1:\d+", said)
-        assert found, said
-        visit(found[0])
-        program.process.send_signal(signal.SIGINT)
-        output, _ = program.process.communicate(timeout=60)
+    (tmp_path / "proxy").mkdir()
+    port = free_port()
+    with tls_proxy(tmp_path / "proxy") as proxy:
+        proxy.set_behind(port)
+        host = f"localhost:{proxy.port}"
+        public = ("--public", "--proxy", "127.0.0.1", "--host", host)
+        command = serve_command(folder, tmp_path / "dataset", *public, port=port, workers=1)
+        with (tmp_path / "said.txt").open("w") as errors, served(command, stderr=errors) as program:
+            visit(f"http://127.0.0.1:{port}")
+            link = program.people[-1].link
+            assert link.startswith(f"https://{host}/#")
+            cert = tmp_path / "proxy" / "cert.pem"
+            looked = StudyDoctor(f"https://{host}", link=link, insecure_ca=cert, http_port=proxy.http_port).run()
+            program.process.send_signal(signal.SIGINT)
+            output, _ = program.process.communicate(timeout=60)
+    report = capsys.readouterr().out
+    assert (looked, report.splitlines()[-1]) == (0, f"https://{host}: nothing to correct"), report
+    assert "pass  session: the first message came after" in report
     export_study(folder, tmp_path / "out")
-    (tmp_path / "out.txt").write_text(said + output)
+    (tmp_path / "out.txt").write_text(program.said + output + report)
     canaries = (AGENT, ADDRESS, PLATFORM_ID, "canary-CA", "canarystudy", "canarysession")
     for path in [path for path in tmp_path.rglob("*") if path.is_file() and "dataset" not in path.parts]:
         content = path.read_bytes()

@@ -20,7 +20,7 @@ from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.heartbeat import Heartbeat
 from personal_viz.study_app.gateway.http import listen, served_in_thread, uvicorn_server
 from personal_viz.study_app.gateway.options import ServeOptions
-from personal_viz.study_app.gateway.workers import WorkerPool, worker_command
+from personal_viz.study_app.gateway.workers import WorkerPool
 from sim.errors import StudyError
 
 from .gateways import NO_PAGES, PRESS, admission_for, enter, few_people, pack, wait_until
@@ -229,11 +229,3 @@ def test_a_slow_worker_is_left_alone(tmp_path: Path) -> None:
         assert pids(tmp_path) == [pid]
         assert is_running(pid)
     assert told == []
-
-
-def test_the_program_of_a_worker_names_what_it_needs() -> None:
-    command = worker_command(Path("study"), Path("data"), Path("scans"), rerun="live", with_pixels=True)(7)
-    assert command[1:5] == ["-m", "personal_viz.study_app.server", "--fd", "7"]
-    assert command[5:9] == ["--study", "study", "--dataset", "data"]
-    assert command[9:] == ["--scenes-dir", "scans", "--rerun", "live", "--with-pixels"]
-    assert worker_command(Path("s"), Path("d"), None)(3)[3:] == ["--fd", "3", "--study", "s", "--dataset", "d"]
