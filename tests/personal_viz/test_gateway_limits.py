@@ -2,7 +2,7 @@
 
 import pytest
 
-from personal_viz.study_app.gateway.limits import AddressLimit, Holds, client_address, is_forwarded
+from personal_viz.study_app.gateway.limits import AddressLimit, Holds, client_address, forwarded_address
 
 PROXY = "10.0.0.9"
 
@@ -35,10 +35,10 @@ def test_only_the_named_proxy_may_say_for_whom_it_asks(
 
 
 def test_a_proxy_that_is_silent_is_noticed() -> None:
-    assert is_forwarded(PROXY, ["198.51.100.1"], PROXY)
-    assert not is_forwarded(PROXY, [], PROXY)
-    assert not is_forwarded("192.0.2.7", ["198.51.100.1"], PROXY)
-    assert not is_forwarded(PROXY, ["198.51.100.1"], None)
+    assert forwarded_address(PROXY, ["198.51.100.1"], PROXY) == "198.51.100.1"
+    assert forwarded_address(PROXY, [], PROXY) is None
+    assert forwarded_address("192.0.2.7", ["198.51.100.1"], PROXY) is None
+    assert forwarded_address(PROXY, ["198.51.100.1"], None) is None
 
 
 def test_ten_tries_a_minute_for_each_address_of_its_own() -> None:

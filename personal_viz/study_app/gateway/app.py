@@ -29,7 +29,7 @@ from ..page_script import STATIC, is_other_viser, page_of, page_version
 from ..worker_door import WorkerDoor
 from .admission import Admission, Arrival, DeviceProfile, Tickets
 from .http import Guard, address_of, small_body, too_many_tries
-from .limits import DOWNLOADS, GUESSES, JOINS, AddressLimit, Holds, is_forwarded
+from .limits import DOWNLOADS, GUESSES, JOINS, AddressLimit, Holds, forwarded_address
 from .options import ServeOptions
 from .pages import MAX_FORM_BYTES, Pages
 from .proxy import BAD, LATER, join
@@ -230,7 +230,7 @@ class Gateway:
                 await socket.close(code=BAD)
 
     def _holder(self, connection: HTTPConnection) -> str | None:
-        """The participant of the page in the address, if the browser has the page's cookie; else None."""
+        """The participant of the ticket in the address, if the browser has the cookie that belongs to it; else None."""
         ticket = self._tickets.find(connection.path_params["ticket"])
         if ticket is None or not ticket.admits(connection.cookies.get(SESSION_COOKIE, "")):
             return None
@@ -258,8 +258,8 @@ class Gateway:
         if not self._downloads.allows(address_of(request, self._options), time.monotonic()):
             return too_many_tries()
         peer = request.client.host if request.client is not None else None
-        named = is_forwarded(peer, request.headers.getlist("x-forwarded-for"), self._options.proxy)
-        state = "none" if self._options.proxy is None else "named" if named else "silent"
+        named = forwarded_address(peer, request.headers.getlist("x-forwarded-for"), self._options.proxy)
+        state = "none" if self._options.proxy is None else "silent" if named is None else "named"
         reply = Response(self._probe, media_type="application/octet-stream", headers={PROXY_HEADER: state})
         self._set_cookie(reply, request, PROBE_COOKIE, "1", path="/check/")
         return reply
@@ -267,35 +267,31 @@ class Gateway:
     async def websocket(self, socket: WebSocket) -> None:
         """Joins a participant's websocket to a viser worker."""
         number = next(self._numbers)
-        ticket_id = socket.path_params["ticket"]
-        ticket = self._tickets.find(ticket_id)
-        if ticket is None or not ticket.admits(socket.cookies.get(SESSION_COOKIE, "")):
-            await socket.close(code=BAD)
-            return
-        if not self._is_own_origin(socket):
+        ticket_id, code = socket.path_params["ticket"], self._holder(socket)
+        if code is None or not self._is_own_origin(socket):
             await socket.close(code=BAD)
             return
         if socket.path_params.get("version") != self._version or is_other_viser(socket.scope["subprotocols"]):
             await socket.send_denial_response(PlainTextResponse(OTHER_VERSION, status_code=OTHER_VERSION_STATUS))
             return
-        if self._is_crowded(ticket.code):
+        if self._is_crowded(code):
             await socket.close(code=LATER)
             return
         with (
-            self._people.one(ticket.code, None),
+            self._people.one(code, None),
             self._sessions.one(ticket_id, MOST_PER_TICKET) as is_allowed,
-            self._seats.seat(ticket.code) as door,
+            self._seats.seat(code) as door,
         ):
             if door is None or not is_allowed:
                 await socket.close(code=LATER)
                 return
-            with self._present(ticket.code):
+            with self._present(code):
                 reason = await join(socket, door, ticket_id, number)
         if reason is not None:
-            self._tell(f"a connection of {ticket.code} was closed: it sent {reason}")
+            self._tell(f"a connection of {code} was closed: it sent {reason}")
             if self._note_error is not None:
                 with contextlib.suppress(StudyError):  # a store that cannot write has reported it itself
-                    await run_in_threadpool(self._note_error, ticket.code, f"connection closed: sent {reason}")
+                    await run_in_threadpool(self._note_error, code, f"connection closed: sent {reason}")
 
     def _paused(self, error: StudyError) -> Response:
         self._tell(str(error))

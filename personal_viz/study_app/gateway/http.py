@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import ipaddress
 import re
 import socket
 import threading
@@ -66,7 +65,7 @@ class PromptProtocol(H11Protocol):
         peer = self.client[0] if self.client else ""
         peers = [getattr(connection, "client", None) for connection in self.connections]
         mine = sum(other is not None and other[0] == peer for other in peers)
-        is_limited = not _is_loopback(peer) and peer not in self.unlimited
+        is_limited = client_address(peer, [], None) != LOOPBACK and peer not in self.unlimited
         if len(self.connections) > self.most_connections or (is_limited and mine > self.per_address):
             transport.abort()
             return
@@ -281,10 +280,3 @@ def _with_headers(send: Send, *, is_secure: bool) -> Callable[[Message], Awaitab
         await send(message)
 
     return sending
-
-
-def _is_loopback(address: str) -> bool:
-    try:
-        return ipaddress.ip_address(address).is_loopback
-    except ValueError:
-        return False

@@ -26,20 +26,17 @@ def client_address(peer: str | None, forwarded_for: list[str], proxy: str | None
         proxy: Address of the trusted reverse proxy; headers about forwarding from anybody else are ignored.
 
     Returns:
-        `loopback`; an IPv4 address; the /64 of an IPv6 address, which belongs to one household; or the text itself when
+        `loopback`; an IPv4 address; the /64 of an IPv6 address, which belongs to one household; or an empty text when
         it is not an address. A trusted proxy that does not say for whom it asks counts as one address.
     """
-    if proxy is not None and _key(peer) == _key(proxy):
-        hops = [hop.strip() for value in forwarded_for for hop in value.split(",")]
-        if hops and (key := _key(hops[-1])) != "":
-            return key
-    return _key(peer)
+    return forwarded_address(peer, forwarded_for, proxy) or _key(peer)
 
 
-def is_forwarded(peer: str | None, forwarded_for: list[str], proxy: str | None) -> bool:
-    """Whether the request comes from the trusted proxy and names the client."""
-    hops = [hop.strip() for value in forwarded_for for hop in value.split(",")]
-    return proxy is not None and _key(peer) == _key(proxy) and bool(hops) and _key(hops[-1]) != ""
+def forwarded_address(peer: str | None, forwarded_for: list[str], proxy: str | None) -> str | None:
+    """The client's address as the trusted proxy names it; None when somebody else asks, or the proxy names nobody."""
+    if proxy is None or _key(peer) != _key(proxy):
+        return None
+    return _key(",".join(forwarded_for).rpartition(",")[2].strip()) or None
 
 
 class AddressLimit:

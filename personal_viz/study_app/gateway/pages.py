@@ -157,22 +157,18 @@ class Pages:
             case "device":
                 words: dict[str, Any] = {
                     "needs_webgl": needs_webgl(person),
-                    "has_keys": person.task == "pan",
-                    "is_prolific": self._config.recruit.kind == "prolific",
                     "width": MIN_WIDTH,
                     "height": MIN_HEIGHT,
                     "smaller": SMALLER,
                 }
             case "consent":
-                text = told_text(self._texts, CONSENT_FILE, person.task)
-                words = _text_words(text, "Before you begin")
+                words = _text_words(told_text(self._texts, CONSENT_FILE, person.task), "Before you begin")
             case "instructions":
                 words = self._instructions(person, page)
             case "quiz":
                 words = self._question(person, journey)
             case "pause":
                 words = {"back_in": duration(left_s) if (left_s := self._left_s(journey)) > 0 else None}
-                words["sitting_max"] = self._config.breaks.sitting_max
             case "finished" | "declined" | "withdrawn" | "screened_out" | "full":
                 words = {"end": self._end_code(person.code, journey.place)}
             case _:
@@ -189,9 +185,10 @@ class Pages:
             base=base,
             place=journey.place,
             at=self._at(person, journey),
+            config=self._config,
+            person=person,
             journey=journey,
             may_leave=_may_leave(journey) and name != "leave",
-            on_withdraw=self._config.privacy.on_withdraw,
             **words,
         )
 
