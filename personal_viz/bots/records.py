@@ -14,7 +14,6 @@ from typing import Literal
 
 from human_study.store.records import StudyReader, read_study
 from human_study.trial.events import Clicked, Dropped, Event, Key
-from human_study.trial.events import Confirmed as ConfirmedEvent
 from sim.tasks.run_files import Vector3
 from sim.types import TaskKind
 
@@ -202,7 +201,7 @@ def _points(reader: StudyReader, log: BotLog) -> BotCount:
         for status in reader.trials(log.code)
         if status.trial_id is not None
         for line in reader.events(status.trial_id)
-        if isinstance(line.event, ConfirmedEvent)
+        if line.event.kind == "confirm"
     )
     sent = {pointed.ray: pointed for pointed in log.points if pointed.ray is not None}
     missing = [pointed for ray, pointed in sent.items() if ray not in rays]
