@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -54,6 +53,7 @@ class Homes:
     def run(self) -> int:
         from personal_viz.bench.homes.playability import report_of
         from sim.episodes.dataset import PersonalDataset
+        from sim.tasks.workers import run_jobs
 
         from .progress import counted
         from .refusals import check_options
@@ -62,15 +62,14 @@ class Homes:
         episodes = PersonalDataset(self.dataset)
         for name in self.scene:
             episodes.require_scene(name)
-        work = [
-            _HomeJob(self.dataset, name, self.out, self.folds) for name in dict.fromkeys(self.scene or episodes.scenes)
-        ]
-        facts = []
+        names = list(dict.fromkeys(self.scene or episodes.scenes))
+        work = [_HomeJob(self.dataset, name, self.out, self.folds) for name in names]
+        facts: list[HomeFacts] = []
         with counted("homes", len(work)) as progress:
-            for found in _measured(work, jobs=self.jobs):
+            for found in run_jobs(_measure, work, processes=self.jobs):
                 facts.append(found)
                 progress.add()
-        report = report_of(facts)
+        report = report_of(sorted(facts, key=lambda home: names.index(home.name)))
         if self.json:
             print(report.model_dump_json(indent=2))
         else:
@@ -82,17 +81,6 @@ class Homes:
                 file=sys.stderr if self.json else sys.stdout,
             )
         return 0
-
-
-def _measured(work: Sequence[_HomeJob], *, jobs: int) -> Iterator[HomeFacts]:
-    """The facts of each home, in order."""
-    from sim.tasks.workers import worker_pool
-
-    if jobs == 1 or len(work) == 1:
-        yield from map(_measure, work)
-        return
-    with worker_pool(min(jobs, len(work))) as pool:
-        yield from pool.map(_measure, work)
 
 
 def _measure(job: _HomeJob) -> HomeFacts:

@@ -42,9 +42,7 @@ def report_markdown(report: PogReport, gallery: Gallery | None) -> str:
         knob_table=_knob_table,
         knob_differences=lambda curves: _knob_differences(curves, report),
         knob_counts=_knob_counts,
-        has_ranges=lambda curves: any(
-            point.by_home or point.top3_by_home for curve in curves for point in curve.points
-        ),
+        has_ranges=lambda curves: any(_has_range(point) for curve in curves for point in curve.points),
         knob_axis=knob_axis,
         how_many=how_many,
         methods_name=methods_name,

@@ -4,7 +4,7 @@ import multiprocessing
 import os
 import threading
 from collections.abc import Callable, Container, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -26,6 +26,7 @@ class SceneJob:
 
 
 Job = TypeVar("Job", bound=SceneJob)
+Given = TypeVar("Given")
 Result = TypeVar("Result")
 
 
@@ -92,6 +93,25 @@ def worker_pool(processes: int, *, kept: str = "") -> Iterator[ProcessPoolExecut
         ) from None
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def run_jobs(
+    work: Callable[[Given], Result], jobs: Sequence[Given], *, processes: int, kept: str = ""
+) -> Iterator[Result]:
+    """Yields what `work` returns for each job, in the order in which they end.
+
+    Args:
+        work: A module-level function.
+        jobs: Its arguments.
+        processes: Number of worker processes; 1 = this process does the work.
+        kept: As in `worker_pool`.
+    """
+    if processes <= 1 or len(jobs) == 1:
+        yield from map(work, jobs)
+        return
+    with worker_pool(min(processes, len(jobs)), kept=kept) as pool:
+        for future in as_completed([pool.submit(work, job) for job in jobs]):
+            yield future.result()
 
 
 def without(jobs: Sequence[Job], done: Container[EpisodeKey]) -> list[Job]:

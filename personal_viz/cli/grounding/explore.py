@@ -6,7 +6,6 @@ import io
 import json as json_module
 import sys
 from collections.abc import Iterator, Sequence
-from concurrent.futures import as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -61,8 +60,11 @@ class Explore:
     with_pixels: WithPixels = False
 
     def run(self) -> int:
+        from grounding.agents.exploration_jobs import run_job
         from sim.files import write_whole
+        from sim.tasks.workers import run_jobs
 
+        from ..progress import counted
         from ..refusals import check_options
 
         check_options(self)
@@ -70,7 +72,11 @@ class Explore:
         names, kind = self._homes()
         todo = self._jobs(names)
         with watching(self.rerun, todo, with_pixels=self.with_pixels) as watched:
-            found = _with_progress(watched, processes=self.jobs)
+            found: list[Exploration] = []
+            with counted("explore", len(todo)) as progress:
+                for made in run_jobs(run_job, watched, processes=self.jobs, kept="finished explorations are kept"):
+                    found += made
+                    progress.add()
         found.sort(key=lambda item: (item.scene, item.storey_y))
         info = self._info(kind)
         document = document_of(found, info=info, out=self.out)
@@ -172,30 +178,6 @@ def watching(rerun: str | None, jobs: list[ExploreJob], *, with_pixels: bool) ->
     keys = [ExplorationKey(job.scene, storey, job.seed) for job in jobs for storey in range(per_home)]
     with recorded(rerun, keys, said_to=sys.stderr) as sink:
         yield [replace(job, watch=ObserveExplorations(sink, with_pixels=with_pixels)) for job in jobs]
-
-
-def _with_progress(jobs: Sequence[ExploreJob], *, processes: int) -> list[Exploration]:
-    from ..progress import counted
-
-    found: list[Exploration] = []
-    with counted("explore", len(jobs)) as progress:
-        for made in _explored(jobs, processes=processes):
-            found += made
-            progress.add()
-    return found
-
-
-def _explored(jobs: Sequence[ExploreJob], *, processes: int) -> Iterator[tuple[Exploration, ...]]:
-    """The explorations of each job, in the order in which they end."""
-    from grounding.agents.exploration_jobs import run_job
-    from sim.tasks.workers import worker_pool
-
-    if processes <= 1:
-        yield from map(run_job, jobs)
-        return
-    with worker_pool(min(processes, len(jobs)), kept="finished explorations are kept") as pool:
-        for future in as_completed([pool.submit(run_job, job) for job in jobs]):
-            yield future.result()
 
 
 def document_of(found: Sequence[Exploration], *, info: RunInfo, out: Path) -> dict:
