@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.figure import Figure
 from PIL import Image
 from playwright.sync_api import Page, expect
 
@@ -27,12 +29,20 @@ from human_study.design.study import (
 )
 from sim.authoring.generation import dataset_files, invent_dataset, write_files
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.frames import T_world_camera, yaw_towards
 from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import open_scene, scene_from_plan
 from sim.homes.plan import HomePlan
 from sim.homes.recovered.plans import recover_plan
+from sim.homes.renderers import raycaster_of
+from sim.mesh import Scene
+from sim.plan_view.axes import draw_free_floor
+from sim.plan_view.storey import storey_map
+from sim.tasks.rules import success_region
 from sim.tasks.run_files import read_run
-from sim.types import Action, EpisodeKey
+from sim.types import Action, Camera, EpisodeKey, Pose
+from sim.walk.storeys import nearest_storey, same_storey
 
 from ..bots.site import make_pilot
 from ..browse.app import browser_app
@@ -43,7 +53,6 @@ from ..contact_sheet.sheet import contact_sheet_picture
 from ..study_app.operator.served import ServedStudy, serve_command, served
 from ..study_app.page_script import STATIC
 from .rerun_page import screenshot_rrd
-from .simulator import draw_simulator
 
 PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 RELEASE = Path(__file__).resolve().parents[3] / "shared" / "personal-dataset" / "split"
@@ -51,7 +60,7 @@ RELEASE = Path(__file__).resolve().parents[3] / "shared" / "personal-dataset" / 
 SIZE = (760, 475)
 """Pixels of a picture of the instructions: it is shown inside a card."""
 MAX_BYTES = 60_000
-"""Of a picture of the instructions: a page holds up to three."""
+"""Size of a picture of the instructions; a page holds up to three."""
 _INSTRUCTIONS: dict[Condition, str] = {
     "none": "how-pan.jpg",
     "topdown": "how-topdown.jpg",
@@ -65,7 +74,7 @@ _PAIRS: tuple[tuple[Condition, Condition], ...] = (("none", "map_open"), ("topdo
 """Conditions of PAN and POG that are served together."""
 _EXPLORER = "personal_viz.examples.example_2_your_own_agent:ExplainingAgent"
 _KEYS = {Action.FORWARD: "w", Action.LEFT: "a", Action.RIGHT: "d"}
-"""What a participant presses; STOP is Enter twice."""
+"""Keys of a participant; STOP is Enter twice."""
 _METHODS = ("center", "qs", "rpg", "phrase", "joint")
 _WORSE, _BETTER = "rpg", "joint"
 """Methods whose answers are replayed."""
@@ -98,7 +107,7 @@ def picture_demo(folder: Path) -> None:
         _point_at_the_sofa(browser.new_page(), study)
     episodes = PersonalDataset(dataset)
     episode = next(episodes.episodes(splits=("hard",)))
-    draw_simulator(open_scene(episodes, episode.key.scene), episode, PICTURES / "simulator.png")
+    _draw_simulator(open_scene(episodes, episode.key.scene), episode)
     _compare(folder, dataset, key)
 
 
@@ -202,7 +211,7 @@ def picture_browse(folder: Path) -> None:
 
 
 def picture_instructions(folder: Path) -> None:
-    """What participants see of a home before they walk in it, and where they point at it: pictures of `static`."""
+    """The home as participants see it before they walk in it, and as they point at it: pictures of `static`."""
     for pan, pog in _PAIRS:
         choices = {
             "task": ("pan", "pog"),
@@ -232,7 +241,7 @@ JOBS: dict[str, Callable[[Path], None]] = {
     "browse": picture_browse,
     "instructions": picture_instructions,
 }
-"""What makes pictures, given a folder for what is made on the way."""
+"""Functions that make pictures; each gets a folder for the files that it needs on the way."""
 
 
 def small_jpeg(png: bytes) -> bytes:
@@ -244,6 +253,34 @@ def small_jpeg(png: bytes) -> bytes:
         if buffer.tell() <= MAX_BYTES:
             break
     return buffer.getvalue()
+
+
+def _draw_simulator(scene: Scene, episode: Episode) -> None:
+    """Draws what a robot near the end of an episode's shortest path sees, and the path on its storey's map."""
+    way = scene.navigation.shortest_path(np.array(episode.start.position), success_region(episode, scene.navigation))
+    assert way is not None, episode.key
+    back = way[-2] - way[-1]
+    x, y, z = (way[-1] + min(1.5 / max(float(np.linalg.norm(back)), 1e-9), 2 / 3) * back).tolist()
+    target = episode.targets[0].position
+    pose = Pose((x, y, z), yaw_towards((x, z), (target[0], target[2])))
+    frame = raycaster_of(scene).render(T_world_camera(pose, Camera()), Camera())
+    figure = Figure(figsize=(15, 3.3), dpi=100, layout="constrained")
+    colour, depth, ids, above = figure.subplots(1, 4)
+    colour.imshow(frame.rgb)
+    shown = depth.imshow(np.where(frame.depth_m > 0, frame.depth_m, np.nan), cmap="viridis")
+    figure.colorbar(shown, ax=depth, shrink=0.8, label="metres")
+    ids.imshow(np.where(frame.instance_ids > 0, frame.instance_ids % 20, np.nan), cmap="tab20", interpolation="nearest")
+    for axes, title in ((colour, "colour"), (depth, "planar depth"), (ids, "object ids")):
+        axes.set_title(title)
+        axes.set_axis_off()
+    storey = storey_map(scene.navigation, int(nearest_storey(y, scene.navigation.storey_heights)))
+    draw_free_floor(above, storey.free, storey.grid)
+    here = same_storey(way[:, 1], storey.floor_y)
+    above.plot(way[here, 0], way[here, 2], color="#d6006e", linewidth=2)
+    above.plot(x, z, marker="o", color="#1f5fa8")
+    above.set(title="free space and shortest path", xlabel="x (m)", ylabel="z (m)")
+    figure.suptitle(scene.label, fontsize=9)
+    figure.savefig(PICTURES / "simulator.png")
 
 
 def _walk_to_the_goal(page: Page, study: ServedStudy, way: Path) -> None:
@@ -371,7 +408,7 @@ _WAYS: dict[Condition, Callable[[Page], None]] = {
     "map_open": _point,
     "map_2d": _point,
 }
-"""What is done before the picture of a condition is taken."""
+"""Steps in the page before the picture of a condition is taken."""
 
 if __name__ == "__main__":
     main()
