@@ -31,7 +31,7 @@ EPISODES = "episodes"
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """What a comparison wrote."""
+    """Figures of a finished comparison."""
 
     page: Path
     num_episodes: int

@@ -127,7 +127,7 @@ def scene_runs(into: Path, scene: str) -> list[Run]:
 
 
 def setting_of(info: RunInfo) -> Setting | None:
-    """Where a run was made; None = on an oracle map."""
+    """The run's setting; None = an oracle map."""
     if info.scene_kind == "oracle-map":
         return None
     return Setting(info.scene_kind, _CLUTTER.get(str(info.config.get("clutter", 0)), 0))

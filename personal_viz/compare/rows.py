@@ -102,7 +102,7 @@ class Section:
 
     @property
     def remark(self) -> str:
-        """What the reader must know of these homes; empty for scans."""
+        """The note on these homes that a reader needs; empty for scans."""
         if self.setting is None:
             return (
                 "The grounders read maps made from the data set's own annotations, not from pictures: no row here "

@@ -88,7 +88,7 @@ def sheet_png(scene: Scene, episode: Episode, traces: Sequence[Trace], *, render
 
     Args:
         scene: The home in which the runs were made.
-        episode: With its targets.
+        episode: The episode.
         traces: The runs of the episode; at least one.
         renderer: Draws what the robots saw; None = the maps and pictures of a scan are left out.
     """
@@ -132,7 +132,7 @@ def thumbnail_jpeg(scene: Scene, episode: Episode, traces: Sequence[Trace], *, h
 
 
 def _note(scene: Scene, *, has_map: bool) -> str:
-    """What holds for the sheet of a scan, or what must be said of another home."""
+    """The note on a scan's terms of use, or on the kind of another home."""
     if scene.kind != "scan":
         return scene_label(scene.kind)
     return NOTICE.replace("This recording holds", "This sheet holds") if has_map else LEFT_OUT
@@ -239,7 +239,7 @@ def figures_of(trace: Trace) -> tuple[str, ...]:
 
 
 _View = tuple[NDArray[np.uint8], str, Trace | None]
-"""A picture, its caption, and whose it is; None = everybody's."""
+"""A picture, its caption, and its run; None = all runs."""
 
 
 def _views(walks: Sequence[Trace], renderer: Renderer | None) -> list[_View]:

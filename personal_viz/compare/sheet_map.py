@@ -85,8 +85,8 @@ def draw_floor(
         axes: Shaped as `floor.aspect`.
         floor: One of `floors_of`.
         scene: The home.
-        goal: Of the episode.
-        traces: Either PAN runs or answers.
+        goal: The episode's targets and success region.
+        traces: PAN runs, or answers; never both.
         words: Whether objects, marks and the scale are named; thumbnails have no room for it.
     """
     axes.set_xlim(floor.low[0], floor.high[0])

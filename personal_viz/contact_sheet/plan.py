@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from sim.copies.cut import storey_mesh
@@ -15,6 +14,7 @@ from sim.mesh import Scene
 from sim.plan_view.view import PlanView
 from sim.render.raycast import SKY_RGB, Raycaster
 from sim.types import STOREY_GAP, Camera
+from sim.walk.storeys import nearest_storey, same_storey
 
 _ABOVE = 400.0
 """Height of the camera over the cut (metres): so far that walls do not lean."""
@@ -76,38 +76,31 @@ def storey_picture(scene: Scene, plan: HomePlan | None, floor_y: float, *, size:
 
 def _room_names(plan: HomePlan, floor_y: float) -> list[_Name]:
     """Each room of the storey at a place well inside it."""
-    index = min(range(len(plan.storeys)), key=lambda k: abs(plan.storeys[k].floor_y - floor_y))
-    if abs(plan.storeys[index].floor_y - floor_y) >= STOREY_GAP:
+    index = int(nearest_storey(floor_y, [storey.floor_y for storey in plan.storeys]))
+    if not same_storey(plan.storeys[index].floor_y, floor_y):
         return []
     rooms = [room for room in plan.rooms if room.storey == index]
     return [_Name(room.name, xz) for room in rooms if (xz := _middle(room, plan)) is not None]
 
 
 def _middle(room: Room, plan: HomePlan) -> tuple[float, float] | None:
-    """A rectangle's centre, or of an area the cell nearest to the mean of its cells; of a whole storey its cells'."""
+    """A rectangle's centre; otherwise the cell nearest to the mean of the room's cells, if it has any.
+
+    A room without an area has all walkable cells of its storey.
+    """
     if room.rect is not None:
         return room.rect.centre
     if plan.cells is None:
         return None
-    rc = _cells_of(room, plan)
+    if room.area:
+        rc = np.array([(run.row, run.col + step) for run in room.area for step in range(run.length)])
+    else:
+        cells = cells_from_runs(plan.cells.walkable)
+        rc = cells.rc[np.abs(cells.y - plan.storeys[room.storey].floor_y) < STOREY_GAP / 2]
     if not len(rc):
         return None
-    nearest = rc[np.linalg.norm(rc - rc.mean(axis=0), axis=1).argmin()]
-    x, z = plan.cells.grid.xz_from_rc(nearest)
-    return float(x), float(z)
-
-
-def _cells_of(room: Room, plan: HomePlan) -> NDArray[np.int64]:
-    """(N, 2) cells of a room's area, or all walkable ones of its storey where it names none."""
-    if room.area:
-        parts = [
-            np.stack([np.full(run.length, run.row), np.arange(run.col, run.col + run.length)], axis=1)
-            for run in room.area
-        ]
-        return np.concatenate(parts)
-    assert plan.cells is not None
-    cells = cells_from_runs(plan.cells.walkable)
-    return cells.rc[np.abs(cells.y - plan.storeys[room.storey].floor_y) < STOREY_GAP / 2]
+    x, z = plan.cells.grid.xz_from_rc(rc[np.linalg.norm(rc - rc.mean(axis=0), axis=1).argmin()]).tolist()
+    return x, z
 
 
 def _write(picture: Image.Image, view: PlanView, rooms: Sequence[_Name], words: Sequence[_Name]) -> None:
@@ -119,8 +112,8 @@ def _write(picture: Image.Image, view: PlanView, rooms: Sequence[_Name], words: 
         for text, xz in names:
             right, down = view.pixels(xz).tolist()
             at = (right, down)
-            box = draw.textbbox(at, text, font=font, anchor="mm")
-            box = (box[0] - 3, box[1] - 2, box[2] + 3, box[3] + 2)
+            low_x, low_y, high_x, high_y = draw.textbbox(at, text, font=font, anchor="mm")
+            box = low_x - 3, low_y - 2, high_x + 3, high_y + 2
             if size == _WORD_SIZE and any(_overlap(box, other) for other in taken):
                 continue
             taken.append(box)
@@ -128,5 +121,5 @@ def _write(picture: Image.Image, view: PlanView, rooms: Sequence[_Name], words: 
             draw.text(at, text, font=font, anchor="mm", fill=_PAPER if fill == _INK else _INK)
 
 
-def _overlap(box: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
+def _overlap(box: tuple[float, ...], other: tuple[float, ...]) -> bool:
     return box[0] < other[2] and other[0] < box[2] and box[1] < other[3] and other[1] < box[3]

@@ -85,7 +85,7 @@ def write_crops(folder: Path, scene: Scene, *, seed: int = 0) -> int:
     Args:
         folder: Made where it is missing.
         scene: Any home with objects.
-        seed: Of the order.
+        seed: Seed of the order.
 
     Returns:
         How many crops were written.

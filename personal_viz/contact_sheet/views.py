@@ -1,4 +1,4 @@
-"""Where to stand to show a home: views of different rooms with much in them, and crops of single objects.
+"""Views of different rooms that show much of a home, and crops of single objects.
 
 Scene + renderer -> poses and pictures for the contact sheet (personal_viz/contact_sheet/sheet.py).
 """
@@ -30,7 +30,7 @@ _NUM_YAWS = 12
 _NOTICED = 12
 """Pixels of _LOOK from which an object counts as shown."""
 _TOO_NEAR = 1.0
-"""What is nearer than this to the camera hides the room (metres)."""
+"""Anything nearer to the camera than this hides the room (metres)."""
 _LARGEST = 0.15
 """An object that fills more of the picture hides others."""
 _DEEP = 1.5
@@ -70,7 +70,7 @@ def room_views(scene: Scene, renderer: Renderer, *, rooms: Mapping[int, str], co
 
     Args:
         scene: Any home.
-        renderer: Of its mesh.
+        renderer: Renderer of its mesh.
         rooms: Name of the room of each object, by instance id.
         count: How many views.
 

@@ -161,12 +161,12 @@ def _bars(
 
 
 def knob_axis(knob: str) -> str:
-    """What an option's axis says, with its unit."""
+    """Label of an option's axis, with its unit."""
     return _KNOB_AXES.get(knob, knob.replace("_", " "))
 
 
 def knob_ticks(knob: str, values: Sequence[float]) -> list[str]:
-    """What an option's values are called on its axis."""
+    """Names of an option's values on its axis."""
     if knob == "paraphrase":
         return [_PARAPHRASES[int(value)] for value in values]  # settings know 0 to 3 only
     return [f"{value:g}" for value in values]
