@@ -9,7 +9,7 @@ from tyro.conf import Positional, arg
 
 from sim.errors import PersonalVizError
 
-from .output import say, table_console
+from .output import print_table, say
 from .refusals import require_folder, writing
 
 if TYPE_CHECKING:
@@ -105,18 +105,10 @@ def _document(report: "Report") -> str:
 
 
 def _print_tables(report: "Report") -> None:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
     from ..bench.harness import machine_line, tables
 
     for title, (heads, *lines) in tables(report):
-        table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
-        for k, head in enumerate(heads):
-            table.add_column(head.replace(" cluttered", "\ncluttered"), justify="right" if k else "left", no_wrap=True)
-        for line in lines:
-            table.add_row(*line)
-        table_console().print(table)
+        print_table(title, [head.replace(" cluttered", "\ncluttered") for head in heads], lines)
     print(f"Machine: {machine_line(report.machine)}")
     for problem in report.problems:
         print(f"Problem: {problem}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import arg
 
 from .options import Json
-from .output import say, table_console
+from .output import say, table_console, table_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -56,23 +56,19 @@ class CheckHabitat:
 
 
 def _table(found: Agreement) -> Table:
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
+    from rich.text import Text
 
     from personal_viz.bench.habitat.agreement import TARGETS, targets_met
 
     met = targets_met(found)
-    table = Table(
-        title=f"Agreement with Habitat on {', '.join(house.house for house in found.houses)}", box=SIMPLE_HEAD
-    )
-    for head in ("", "target", "all", *(house.house for house in found.houses)):
-        table.add_column(head, justify="left" if not head else "right")
+    rows = []
     for key, target in TARGETS.items():
         sign = ">=" if target.at_least else "<="
         colour = {True: "green", False: "red", None: "dim"}[met[key]]
-        cells = [_cell(figures, key) for figures in (found, *found.houses)]
-        table.add_row(_LABELS[key], f"{sign} {_shown(key, target.limit)}", f"[{colour}]{cells[0]}[/]", *cells[1:])
-    return table
+        all_houses, *each = [_cell(figures, key) for figures in (found, *found.houses)]
+        rows.append((_LABELS[key], f"{sign} {_shown(key, target.limit)}", Text(all_houses, colour), *each))
+    houses = [house.house for house in found.houses]
+    return table_of(("", "target", "all", *houses), rows, title=f"Agreement with Habitat on {', '.join(houses)}")
 
 
 def _notes(found: Agreement) -> list[str]:

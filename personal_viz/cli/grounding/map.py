@@ -104,10 +104,11 @@ class Map:
         memory = _built(builder, recording, counts)
         source = MapSource(scene=self.scene or self.frames.resolve().name, kind="robot", builder=builder.name)
         save_memory(self.out, memory, source)
+        document = _document(memory, counts, self.layout, builder.name, self.out)
         if self.json:
-            print_json(_document(memory, counts, self.layout, builder, self.out))
+            print_json(document)
         else:
-            _print(memory, counts, builder, self.out)
+            _print(document)
         return 0
 
 
@@ -164,9 +165,8 @@ def _built(builder: MapBuilder, recording: RobotFrames, counts: FrameCounts) -> 
     return builder.finish()
 
 
-def _document(
-    memory: HomeMemory, counts: FrameCounts, layout: str, builder: MapBuilder, out: Path
-) -> dict[str, object]:
+def _document(memory: HomeMemory, counts: FrameCounts, layout: str, builder: str, out: Path) -> dict[str, Any]:
+    """The document that `--json` prints."""
     from grounding.maps.home_map import ObjectMap
 
     first = memory.storeys[0].memory
@@ -174,7 +174,7 @@ def _document(
         "frames": {"found": counts.num_found, "used": memory.num_frames, "skipped": dict(counts.by_reason)},
         "warning": counts.warning,
         "layout": layout,
-        "builder": builder.name,
+        "builder": builder,
         "cell": None if isinstance(first, ObjectMap) else first.grid.cell,
         "encoder": first.encoder,
         "dim": first.dim,
@@ -200,17 +200,12 @@ def _storey(storey: StoreyMemory) -> dict[str, float | int]:
     }
 
 
-def _print(memory: HomeMemory, counts: FrameCounts, builder: MapBuilder, out: Path) -> None:
-    print(f"{memory.num_frames} of {counts.num_found} frames used, {builder.name}, encoder {_space(memory)}")
-    for reason, number in counts.by_reason.items():
+def _print(document: dict[str, Any]) -> None:
+    frames, space = document["frames"], f"{document['encoder']} ({document['dim']}-d)"
+    print(f"{frames['used']} of {frames['found']} frames used, {document['builder']}, encoder {space}")
+    for reason, number in frames["skipped"].items():
         print(f"  skipped, {reason}: {number}")
-    for storey in memory.storeys:
-        found = _storey(storey)
-        stored = f"{found['objects']} objects" if "objects" in found else f"{found['cells']} cells"
-        print(f"  storey at {found['floor_y']} m: {stored}, {found['free_m2']} m2 free")
-    print(f"Written to {out}")
-
-
-def _space(memory: HomeMemory) -> str:
-    first = memory.storeys[0].memory
-    return f"{first.encoder} ({first.dim}-d)"
+    for storey in document["storeys"]:
+        stored = next(f"{storey[name]} {name}" for name in ("objects", "cells") if name in storey)
+        print(f"  storey at {storey['floor_y']} m: {stored}, {storey['free_m2']} m2 free")
+    print(f"Written to {document['written']}")

@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from ..output import print_json, table_console
+from ..output import print_json, table_console, table_of
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
+    from rich.text import Text
 
     from human_study.store.progress import PersonProgress, State, StudyProgress
     from personal_viz.study_app.operator.progress_view import PersonWords, ShownStudy
@@ -114,41 +115,28 @@ def _head(shown: ShownStudy) -> RenderableType:
 
 
 def _slots(shown: ShownStudy) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ("Task", "Condition", "Split"):
-        table.add_column(name)
-    for name in ("Done", "Held", "Free", "Failed", "All"):
-        table.add_column(name, justify="right")
+    rows = []
     for slot in shown.progress.slots:
         numbers = (slot.num_done, slot.num_held, slot.num_free, slot.num_failed, slot.num_all)
-        table.add_row(slot.task.upper(), slot.condition, slot.split, *map(str, numbers))
-    return table
+        rows.append((slot.task.upper(), slot.condition, slot.split, *map(str, numbers)))
+    names = ("Task", "Condition", "Split")
+    return table_of((*names, "Done", "Held", "Free", "Failed", "All"), rows, texts=names)
 
 
 def _people(shown: ShownStudy) -> RenderableType:
     """A table of the participants; people who may need help come first, because a short terminal cuts off the end."""
-    from rich import box
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ("Person", "Task", "State", "Where", "Trial"):
-        table.add_column(name, no_wrap=True)
-    for name in ("Done", "Last heard", "Reconnects", "Technical", "Abandoned"):
-        table.add_column(name, justify="right")
     people = sorted(zip(shown.progress.people, shown.people, strict=True), key=lambda row: _ORDER.index(row[0].state))
-    for person, words in people:
-        if person.state != "not_arrived":
-            table.add_row(*_cells(person, words))
+    rows = [_cells(person, words) for person, words in people if person.state != "not_arrived"]
+    names = ("Person", "Task", "State", "Where", "Trial")
+    table = table_of((*names, "Done", "Last heard", "Reconnects", "Technical", "Abandoned"), rows, texts=names)
     missing = [person.code for person, _ in people if person.state == "not_arrived"]
     return Group(table, Text(f"Not arrived: {', '.join(missing)}" if missing else "", style="dim"))
 
 
-def _cells(person: PersonProgress, words: PersonWords) -> list[RenderableType]:
+def _cells(person: PersonProgress, words: PersonWords) -> list[str | Text]:
     from rich.text import Text
 
     return [
