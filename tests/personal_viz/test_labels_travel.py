@@ -20,7 +20,6 @@ from personal_viz.cli.study.report import StudyReportVerb
 from personal_viz.cli.verbs import parse
 from sim.exchange.export_runs import ExportFormat
 from sim.homes.kind import scene_label
-from sim.types import SceneKind
 
 from ..human_study.finished import study_with_trials
 from .compared_runs import Compared
@@ -36,24 +35,23 @@ OF_PEOPLE = {"data_dictionary.md", "study.yaml", "participants", "exclusions", "
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Compared:
     """Runs of people, agents and grounders in an invented home."""
-    return _with_runs(tmp_path_factory.mktemp("invented"), "invented")
-
-
-@pytest.fixture(scope="module")
-def scans(tmp_path_factory: pytest.TempPathFactory) -> Compared:
-    """The same runs, called runs on scans."""
-    return _with_runs(tmp_path_factory.mktemp("scan"), "invented", called="scan")
-
-
-def _with_runs(root: Path, kind: SceneKind, *, called: SceneKind | None = None) -> Compared:
-    found = Compared(root, kind=kind)
-    found.kind = called or kind
+    found = Compared(tmp_path_factory.mktemp("invented"))
     found.write_runs()
     return found
 
 
-def home_runs(made: Compared) -> tuple[Path, ...]:
-    return tuple(made.runs / name for name in ("study", "idle", "evil"))
+@pytest.fixture(scope="module")
+def scans(made: Compared, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same runs, called runs on scans."""
+    runs = tmp_path_factory.mktemp("scan") / "runs"
+    shutil.copytree(made.runs, runs)
+    for path in runs.glob("*/run.json"):
+        path.write_text(path.read_text().replace('"scene_kind":"invented"', '"scene_kind":"scan"'))
+    return runs
+
+
+def home_runs(runs: Path) -> tuple[Path, ...]:
+    return tuple(runs / name for name in ("study", "idle", "evil"))
 
 
 def said_in(path: Path) -> str:
@@ -94,14 +92,14 @@ def test_each_kind_has_one_label_and_scans_have_none() -> None:
 
 @pytest.mark.slow
 def test_metrics_say_it_below_the_table_and_in_every_row(
-    made: Compared, scans: Compared, capsys: pytest.CaptureFixture[str]
+    made: Compared, scans: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Metrics(runs=home_runs(made), rule="paper", json=False).run()
+    Metrics(runs=home_runs(made.runs), rule="paper", json=False).run()
     printed = capsys.readouterr().out
     assert f"{INVENTED}." in printed
     assert "Rule paper = our reading of the PersONAL paper" in printed
     assert "evil" not in printed
-    Metrics(runs=home_runs(made), rule="habitat", json=True).run()
+    Metrics(runs=home_runs(made.runs), rule="habitat", json=True).run()
     rows = json.loads(capsys.readouterr().out)
     assert {row["scene_label"] for row in rows} == {INVENTED}
     assert {row["paper_strict"]["undefined"] for row in rows if row["task"] == "pan"} == {0}
@@ -110,8 +108,8 @@ def test_metrics_say_it_below_the_table_and_in_every_row(
 
 
 @pytest.mark.slow
-def test_every_file_of_a_study_report_says_it(made: Compared, scans: Compared, tmp_path: Path) -> None:
-    assert StudyReportVerb(runs=home_runs(made), out=tmp_path / "invented", dataset=made.data).run() == 0
+def test_every_file_of_a_study_report_says_it(made: Compared, scans: Path, tmp_path: Path) -> None:
+    assert StudyReportVerb(runs=home_runs(made.runs), out=tmp_path / "invented", dataset=made.data).run() == 0
     names = {path.name for path in (tmp_path / "invented").iterdir()}
     assert {"report.tex", "report.csv", "report.json", "pan-trials.csv", "pan-glmm.R", "pan-people.svg"} <= names
     assert any(name.startswith("overlay-") for name in names)
@@ -124,21 +122,21 @@ def test_every_file_of_a_study_report_says_it(made: Compared, scans: Compared, t
 
 
 @pytest.mark.slow
-def test_every_file_of_a_pog_report_says_it(made: Compared, scans: Compared, tmp_path: Path) -> None:
+def test_every_file_of_a_pog_report_says_it(made: Compared, scans: Path, tmp_path: Path) -> None:
     runs = [made.runs / "study", made.runs / "grounder"]
     assert PogReport(runs=runs, out=tmp_path / "invented").run() == 0
     empty = {"differences.csv", "options.csv"}  # heads alone
     assert silent_files(tmp_path / "invented", besides=NO_TABLE | empty) == []
     assert {"methods-1.png", "distance-1.svg", "table.tex"} <= {path.name for path in (tmp_path / "invented").iterdir()}
-    assert PogReport(runs=[scans.runs / "study", scans.runs / "grounder"], out=tmp_path / "scan").run() == 0
+    assert PogReport(runs=[scans / "study", scans / "grounder"], out=tmp_path / "scan").run() == 0
     assert [path.name for path in (tmp_path / "scan").iterdir() if BASELINE in said_in(path)] == []
 
 
 @pytest.mark.parametrize("format", ["jsonl", "tum", "minari"])
-def test_every_export_of_runs_says_it(made: Compared, scans: Compared, tmp_path: Path, format: ExportFormat) -> None:
+def test_every_export_of_runs_says_it(made: Compared, scans: Path, tmp_path: Path, format: ExportFormat) -> None:
     assert Export(runs=(made.runs / "idle",), out=tmp_path / "invented", format=format).run() == 0
     assert silent_files(tmp_path / "invented") == []
-    assert Export(runs=(scans.runs / "idle",), out=tmp_path / "scan", format=format).run() == 0
+    assert Export(runs=(scans / "idle",), out=tmp_path / "scan", format=format).run() == 0
     found = [path for path in (tmp_path / "scan").rglob("*") if path.is_file()]
     assert [path.name for path in found if BASELINE in said_in(path)] == []
 
@@ -165,7 +163,12 @@ def test_every_table_of_a_study_export_says_it(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_comparison_and_a_replay_say_it(made: Compared, tmp_path: Path) -> None:
-    assert Compare(runs=(made.runs / "idle", made.runs / "evil"), dataset=made.data, out=tmp_path / "c").run() == 0
+    assert (
+        Compare(
+            runs=(made.runs / "idle", made.runs / "evil"), dataset=made.data, out=tmp_path / "c", picture_width=32
+        ).run()
+        == 0
+    )
     assert silent_files(tmp_path / "c") == []
     page = (tmp_path / "c" / "index.html").read_text()
     assert "Rule paper = our reading of the PersONAL paper" in page
