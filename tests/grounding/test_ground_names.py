@@ -6,25 +6,16 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
 from grounding.evaluation.settings import GroundSettings
-from personal_viz.__main__ import main
 from personal_viz.cli.grounding.ground import map_name, run_name
 from sim.errors import AgentError
 from sim.tasks.run_files import MAX_NAME, RUN_ID
 
+from ..personal_viz.program import personal_viz
+
 LONG = ["--blur", ".5", "--object-noise", ".1", "--cell-noise", ".1", "--clutter-texts"]
 NUMBERS = [0.0, 0.1, 0.5, 1e-7, 0.123456789012345, 1e20, 1.0]
 ENCODERS = ["hashed", "minilm", "clip:" + "openai/a-long-name-of-a-model" * 3, "siglip:/models/mit Leerzeichen"]
-
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
-    """The exit code of the command in this process."""
-    monkeypatch.setattr("sys.argv", ["personal-viz", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    return int(ended.value.code or 0)
 
 
 def drawn_settings(draw: random.Random) -> GroundSettings:
@@ -70,12 +61,12 @@ def test_a_short_name_stays_as_it_was_and_two_long_ones_differ() -> None:
     assert {len(name) for name in names} == {MAX_NAME}
 
 
-def test_the_command_of_the_issue_writes_a_run(
-    small_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_of_the_issue_writes_a_run(small_root: Path, tmp_path: Path) -> None:
     same = ["ground", "--dataset", small_root, "--method", "rpg", *LONG, "--out", tmp_path]
-    assert call(monkeypatch, *same, "--encoder", "hashed", "--sweep", "blur=0.25,1e20") == 0
-    assert call(monkeypatch, *same, "--run-id", "r" * 80, "--sweep", "blur=0.25") == 0  # the value is cut, not refused
+    assert personal_viz(*same, "--encoder", "hashed", "--sweep", "blur=0.25,1e20").returncode == 0
+    assert (
+        personal_viz(*same, "--run-id", "r" * 80, "--sweep", "blur=0.25").returncode == 0
+    )  # the value is cut, not refused
     folders = sorted(path.parent.name for path in tmp_path.glob("*/answers.jsonl"))
     assert len(folders) == 6, "each with a run by rules phrases beside it"
     assert all(re.fullmatch(RUN_ID, name) for name in folders)

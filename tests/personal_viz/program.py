@@ -19,11 +19,11 @@ class Done:
     stderr: str
 
 
-def personal_viz(*arguments: str, **environment: str) -> Done:
+def personal_viz(*arguments: object, **environment: str) -> Done:
     """What the program printed and how it ended; what its own child processes print is not there."""
     code: object = None
     with (
-        mock.patch.object(sys, "argv", ["personal-viz", *arguments]),
+        mock.patch.object(sys, "argv", ["personal-viz", *map(str, arguments)]),
         mock.patch.dict(os.environ, environment),
         contextlib.redirect_stdout(io.StringIO()) as stdout,
         contextlib.redirect_stderr(io.StringIO()) as stderr,

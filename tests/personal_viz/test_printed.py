@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 from rich.table import Table
 
-from personal_viz.__main__ import main
 from personal_viz.printed import Console, one_line, printable, printable_streams
 from sim.tasks.run_writer import RunWriter
 from tests.grounding.pog_runs import answer_to, keys, run_of
+
+from .program import personal_viz
 
 CONTROL = "\x1b]0;owned\x07\x1b[2J\u202egnp\x85\x9b31m\x00"
 REFUSED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202e]")
@@ -47,15 +48,12 @@ def test_prints_and_tables_are_filtered_and_tables_keep_their_own_colours(monkey
 
 
 def test_names_of_files_and_names_in_files_are_printed_without_control_characters(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path,
 ) -> None:
     def call(*arguments: str) -> str:
-        monkeypatch.setattr("sys.argv", ["personal-viz", *arguments])
-        with pytest.raises(SystemExit):
-            main()
-        out, err = capfd.readouterr()
-        assert not REFUSED.search(out + err)
-        return out + err
+        done = personal_viz(*arguments)
+        assert not REFUSED.search(done.stdout + done.stderr)
+        return done.stdout + done.stderr
 
     odd = CONTROL.replace("\x00", "") + os.fsdecode(b"\xff")
     folder = tmp_path / odd

@@ -6,18 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from personal_viz.__main__ import main
 from sim.tasks.run_files import MAX_NAME, RUN_ID, fitting_name, fitting_run_id, read_run
 
+from .program import assert_one_line, personal_viz
+
 ODD = ["x" * 200, "über alles", "../up", ".hidden", "a/b:c", "", "tab\there", "-", "\x1b[31mred", "ok-1.2_3", "Ж" * 100]
-
-
-def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
-    """Exit code and standard error of the command in this process."""
-    monkeypatch.setattr("sys.argv", ["personal-viz", *map(str, arguments)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    return int(ended.value.code or 0), capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ODD)
@@ -30,7 +23,7 @@ def test_any_name_can_be_made_a_folders(name: str) -> None:
 
 @pytest.mark.slow
 def test_run_names_itself_whatever_the_agent_is_called(
-    invented_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    invented_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module = "agent_" + "long_" * 15
     (tmp_path / f"{module}.py").write_text(
@@ -38,17 +31,15 @@ def test_run_names_itself_whatever_the_agent_is_called(
     )
     monkeypatch.syspath_prepend(str(tmp_path))
     same = ["run", "--dataset", invented_root, "--scene", "Small", "--split", "easy", "--limit", 1, "--out", tmp_path]
-    code, said = call(monkeypatch, capsys, *same, "--agent", f"{module}:make", "--seed", 10**12)
-    assert (code, said) == (0, "")
+    done = personal_viz(*same, "--agent", f"{module}:make", "--seed", 10**12)
+    assert (done.returncode, done.stderr) == (0, "")
     (made,) = tmp_path.glob("*/run.json")
     assert re.fullmatch(RUN_ID, made.parent.name)
     assert len(read_run(made.parent).info.who) == MAX_NAME
 
 
 @pytest.mark.slow
-def test_names_drawn_at_random_are_taken_or_refused_in_one_line(
-    invented_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_names_drawn_at_random_are_taken_or_refused_in_one_line(invented_root: Path, tmp_path: Path) -> None:
     draw = random.Random(7)
     taken = 0
     for number in range(60):
@@ -62,21 +53,18 @@ def test_names_drawn_at_random_are_taken_or_refused_in_one_line(
             ["ground", "--dataset", invented_root, "--method", "qs", "--run-id", name, "--limit", 1, "--out", out],
             ["run", "--dataset", invented_root, "--agent", name, "--run-id", draw.choice(ODD), "--out", out],
         ])  # fmt: skip
-        code, said = call(monkeypatch, capsys, *arguments)
-        assert code in (0, 1), (arguments, said)
-        assert len(said.splitlines()) == code, (arguments, said)
-        assert "\x1b" not in said
-        taken += code == 0
+        done = personal_viz(*arguments)
+        assert done.returncode in (0, 1), (arguments, done.stderr)
+        assert len(done.stderr.splitlines()) == done.returncode, (arguments, done.stderr)
+        assert "\x1b" not in done.stderr
+        taken += done.returncode == 0
     assert 5 < taken < 55
 
 
-def test_the_line_names_the_option_that_a_file_refused(
-    invented_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_line_names_the_option_that_a_file_refused(invented_root: Path, tmp_path: Path) -> None:
     same = ["study", "init", tmp_path / "a study, with a long name and blanks", "--dataset", invented_root]
-    code, said = call(monkeypatch, capsys, *same, "--name", "two words")
-    assert code == 1
-    assert said.startswith("personal-viz: --name: study is 'two words'; expected: ")
-    assert said.endswith("Give another --name.\n")
-    assert call(monkeypatch, capsys, *same)[0] == 0  # the folder's name is made to fit
+    done = personal_viz(*same, "--name", "two words")
+    assert_one_line(done, "personal-viz: --name: study is 'two words'; expected: ")
+    assert done.stderr.endswith("Give another --name.\n")
+    assert personal_viz(*same).returncode == 0  # the folder's name is made to fit
     assert "study: a-study-with-a-long-name-and-bla" in (tmp_path / same[2] / "study.yaml").read_text()
