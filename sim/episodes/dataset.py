@@ -200,14 +200,19 @@ def sample_keys(keys: Sequence[EpisodeKey], *, per_split: int | None, seed: int)
 
 def _require_distinct_ids(path: Path, content: SceneFile) -> None:
     """Raises DatasetError when two episodes of a file have the same id: their runs could not be told apart."""
+    for index, other in repeated_ids(content):
+        raise DatasetError(
+            f"{path}: episodes[{index}].episode_id is {content.episodes[index].episode_id!r}, as in episodes[{other}]; "
+            f"expected one use per file. {_ADVICE}"
+        )
+
+
+def repeated_ids(content: SceneFile) -> Iterator[tuple[int, int]]:
+    """Index of each episode whose id an earlier one has, and of the first episode with this id."""
     first_place: dict[str, int] = {}
     for index, record in enumerate(content.episodes):
-        other = first_place.setdefault(record.episode_id, index)
-        if other != index:
-            raise DatasetError(
-                f"{path}: episodes[{index}].episode_id is {record.episode_id!r}, as in episodes[{other}]; "
-                f"expected one use per file. {_ADVICE}"
-            )
+        if first_place.setdefault(record.episode_id, index) != index:
+            yield index, first_place[record.episode_id]
 
 
 def read_bytes(path: Path) -> bytes:

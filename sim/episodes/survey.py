@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from sim.errors import DatasetError, short
 from sim.types import SPLITS, EpisodeKey, Split
 
-from .dataset import MANY_OBJECTS, PersonalDataset, read_bytes
+from .dataset import MANY_OBJECTS, PersonalDataset, read_bytes, repeated_ids
 from .ownership import parse_ownership
 from .schema import Episode, Goal, SceneFile, resolve_episode, scene_name_from_id
 
@@ -112,12 +112,9 @@ class Survey:
     def population(self, unit: Unit) -> dict[Split, int] | None:
         """Number of these units in each split; None where such a count makes no sense."""
         counts: dict[Split, int] = dict.fromkeys(SPLITS, 0)
-        if unit == "episodes":
+        if unit in ("episodes", "sentences"):
             for episode in self.records:
-                counts[episode.key.split] += 1
-        elif unit == "sentences":
-            for episode in self.records:
-                counts[episode.key.split] += len(episode.record.extracted_summary)
+                counts[episode.key.split] += 1 if unit == "episodes" else len(episode.record.extracted_summary)
         elif unit in ("goal entries", "view points", "extra view points", "original view points"):
             for entry in self.goal_entries:
                 num_original = len(entry.goal.original_view_points)
@@ -192,15 +189,15 @@ def _problems_of_file(path: Path, error: DatasetError) -> Iterator[str]:
 
 def _problems_of_content(scene: str, content: SceneFile) -> Iterator[str]:
     """Errors that the schema cannot see: an episode of another scene, a repeated key, a sentence without owner."""
-    first_place: dict[str, int] = {}
+    repeated = dict(repeated_ids(content))
     for index, record in enumerate(content.episodes):
         where = f"episodes.{index}"
         if scene_name_from_id(record.scene_id) != scene:
             found = short(record.scene_id, most=80)
             yield f"{where}.scene_id is {found}; expected: a path to scene {scene!r}, as the file is named."
-        if first_place.setdefault(record.episode_id, index) != index:
-            other = first_place[record.episode_id]
-            yield f"{where}.episode_id is {record.episode_id!r}, as in episodes.{other}; expected: one use per file."
+        if index in repeated:
+            found = f"{record.episode_id!r}, as in episodes.{repeated[index]}"
+            yield f"{where}.episode_id is {found}; expected: one use per file."
         for number, sentence in enumerate(record.extracted_summary):
             try:
                 parse_ownership(sentence)

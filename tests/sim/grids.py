@@ -14,12 +14,19 @@ def at(x: float, z: float, y: float = 0.0) -> np.ndarray:
     return np.array([x, y, z])
 
 
-def grid_of(free, *, size: float = 4.0) -> FloorGrid:
-    """A square of 4 m from (0, 0); `free(x, z)` says which cell centres are free."""
+def grid_of(free=lambda x, z: x < np.inf, *, size: float = 4.0) -> FloorGrid:
+    """A square from (0, 0); `free(x, z)` says which cell centres are free."""
     spec = GridSpec((0.0, 0.0), CELL, (round(size / CELL), round(size / CELL)))
     rc = np.argwhere(np.ones(spec.shape, bool))
     rc = rc[free(*spec.xz_from_rc(rc).T)]
     return FloorGrid.from_cells(rc, np.zeros(len(rc)), grid=spec)
+
+
+def height_at(grid: FloorGrid, point: np.ndarray) -> float:
+    """Height of the floor to which a point snaps."""
+    snapped = grid.snap(point)
+    assert snapped is not None
+    return float(snapped[1])
 
 
 def cluttered_home() -> TriangleMesh:

@@ -11,19 +11,13 @@ from hypothesis import strategies as st
 from sim.errors import SceneError
 from sim.types import GridSpec
 from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
-from tests.sim.grids import CELL, at, cluttered_home, grid_of
+from tests.sim.grids import CELL, at, cluttered_home, grid_of, height_at
 from tests.sim.meshes import box, floor, mesh_of, ramp
-
-
-def floor_under(grid: FloorGrid, point: np.ndarray) -> float:
-    snapped = grid.snap(point)
-    assert snapped is not None
-    return float(snapped[1])
 
 
 @pytest.fixture(scope="module")
 def open_floor() -> FloorGrid:
-    return grid_of(lambda x, z: x < 99)
+    return grid_of()
 
 
 @pytest.fixture(scope="module")
@@ -118,8 +112,8 @@ def test_snap_keeps_points_on_the_map_and_moves_others_to_the_nearest_border(ope
 
 
 def test_a_point_a_little_above_a_floor_belongs_to_that_storey(two_storeys):
-    assert floor_under(two_storeys, at(1, 1, 0.5)) == 0.0
-    assert floor_under(two_storeys, at(1, 1, 2.95)) == pytest.approx(2.8)
+    assert height_at(two_storeys, at(1, 1, 0.5)) == 0.0
+    assert height_at(two_storeys, at(1, 1, 2.95)) == pytest.approx(2.8)
     assert two_storeys.is_navigable(at(1, 1, 3.2))
     assert not two_storeys.is_navigable(at(1, 1, 1.4))
     assert not two_storeys.is_navigable(at(1, 1, 0.2), max_dy=0.1)
@@ -246,7 +240,7 @@ def test_a_bare_floor_loses_the_robots_radius_and_its_ledge_at_each_side():
 
 def test_heights_are_those_of_the_real_floor_not_of_the_voxels():
     found = floor_grid_from_mesh(mesh_of(floor(0, 0, 4, 4, y=0.13), floor(0, 0, 4, 4, y=-0.2)))
-    assert floor_under(found, at(2, 2)) == pytest.approx(0.13)
+    assert height_at(found, at(2, 2)) == pytest.approx(0.13)
 
 
 def test_a_step_of_15_cm_is_climbed_and_one_of_45_cm_is_not():
@@ -269,7 +263,7 @@ def test_a_ramp_of_30_degrees_is_walked_and_one_of_50_degrees_is_not():
 def test_a_low_table_blocks_and_its_top_is_an_island_of_its_own():
     found = floor_grid_from_mesh(mesh_of(floor(0, 0, 6, 6), *box((2, 0.7, 2), (4, 0.75, 4))))
     assert not found.is_navigable(at(3, 3))
-    assert floor_under(found, at(3, 3, 0.9)) == pytest.approx(0.75)
+    assert height_at(found, at(3, 3, 0.9)) == pytest.approx(0.75)
     assert found.island(at(3, 3, 0.75)) != found.island(at(1, 1))
     assert found.storey_heights == (0.0,)
 

@@ -79,18 +79,12 @@ def put(line: int, **values: Any) -> Callable[[Rows], object]:
     return lambda rows: rows[line - 1].update(values)
 
 
-def yawed(line: int, by_deg: float) -> Callable[[Rows], object]:
+def turned(line: int, angle: str, by_deg: float) -> Callable[[Rows], object]:
+    """Changes the `yaw` or `tilt` of every pose from this line on."""
+
     def change(rows: Rows) -> None:
         for row in rows[line - 1 : -1]:
-            row["yaw"] += math.radians(by_deg)
-
-    return change
-
-
-def tilted(line: int, by_deg: float) -> Callable[[Rows], object]:
-    def change(rows: Rows) -> None:
-        for row in rows[line - 1 : -1]:
-            row["tilt"] += math.radians(by_deg)
+            row[angle] += math.radians(by_deg)
 
     return change
 
@@ -117,13 +111,13 @@ IMPOSSIBLE: list[tuple[str, Callable[[Rows], object], str]] = [
     ),
     ("a first forward far off its line", moved(2, (0.4, 0, 0)), ":2: action 'forward' ended 0.250 m ahead, 0.400 m"),
     ("a first forward from another floor", moved(2, (0, 0.8, 0)), ":2: action 'forward' ended"),
-    ("a turn of 31 degrees", yawed(3, 1), ":3: action 'left' changed yaw by 31.0 degrees; expected 30"),
-    ("a turn to the other side", yawed(3, -60), ":3: action 'left' changed yaw by -30.0 degrees; expected 30"),
+    ("a turn of 31 degrees", turned(3, "yaw", 1), ":3: action 'left' changed yaw by 31.0 degrees; expected 30"),
+    ("a turn to the other side", turned(3, "yaw", -60), ":3: action 'left' changed yaw by -30.0 degrees; expected 30"),
     ("a turn that moves", moved(3, (0.01, 0, 0)), ":3: action 'left' moved the robot 0.010 m; expected no"),
-    ("a forward that turns", yawed(5, 30), ":5: action 'forward' changed yaw by 30.0 degrees; expected 0"),
-    ("a look of 20 degrees", tilted(4, -10), ":4: action 'look_up' changed tilt by 20.0 degrees; expected 30"),
+    ("a forward that turns", turned(5, "yaw", 30), ":5: action 'forward' changed yaw by 30.0 degrees; expected 0"),
+    ("a look of 20 degrees", turned(4, "tilt", -10), ":4: action 'look_up' changed tilt by 20.0 degrees; expected 30"),
     ("a look that moves", moved(4, (0, 0, 0.02)), ":4: action 'look_up' moved the robot 0.020 m"),
-    ("a turn that tilts", tilted(3, 5), ":3: action 'left' changed tilt by 5.0 degrees; expected 0"),
+    ("a turn that tilts", turned(3, "tilt", 5), ":3: action 'left' changed tilt by 5.0 degrees; expected 0"),
     ("a stop that moves", moved(6, (0, 0, 0.02)), ":6: action 'stop' moved the robot 0.020 m"),
     ("an action after stop", put(5, action="stop"), ":5: action 'stop' moved the robot"),
     ("two stops", lambda rows: rows.insert(6, dict(rows[6 - 1] | {"action": "stop"})), ":7: found action 'stop' after"),

@@ -9,7 +9,7 @@ import pytest
 from sim.errors import SceneError
 from sim.mesh import TriangleMesh
 from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
-from tests.sim.grids import at
+from tests.sim.grids import at, height_at
 from tests.sim.meshes import Quad, box, floor, mesh_of
 
 EDGE = 0.04
@@ -75,12 +75,6 @@ def stair(x: float, z: float, *, rise: float, risers: int, going: float = 0.28, 
 
 def distance(grid: FloorGrid, a: np.ndarray, b: np.ndarray) -> float:
     return float(grid.distances(a[None], b[None])[0])
-
-
-def height_at(grid: FloorGrid, point: np.ndarray) -> float:
-    snapped = grid.snap(point)
-    assert snapped is not None
-    return float(snapped[1])
 
 
 @pytest.mark.parametrize("seed", range(3))

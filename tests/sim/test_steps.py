@@ -11,31 +11,18 @@ from sim.frames import forward_from_yaw
 from sim.types import GridSpec
 from sim.walk.floor_grid import FloorGrid
 from sim.walk.steps import STOP_MARGIN, has_collided
-
-CELL = 0.05
-
-
-def at(x: float, z: float, y: float = 0.0) -> np.ndarray:
-    return np.array([x, y, z])
-
-
-def room(free=lambda x, z: x < 99) -> FloorGrid:
-    """Free floor for x, z in [0, 2) where `free(x, z)`."""
-    spec = GridSpec((0.0, 0.0), CELL, (40, 40))
-    rc = np.argwhere(np.ones(spec.shape, bool))
-    rc = rc[free(*spec.xz_from_rc(rc).T)]
-    return FloorGrid.from_cells(rc, np.zeros(len(rc)), grid=spec)
+from tests.sim.grids import CELL, at, grid_of
 
 
 @pytest.fixture(scope="module")
 def open_room() -> FloorGrid:
-    return room()
+    return grid_of(size=2.0)
 
 
 @pytest.fixture(scope="module")
 def slanted() -> FloorGrid:
     """Free below the diagonal x + z = 2 only: a wall like a staircase."""
-    return room(lambda x, z: x + z < 2)
+    return grid_of(lambda x, z: x + z < 2, size=2.0)
 
 
 def test_a_free_step_ends_exactly_where_it_was_meant_to(open_room):
@@ -102,7 +89,7 @@ def test_a_start_above_the_floor_lands_on_it_and_a_blocked_walk_still_collides(o
 
 
 def test_an_end_on_another_island_is_not_walked_to():
-    split = room(lambda x, z: np.abs(x - 1) > 0.05)
+    split = grid_of(lambda x, z: np.abs(x - 1) > 0.05, size=2.0)
     assert split.step(at(0.9, 1), at(1.15, 1)) == ((0.9, 0.0, 1.0), True)
     assert split.step(at(0.9, 1), at(1.15, 1), slide=True) == ((0.9, 0.0, 1.0), True)
 

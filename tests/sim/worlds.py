@@ -4,23 +4,20 @@ import numpy as np
 
 from sim.episodes.schema import AgentState, Episode, EpisodeInfo, EpisodeRecord, Goal, ViewPoint
 from sim.frames import quat_xyzw_from_yaw
-from sim.types import EpisodeKey, GridSpec
+from sim.types import EpisodeKey
 from sim.walk.floor_grid import FloorGrid
 
-CELL = 0.05
+from .grids import grid_of
 
 
-def open_room(*, width: float = 6.0, depth: float = 6.0, floor_y: float = 0.0) -> FloorGrid:
-    """Free floor for x in [0, width), z in [0, depth), without obstacles."""
-    return room_with(lambda xz: np.ones(len(xz), bool), width=width, depth=depth, floor_y=floor_y)
+def open_room() -> FloorGrid:
+    """Free floor for x and z in [0, 6)."""
+    return grid_of(size=6.0)
 
 
-def room_with(free, *, width: float = 6.0, depth: float = 6.0, floor_y: float = 0.0) -> FloorGrid:
-    """The part of a rectangle where `free(xz (N, 2)) -> (N,) bool`."""
-    grid = GridSpec((0.0, 0.0), CELL, (round(depth / CELL), round(width / CELL)))
-    rc = np.argwhere(np.ones(grid.shape, bool))
-    rc = rc[free(grid.xz_from_rc(rc))]
-    return FloorGrid.from_cells(rc, np.full(len(rc), floor_y), grid=grid)
+def room_with(free) -> FloorGrid:
+    """The part of the open room where `free(xz (N, 2)) -> (N,) bool`."""
+    return grid_of(lambda x, z: free(np.stack([x, z], axis=1)), size=6.0)
 
 
 def view_point(position: tuple[float, float, float], *, iou: float | None = 0.5) -> ViewPoint:
