@@ -1,6 +1,6 @@
 """`personal-viz browse`: a viser server on loopback that gives each browser a visitor of its own.
 
-It shows ground truth, so only pages that this server itself delivered get anything: viser would answer any website.
+It shows ground truth, so only pages that this server delivered get an answer; viser alone would answer any website.
 """
 
 import asyncio
@@ -20,16 +20,16 @@ from .library import Library
 from .visitor import Visitor
 
 OWN_HOSTS = ("127.0.0.1", "localhost")
-"""Names under which a page of ours can be open."""
+"""Host names in the address of our own pages."""
 
 
 @contextlib.contextmanager
 def browser_app(library: Library, *, port: int = 0) -> Iterator[str]:
-    """Address of the running app; it ends with the block.
+    """The address of the running app, which ends with the block.
 
     Args:
-        library: What is looked through.
-        port: On 127.0.0.1; 0 takes a free one.
+        library: The episodes, runs and homes to show.
+        port: A port of 127.0.0.1; 0 takes a free one.
 
     Raises:
         PersonalVizError: The port is taken.
@@ -78,8 +78,8 @@ def browser_app(library: Library, *, port: int = 0) -> Iterator[str]:
 def is_own_page(origin: str | None, port: int) -> bool:
     """Whether a connection comes from a page that this server delivered, as its `Origin` header says.
 
-    Browsers always send the header and no page can change it; another website's page has another origin, also when
-    that website's name leads to this machine.
+    Browsers always send the header, and no page can change it. Another website's page has another origin, even if that
+    website's name leads to this machine.
     """
     if origin is None:
         return False
@@ -98,7 +98,7 @@ def origin_of(server: viser.ViserServer, client_id: int) -> str | None:
 
 
 def _free_port(port: int) -> int:
-    """The port itself, or a free one for 0: viser would take the next one in silence when it is busy."""
+    """The port itself, or a free one for 0; viser would silently take the next one when it is busy."""
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

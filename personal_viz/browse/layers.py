@@ -1,4 +1,4 @@
-"""What one browser shows over a home: target, view points, start, success region, paths, answers, object boxes."""
+"""The 3-D view of one browser: a home, target, view points, start, success region, paths, answers, object boxes."""
 
 import math
 from collections.abc import Awaitable, Callable, Collection, Sequence

@@ -1,10 +1,10 @@
-"""Which object of the home each node of an ownership graph is, as far as the captions tell. Pure.
+"""The objects of the home that the nodes of an ownership graph stand for, as far as the captions tell. Pure.
 
-The files link only an episode's targets to objects. Distractors are linked by their words: an ownership sentence is
-made of the caption of its object, and other episodes' captions of the same home say which object that is. It is a
-guess and shown as one. Measured on the very episodes for which the thresholds below were chosen, so optimistic: of 699
-targets in ten scenes of the release, linked by words alone, 622 are right, 1 is wrong, 76 stay open; with the right
-caption taken away 7 % are linked to another object; in invented homes, most of whose objects nobody asks for, 189 links
+The files link only an episode's targets to objects. Other nodes are linked by their words: an ownership sentence is
+made of the caption of its object, and the captions of other episodes in the same home say which object that is. Such a
+link is a guess and shown as one. Measured on the episodes for which the thresholds below were chosen, so optimistic:
+of 699 targets in ten scenes of the release, linked by words alone, 622 are right, 1 is wrong, 76 stay open; without
+the right caption 7 % are linked to another object. In invented homes, where few objects are asked for, 189 links
 (targets included) are right and 6 wrong.
 """
 
@@ -19,18 +19,18 @@ from sim.episodes.schema import Episode, Goal
 from sim.words.captions import own_words
 
 CLEAR_SHARE = 0.75
-"""How well a sentence must fit the caption of its object (1 = word for word; rare words count more)."""
+"""Least fit of a sentence to the caption of its object (1 = word for word; rare words count more)."""
 CLEAR_LEAD = 0.08
-"""By how much the best object must fit better than the second; with less nobody can tell which one is meant."""
+"""Least difference between the fits of the best and the second object; below it nobody can tell which is meant."""
 _OWN_PART = 0.5
-"""What the words about the object itself count for, beside all words; the others may be of things beside it."""
+"""Weight of the words about the object itself, beside that of all words, some of which are about its neighbours."""
 _OTHER_CATEGORY, _SAME_ROOM = 0.3, 0.05
-"""What a sentence loses that does not call the object by its category, and wins where the caption names its room."""
+"""Loss of a sentence that does not name the object's category, and gain where the caption names the room."""
 
 
 @dataclass(frozen=True, slots=True)
 class SceneTexts:
-    """What the episodes of one scene say about its objects."""
+    """The objects of one scene and the captions that its episodes give them."""
 
     goals: Mapping[str, Goal]
     """Every goal object by `object_name`."""
@@ -49,14 +49,14 @@ class SceneTexts:
 
 @dataclass(frozen=True, slots=True)
 class ObjectLink:
-    """One object node of a graph and the object of the home that it is."""
+    """One object node of a graph, and the object of the home that it stands for."""
 
     node: str
-    """As in `OwnershipGraph.objects`."""
+    """The node, as in `OwnershipGraph.objects`."""
     goal: str | None
-    """`object_name`; None = the texts do not tell."""
+    """The object's `object_name`; None = the texts do not tell."""
     is_target: bool = False
-    """Whether the episode asks for it; then the link is the dataset's, not guessed from words."""
+    """Whether the episode asks for it; then the link comes from the dataset and is no guess."""
 
 
 def object_links(episode: Episode, graph: OwnershipGraph, texts: SceneTexts) -> tuple[ObjectLink, ...]:
@@ -78,7 +78,7 @@ def object_links(episode: Episode, graph: OwnershipGraph, texts: SceneTexts) -> 
 
 
 def _targets(episode: Episode, graph: OwnershipGraph, words: Mapping[str, frozenset[str]]) -> dict[str, str]:
-    """Node to target: of the owner's nodes the one most like a target's caption, each target and node once."""
+    """Target by node: each target gets the owner's node that is most like its caption; nodes are used once."""
     record = episode.record
     theirs = list(dict.fromkeys(edge.node for edge in graph.edges if edge.owner == record.owner))
     pairs = []
@@ -93,7 +93,7 @@ def _targets(episode: Episode, graph: OwnershipGraph, words: Mapping[str, frozen
 
 
 def _fits(edge: OwnershipEdge, texts: SceneTexts, weights: Mapping[str, float]) -> list[tuple[float, str]]:
-    """(how well it fits, object) of the objects with captions, best first."""
+    """(fit, object) of the objects with captions, best first."""
     phrase, room = content_words(edge.phrase), content_words(edge.room or "")
     found = []
     for name, captions in texts.captions.items():
@@ -129,13 +129,13 @@ def _clear(fits: list[tuple[float, str]], taken: set[str]) -> str | None:
 
 
 def _share(words: frozenset[str], caption: frozenset[str], weights: Mapping[str, float]) -> float:
-    """Weight of the common words: mostly of the node's, a little of the caption's, so that a whole match leads."""
+    """Weight of the common words as a share of the node's and, a little, of the caption's: a whole match leads."""
     common = _sum(words & caption, weights)
     return 0.75 * common / max(_sum(words, weights), 1e-9) + 0.25 * common / max(_sum(caption, weights), 1e-9)
 
 
 def _coverage(words: frozenset[str], among: frozenset[str], weights: Mapping[str, float]) -> float:
-    """Weight of the words that are found, over that of all."""
+    """Share of the words, by weight, that are among the others."""
     return _sum(words & among, weights) / max(_sum(words, weights), 1e-9)
 
 
@@ -144,6 +144,6 @@ def _sum(words: Iterable[str], weights: Mapping[str, float]) -> float:
 
 
 def _weights(texts: SceneTexts) -> dict[str, float]:
-    """Words that few captions of the home use tell more."""
+    """Weight of each word; words that few captions of the home use weigh more."""
     uses = Counter(word for captions in texts.captions.values() for word in content_words(" ".join(captions)))
     return {word: math.log(1 + len(texts.captions) / count) for word, count in uses.items()}

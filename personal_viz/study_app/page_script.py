@@ -1,6 +1,6 @@
 """The script in a participant's page, `static/page.js`, and types for the messages that it sends.
 
-viser offers no way to run a script or to learn of a page's focus. Like `browse.messages`, we put a script into an HTML
+viser offers no way to run a script or to learn of a page's focus. Like `browse.panels`, we put a script into an HTML
 element and let it type into a hidden text input. Its messages are checked here and never trusted.
 
 A page keeps viser's client and our script for as long as it is open, but a study that was updated and is served again

@@ -1,13 +1,17 @@
 """What a person does in the browser on the way through a study, and what is stored of it."""
 
+import math
 import re
 
+import numpy as np
 from playwright.sync_api import Page, expect
 
 from human_study.design.study import load_study
 from human_study.store.record_types import ParticipantRecord, StoredTrial
 from human_study.store.records import read_study
 from human_study.texts.quiz import questions_for
+from human_study.trial.events import Cam
+from sim.frames import Rs_from_quats_xyzw
 from sim.types import TaskKind
 
 from .flow_studies import PlannedStudy
@@ -15,6 +19,10 @@ from .flow_studies import PlannedStudy
 HOLD_MS = 100
 """How long a key or a mouse button is held, like a person: of two presses within 50 ms sessions drop the second, and
 viser sends one."""
+
+
+VISER_VFOV = math.radians(75)
+"""viser's vertical field of view at first, radians."""
 
 
 def start(page: Page, link: str) -> None:
@@ -42,48 +50,26 @@ def events(study: PlannedStudy, code: str, order_no: int) -> list:
         return [stored.event for stored in reader.events(trial_id)] if trial_id is not None else []
 
 
-def pass_device_check(page: Page, *, has_keys: bool = True) -> None:
-    """Presses the key that is asked for."""
+def come_to_the_trials(page: Page, study: PlannedStudy, code: str, task: TaskKind = "pan") -> None:
+    """Everything up to the first practice trial, by the keyboard alone."""
+    page.goto(study.links[code])
     expect(page.get_by_text("Your window has room")).to_be_visible()
-    if has_keys:
+    if task == "pan":
         page.keyboard.press("w", delay=HOLD_MS)
         expect(page.get_by_text("The key arrived")).to_be_visible()
-    page.get_by_role("button", name="Continue", exact=True).click(delay=HOLD_MS)
-
-
-def agree(page: Page) -> None:
-    """Consents."""
-    page.get_by_role("button", name="I agree").click(delay=HOLD_MS)
-
-
-def read_instructions(page: Page) -> None:
-    """Turns all pages."""
-    done = page.get_by_role("button", name="I have read this")
-    onward = page.get_by_role("button", name="Next", exact=True)
+    press_by_keyboard(page, "Continue")
+    press_by_keyboard(page, "I agree and take part")
     expect(page.get_by_text("Page 1 of")).to_be_visible()
     num_pages = int(page.get_by_text(re.compile(r"Page 1 of (\d+)")).inner_text().split()[-1])
     for number in range(2, num_pages + 1):
-        onward.click(delay=HOLD_MS)
+        press_by_keyboard(page, "Next")
         expect(page.get_by_text(f"Page {number} of")).to_be_visible()
-    done.click(delay=HOLD_MS)
-
-
-def answer_questions(page: Page, study: PlannedStudy, task: TaskKind) -> None:
-    """Gives all the right answers."""
+    press_by_keyboard(page, "I have read this")
     config = load_study(study.folder)
     for question in questions_for(config, task, config.conditions(task)):
         expect(page.get_by_text(question.text)).to_be_visible()
-        page.get_by_role("button", name=question.answers[0], exact=True).click(delay=HOLD_MS)
-
-
-def come_to_the_trials(page: Page, study: PlannedStudy, code: str, task: TaskKind = "pan") -> None:
-    """Everything up to the first practice trial."""
-    page.goto(study.links[code])
-    pass_device_check(page, has_keys=task == "pan")
-    agree(page)
-    read_instructions(page)
-    answer_questions(page, study, task)
-    page.get_by_role("button", name="Begin to practise").click(delay=HOLD_MS)
+        press_by_keyboard(page, question.answers[0])
+    press_by_keyboard(page, "Begin to practise")
 
 
 def see_step(page: Page, number: int) -> None:
@@ -121,6 +107,14 @@ def point_somewhere(page: Page) -> None:
         if marked.count():
             return
     raise AssertionError("no click met the home")
+
+
+def pixel_of(point: tuple[float, float, float], cam: Cam, box: dict[str, float]) -> tuple[float, float]:
+    """Where a world point is on the page, seen by a stored camera."""
+    R_world_camera = Rs_from_quats_xyzw(np.array([[*cam.wxyz[1:], cam.wxyz[0]]]))[0]
+    x, y, z = R_world_camera.T @ (np.array(point) - np.array(cam.position))
+    focal = box["height"] / 2 / math.tan(VISER_VFOV / 2)
+    return box["x"] + box["width"] / 2 + focal * x / z, box["y"] + box["height"] / 2 + focal * y / z
 
 
 def press_by_keyboard(page: Page, name: str) -> None:

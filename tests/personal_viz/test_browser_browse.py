@@ -2,12 +2,10 @@
 
 import re
 import signal
-import subprocess
-import sys
 import threading
-from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import pytest
@@ -15,18 +13,18 @@ import viser
 from playwright.sync_api import BrowserContext, Page, expect
 
 from human_study.trial.events import Cam
-from personal_viz.browse.app import browser_app, is_own_page
-from personal_viz.browse.layers import Layers, Outlined
+from personal_viz.browse import visitor
+from personal_viz.browse.app import browser_app
+from personal_viz.browse.layers import Layers, OnObject, Outlined
 from personal_viz.browse.library import Library, Wanted, open_library
+from personal_viz.cli import browse as browse_verb
 from personal_viz.cli.browse import Browse
 from personal_viz.cli.run import Run
-from personal_viz.study_app.operator.served import hear_ctrl_c
-from personal_viz.study_app.page_script import VISER_CLIENT
 from sim.episodes.ownership import ownership_graph
 from sim.errors import PersonalVizError
 
+from .flow_steps import pixel_of
 from .invented import invented_dataset
-from .test_browser_study import pixel_of
 
 pytestmark = pytest.mark.browser
 
@@ -52,29 +50,31 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Marks(NamedTuple):
-    """What the 3-D layers were told."""
+    """What the 3-D view of the newest browser was told, and the browser."""
 
     outlined: list[list[Outlined]]
     clients: list[viser.ClientHandle]
-    """Browsers whose camera was moved."""
 
 
 @pytest.fixture
 def marks(monkeypatch: pytest.MonkeyPatch) -> Marks:
     """Fills up while browsers are served."""
     found = Marks([], [])
-    mark = Layers.mark
 
-    def noted(self: Layers, objects: list[Outlined]) -> None:
-        found.outlined.append(list(objects))
-        found.clients.append(self._client)
-        mark(self, objects)
+    class Noted(Layers):
+        def __init__(self, client: viser.ClientHandle, on_object: OnObject) -> None:
+            found.clients.append(client)
+            super().__init__(client, on_object)
 
-    monkeypatch.setattr(Layers, "mark", noted)
+        def mark(self, objects: Sequence[Outlined]) -> None:
+            found.outlined.append(list(objects))
+            super().mark(objects)
+
+    monkeypatch.setattr(visitor, "Layers", Noted)
     return found
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def served(made: Path) -> Iterator[tuple[Library, str]]:
     """The library and the address."""
     library = open_library(made / "data", runs=(made / "runs" / "walked",))
@@ -99,15 +99,30 @@ def until(page: Page, holds) -> None:
     raise AssertionError("it never came true")
 
 
-def test_filter_next_and_list_lead_through_the_episodes(served: tuple[Library, str], browser: BrowserContext) -> None:
+def test_filter_keys_list_and_slider_lead_through_episodes_and_a_run(
+    served: tuple[Library, str], browser: BrowserContext, marks: Marks
+) -> None:
     library, address = served
-    page = opened(browser, address)
+    other, page = opened(browser, address), opened(browser, address)
     first, second, third = library.episodes
     expect(page.get_by_text("For researchers: shows the goal.")).to_be_visible()
     expect(page.get_by_role("heading", name=first.record.query[0])).to_be_visible()
     expect(page.locator(".runs")).to_contain_text("shortest-path")
     picture = page.get_by_alt_text("What the robot saw")
     expect(picture).to_have_js_property("naturalWidth", 640)
+    expect(picture).to_have_attribute("data-step", "0")
+
+    shown, camera = picture.get_attribute("src"), marks.clients[-1].camera
+    before = tuple(camera.position)
+    page.get_by_role("slider").focus()
+    for _ in range(4):
+        page.keyboard.press("ArrowRight")
+    expect(picture).to_have_attribute("data-step", "4")
+    assert picture.get_attribute("src") != shown
+    expect(page.get_by_text("shortest-path: step 4 of")).to_be_visible()
+    for _ in range(20):  # frames in which a turning camera would be told
+        page.evaluate("new Promise(requestAnimationFrame)")
+    assert tuple(camera.position) == pytest.approx(before, abs=1e-3)
 
     page.get_by_role("button", name="next").click()
     expect(page.get_by_role("heading", name=second.record.query[0])).to_be_visible()
@@ -115,6 +130,7 @@ def test_filter_next_and_list_lead_through_the_episodes(served: tuple[Library, s
     expect(picture).to_be_hidden()
     page.keyboard.press("n")
     expect(page.get_by_role("heading", name=third.record.query[0])).to_be_visible()
+    expect(other.get_by_role("heading", name=first.record.query[0])).to_be_visible()
     page.locator(".rows .row").first.click()
     expect(page.get_by_role("heading", name=first.record.query[0])).to_be_visible()
 
@@ -176,98 +192,24 @@ def test_hovering_and_clicking_a_node_shows_its_object_and_a_box_its_node(
     expect(page.locator(f'.og .edge.on[data-ends$=" o{index}"]')).to_have_count(len(owners))
 
 
-def test_the_slider_shows_what_the_robot_saw_at_a_step_and_its_keys_leave_the_camera_alone(
-    served: tuple[Library, str], browser: BrowserContext, marks: Marks
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_command_cleanly(
+    made: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], number: signal.Signals
 ) -> None:
-    page = opened(browser, served[1])
-    picture = page.get_by_alt_text("What the robot saw")
-    expect(picture).to_have_attribute("data-step", "0")
-    first = picture.get_attribute("src")
-    slider = page.get_by_role("slider")
-    slider.focus()
-    camera = marks.clients[-1].camera
-    before = tuple(camera.position)
-    for _ in range(4):
-        page.keyboard.press("ArrowRight")
-    expect(picture).to_have_attribute("data-step", "4")
-    assert picture.get_attribute("src") != first
-    expect(page.get_by_text("shortest-path: step 4 of")).to_be_visible()
-    for _ in range(20):  # frames in which a turning camera would be told
-        page.evaluate("new Promise(requestAnimationFrame)")
-    assert tuple(camera.position) == pytest.approx(before, abs=1e-3)
+    class Ended(threading.Event):
+        def wait(self, timeout: float | None = None) -> bool:
+            signal.raise_signal(number)
+            return super().wait(60)
 
-
-def test_two_browsers_are_independent(served: tuple[Library, str], browser: BrowserContext) -> None:
-    library, address = served
-    one, other = opened(browser, address), opened(browser, address)
-    other.get_by_role("button", name="next").click()
-    expect(other.get_by_role("heading", name=library.episodes[1].record.query[0])).to_be_visible()
-    expect(one.get_by_role("heading", name=library.episodes[0].record.query[0])).to_be_visible()
-
-
-@pytest.fixture
-def website() -> Iterator[str]:
-    """Another server of this machine that delivers viser's page, as any website can."""
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            self.send_response(200)
-            self.end_headers()
-            self.wfile.write(VISER_CLIENT.read_bytes())
-
-        def log_message(self, format: str, *args: object) -> None:
-            pass
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{server.server_port}/"
-    server.shutdown()
-    server.server_close()
-
-
-def test_another_websites_page_gets_nothing(
-    served: tuple[Library, str], website: str, browser: BrowserContext, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    judged: list[tuple[str | None, bool]] = []
-
-    def judge(origin: str | None, port: int) -> bool:
-        judged.append((origin, is_own_page(origin, port)))
-        return judged[-1][1]
-
-    monkeypatch.setattr("personal_viz.browse.app.is_own_page", judge)
-    page = browser.new_page()
-    page.goto(f"{website}?websocket={served[1].replace('http', 'ws')}")
-    until(page, lambda: judged != [])
-    assert judged == [(website.rstrip("/"), False)]
-    own = opened(browser, served[1])
-    assert own.get_by_text("For researchers: shows the goal.").count() == 1
-    assert page.get_by_text("For researchers: shows the goal.").count() == 0
-    assert page.locator(".bw").count() == 0
-
-
-def test_only_pages_of_this_port_and_host_are_ours() -> None:
-    assert is_own_page("http://127.0.0.1:8090", 8090)
-    assert is_own_page("http://localhost:8090", 8090)
-    for origin in (None, "", "null", "http://127.0.0.1:8091", "https://127.0.0.1:8090", "http://127.0.0.1.evil:8090"):
-        assert not is_own_page(origin, 8090)
-
-
-def test_ctrl_c_ends_the_command_cleanly(made: Path) -> None:
-    command = [sys.executable, "-m", "personal_viz", "browse", "--dataset", str(made / "data"), "--port", "0"]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=hear_ctrl_c
-    ) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
-        try:
-            line = process.stdout.readline()
-            assert re.search(r"3 episodes of 1 home: http://127\.0\.0\.1:\d+/$", line), line
-            assert "shows the goals" in process.stdout.readline()
-            process.send_signal(signal.SIGINT)
-            assert process.wait(timeout=60) == 0
-        finally:
-            process.kill()
-        assert "Traceback" not in process.stderr.read()
+    monkeypatch.setattr(browse_verb, "threading", SimpleNamespace(Event=Ended))
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        assert Browse(dataset=made / "data", port=0).run() == 0
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    first, second = capsys.readouterr().out.strip().splitlines()[-2:]
+    assert re.fullmatch(r"3 episodes of 1 home: http://127\.0\.0\.1:\d+/", first)
+    assert "shows the goals" in second
 
 
 def test_a_busy_port_is_one_clear_line(served: tuple[Library, str], made: Path) -> None:

@@ -5,30 +5,27 @@ import re
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.design.plan import load_plan
+from human_study.design.plan import PRACTICE_FOLDER, load_plan
 from human_study.design.study import load_study
-from human_study.texts.quiz import questions_for
-from human_study.trial.events import Confidence
+from human_study.export.verify import verify_trial
+from human_study.trial.events import Act, Confidence
+from personal_viz.study_app.home.trial_homes import open_any_home
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.open_home import open_scene
 from sim.tasks.agents import ShortestPathAgent
 from sim.tasks.pan import PanEnv
-from sim.types import PAPER4, Action
+from sim.tasks.run_files import EpisodeEnd
+from sim.types import PAPER4, Action, EpisodeKey
 
 from .flow_steps import (
     HOLD_MS,
-    agree,
-    answer_questions,
     come_to_the_trials,
     events,
     give_up,
-    pass_device_check,
     point_somewhere,
     press_by_keyboard,
-    read_instructions,
     record,
     see_step,
-    stages,
     stop,
 )
 from .flow_studies import PlannedStudy
@@ -38,38 +35,43 @@ KEYS = {Action.FORWARD: "w", Action.LEFT: "a", Action.RIGHT: "ArrowRight"}
 CODE = re.compile(r"^[0-9A-F]{8}$")
 
 
-def walk_to_practice_target(page: Page, study: PlannedStudy, code: str) -> None:
-    """Walks the shortest way of the practice trial with real keys."""
-    plan = load_plan(study.folder, load_study(study.folder))
-    dataset = PersonalDataset(study.folder / "practice")
-    episode = dataset.episode(plan.participant(code).trials[0].key)
-    scene = open_scene(dataset, episode.key.scene)
+def walk_to_practice_target(page: Page, study: PlannedStudy, key: EpisodeKey) -> list[Action]:
+    """Walks the shortest way of the practice trial with real keys; returns its actions."""
+    dataset = PersonalDataset(study.folder / PRACTICE_FOLDER)
+    episode, scene = dataset.episode(key), open_scene(dataset, key.scene)
+    expect(page.get_by_text(episode.record.query[0])).to_be_visible()
     env = PanEnv(episode.start, scene.navigation, renderer=None)
     agent = ShortestPathAgent(episode, scene.navigation)
     agent.reset(episode.task("pan", actions=PAPER4), env.camera, seed=0)
-    observation, number = env.reset(), 0
+    observation, actions = env.reset(), []
     while (action := agent.act(observation)) is not Action.STOP:
         page.keyboard.press(KEYS[action], delay=HOLD_MS)
-        number += 1
-        see_step(page, number)
+        actions.append(action)
+        see_step(page, len(actions))
         observation = env.step(action)
+    return actions
 
 
-def test_a_whole_pan_participant_from_link_to_code(full_study: PlannedStudy, browser: BrowserContext) -> None:
+def test_a_whole_pan_participant_from_link_to_code_by_keyboard_alone(
+    full_study: PlannedStudy, browser: BrowserContext
+) -> None:
     who = full_study.newcomer("pan")
+    plan = load_plan(full_study.folder, load_study(full_study.folder))
+    trials = plan.participant(who).trials
     page = browser.new_page()
     come_to_the_trials(page, full_study, who)
     expect(page.get_by_text("Practice 1 of 1")).to_be_visible()
-    walk_to_practice_target(page, full_study, who)
+    expect(page.get_by_alt_text("What the robot sees")).to_have_js_property("naturalWidth", 640)
+    walked = walk_to_practice_target(page, full_study, trials[0].key)
     stop(page)
     expect(page.get_by_role("heading", name="How sure are you?")).to_be_visible()
     page.keyboard.press("4", delay=HOLD_MS)
     expect(page.get_by_role("heading", name="Saved")).to_be_visible()
     expect(page.get_by_text("That was right. An answer is right when the robot stops")).to_be_visible()
-    page.get_by_role("button", name="Next search").click()
+    press_by_keyboard(page, "Next search")
     expect(page.get_by_role("heading", name="Now it counts")).to_be_visible()
     expect(page.get_by_text("0 of 2 searches done")).to_be_visible()
-    page.get_by_role("button", name="Begin", exact=True).click()
+    press_by_keyboard(page, "Begin")
 
     expect(page.get_by_text("Search 1 of 2")).to_be_visible()
     page.keyboard.press("a", delay=HOLD_MS)
@@ -84,7 +86,7 @@ def test_a_whole_pan_participant_from_link_to_code(full_study: PlannedStudy, bro
     page.reload()
     expect(page.get_by_role("heading", name="Time for a break")).to_be_visible()
     assert page.get_by_label("Completion code").count() == 0
-    page.get_by_role("button", name="Go on").click()
+    press_by_keyboard(page, "Go on")
 
     expect(page.get_by_text("Search 2 of 2")).to_be_visible()
     give_up(page)
@@ -94,7 +96,7 @@ def test_a_whole_pan_participant_from_link_to_code(full_study: PlannedStudy, bro
     page.reload()
     expect(page.get_by_label("Completion code")).to_have_text(code)
 
-    person, trials = record(full_study, who)
+    person, stored = record(full_study, who)
     reached = [entry.stage for entry in person.stages]
     assert reached == [
         "arrived",
@@ -107,11 +109,25 @@ def test_a_whole_pan_participant_from_link_to_code(full_study: PlannedStudy, bro
         "break_ended",
         "finished",
     ]
-    assert [trial.phase for trial in trials] == ["practice", "main", "main"]
-    assert all(trial.has_ended for trial in trials)
+    assert [trial.phase for trial in stored] == ["practice", "main", "main"]
+    assert all(trial.has_ended for trial in stored)
     assert [event.value for event in events(full_study, who, 2) if isinstance(event, Confidence)] == [2]
-    texts = load_plan(full_study.folder, load_study(full_study.folder)).texts
-    assert [(consent.text_hash, consent.given) for consent in person.consents] == [(texts["told/consent-pan.md"], True)]
+    assert [consent.given for consent in person.consents] == [True]
+    assert person.consents[0].text_hash == plan.texts["told/consent-pan.md"]
+
+    practice, outcome = events(full_study, who, stored[0].order_no), stored[0].outcome
+    assert [event.action for event in practice if isinstance(event, Act)] == [*walked, Action.STOP]
+    assert isinstance(outcome, EpisodeEnd)
+    assert outcome.measures is not None
+    assert outcome.measures.rules["paper"].success
+    home = open_any_home(
+        plan.scene(stored[0].key.scene),
+        folder=full_study.folder,
+        is_practice=True,
+        dataset=full_study.dataset,
+        scenes_dir=None,
+    )
+    assert verify_trial(practice, outcome, stored[0].key, home=home, participant=who).status == "verified"
 
 
 def test_a_whole_pog_participant_from_link_to_code(full_study: PlannedStudy, browser: BrowserContext) -> None:
@@ -134,55 +150,6 @@ def test_a_whole_pog_participant_from_link_to_code(full_study: PlannedStudy, bro
     assert CODE.match(page.get_by_label("Completion code").inner_text())
     trials = record(full_study, who)[1]
     assert [trial.outcome.reason for trial in trials if trial.outcome is not None] == ["click"] * 3
-
-
-def test_declining_is_an_answer_that_is_stored_and_stays(full_study: PlannedStudy, browser: BrowserContext) -> None:
-    who = full_study.newcomer("pan")
-    page = browser.new_page()
-    page.goto(full_study.links[who])
-    pass_device_check(page)
-    page.get_by_role("button", name="I do not agree").click()
-    expect(page.get_by_role("heading", name="Thank you for reading")).to_be_visible()
-    page.goto("about:blank")
-    page.goto(full_study.links[who])
-    expect(page.get_by_role("heading", name="Thank you for reading")).to_be_visible()
-    assert page.get_by_role("button", name="Leave the study").count() == 0
-    person, trials = record(full_study, who)
-    assert [consent.given for consent in person.consents] == [False]
-    assert all(trial.is_released for trial in trials if trial.phase == "main")
-
-
-def test_wrong_answers_are_explained_and_a_reload_stays_at_the_question(
-    full_study: PlannedStudy, browser: BrowserContext
-) -> None:
-    who = full_study.newcomer("pan")
-    config = load_study(full_study.folder)
-    questions = questions_for(config, "pan", config.conditions("pan"))
-    page = browser.new_page()
-    page.goto(full_study.links[who])
-    pass_device_check(page)
-    agree(page)
-    page.reload()
-    read_instructions(page)
-    page.get_by_role("button", name=questions[0].answers[0], exact=True).click()
-    expect(page.get_by_text("Question 2 of")).to_be_visible()
-    page.get_by_role("button", name=questions[1].answers[1], exact=True).click()
-    expect(page.get_by_role("alert").filter(has_text="Not quite")).to_be_visible()
-    page.reload()
-    expect(page.get_by_text(questions[1].text)).to_be_visible()
-    for question in questions[1:]:
-        expect(page.get_by_text(question.text)).to_be_visible()
-        page.get_by_role("button", name=question.answers[0], exact=True).click()
-    expect(page.get_by_text("answer these questions once more")).to_be_visible()
-    expect(page.get_by_text("Question 1 of 1")).to_be_visible()  # the second round asks only what was wrong
-    page.get_by_role("button", name=questions[1].answers[2], exact=True).click()
-    expect(page.get_by_role("alert").filter(has_text="Not quite")).to_be_visible()
-    page.get_by_role("button", name=questions[1].answers[0], exact=True).click()
-    expect(page.get_by_text("Please read this once more")).to_be_visible()
-    assert stages(full_study, who)[-2:] == ["quiz_failed", "quiz_failed"]
-    read_instructions(page)
-    answer_questions(page, full_study, "pan")
-    expect(page.get_by_role("heading", name="Practice")).to_be_visible()
 
 
 def test_larger_text_stays_and_the_tools_are_reached_by_keyboard(

@@ -1,121 +1,32 @@
-"""A participant in real Chromium on the invented home: real keys, real clicks, then the store against the simulator."""
+"""A participant in real Chromium: real keys, real clicks, and what can happen to a page; then the store is read."""
 
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.design.plan import StudyPlan
-from human_study.export.verify import TrialHome, verify_trial
-from human_study.store.records import StoredTrial, read_study
-from human_study.trial.events import Act, Cam, Clicked, Dropped, Key
+from human_study.design.plan import load_plan
+from human_study.design.study import load_study
+from human_study.export.verify import verify_trial
+from human_study.store.record_types import StoredTrial
+from human_study.store.records import read_study
+from human_study.trial.events import Act, Cam, Clicked, Dropped, Key, Reconnect
+from personal_viz.study_app.home.trial_homes import open_any_home
 from sim.copies.cut import storey_mesh
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.schema import Episode
 from sim.homes.open_home import open_scene
 from sim.mesh import Scene
-from sim.tasks.agents import ShortestPathAgent
-from sim.tasks.pan import PanEnv
-from sim.tasks.rules import scene_storeys
-from sim.tasks.run_files import Answer, EpisodeEnd
-from sim.types import PAPER4, Action, EpisodeKey
+from sim.tasks.run_files import Answer
+from sim.types import Action
 from sim.walk.storeys import storey_of
 
-from .flow_steps import HOLD_MS
-from .flow_studies import PlannedStudy
+from .flow_steps import HOLD_MS, events, pixel_of, record, see_step, stages, start
+from .flow_studies import Line, PlannedStudy
 
 pytestmark = pytest.mark.browser
-KEYS = {Action.FORWARD: "w", Action.LEFT: "ArrowLeft", Action.RIGHT: "d"}
-VISER_VFOV = math.radians(75)
-"""viser's vertical field of view at first, radians."""
-
-
-def home_of(study: PlannedStudy, code: str) -> tuple[Episode, Scene, PersonalDataset]:
-    """The first episode of a participant's plan, and the home."""
-    plan = StudyPlan.model_validate_json((study.folder / "plan.json").read_bytes())
-    trial = next(person for person in plan.participants if person.code == code).trials[0]
-    dataset = PersonalDataset(study.folder.parent / "dataset")
-    episode = dataset.episode(EpisodeKey(trial.split, trial.scene, trial.episode_id))
-    return episode, open_scene(dataset, trial.scene), dataset
-
-
-def way_to_the_target(episode: Episode, scene: Scene) -> list[Action]:
-    """Actions of the shortest-path agent, STOP left out."""
-    env = PanEnv(episode.start, scene.navigation, renderer=None)
-    agent = ShortestPathAgent(episode, scene.navigation)
-    agent.reset(episode.task("pan", actions=PAPER4), env.camera, seed=0)
-    observation = env.reset()
-    actions = []
-    while (action := agent.act(observation)) is not Action.STOP:
-        actions.append(action)
-        observation = env.step(action)
-    return actions
-
-
-def first_trial(folder: Path, code: str) -> tuple[StoredTrial, list]:
-    """A participant's first trial and its events, as stored."""
-    with read_study(folder) as reader:
-        reader.check()
-        status = reader.trials(code)[0]
-        assert status.trial_id is not None
-        return status, [stored.event for stored in reader.events(status.trial_id)]
-
-
-def verified(status: StoredTrial, events: list, episode: Episode, scene: Scene, dataset: PersonalDataset) -> str:
-    """What doing the stored trial again says."""
-    assert status.outcome is not None
-    storeys = scene_storeys(dataset.goals(scene.name).values())
-    home = TrialHome(scene.navigation, scene.digest, storeys, lambda _: episode)
-    return verify_trial(events, status.outcome, episode.key, home=home, participant=status.code).status
-
-
-def begin(page: Page, link: str) -> None:
-    """Opens the personal link and presses Start."""
-    page.goto(link)
-    page.get_by_role("button", name="Start").click()
-
-
-def see_step(page: Page, number: int) -> None:
-    """Waits for the counter and the picture of a step: a key that comes before the picture counts as busy."""
-    expect(page.get_by_text(f"Step {number} of 500")).to_be_visible()
-    expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", str(number))
-
-
-def test_a_pan_trial_with_real_key_presses(quick_study: PlannedStudy, browser: BrowserContext) -> None:
-    code = quick_study.newcomer("pan")
-    episode, scene, dataset = home_of(quick_study, code)
-    actions = way_to_the_target(episode, scene)
-    page = browser.new_page()
-    begin(page, quick_study.links[code])
-    see_step(page, 0)
-    expect(page.get_by_text(episode.record.query[0])).to_be_visible()
-    image = page.get_by_alt_text("What the robot sees")
-    expect(image).to_have_js_property("naturalWidth", 640)
-    for number, action in enumerate(actions, start=1):
-        page.keyboard.press(KEYS[action], delay=HOLD_MS)
-        see_step(page, number)
-    page.keyboard.press("Enter", delay=HOLD_MS)
-    expect(page.get_by_text("Press Enter or STOP again to finish")).to_be_visible()
-    page.keyboard.press("Enter", delay=HOLD_MS)
-    expect(page.get_by_role("heading", name="Saved")).to_be_visible()
-    assert page.get_by_text(re.compile("success|correct|right answer", re.IGNORECASE)).count() == 0
-
-    status, events = first_trial(quick_study.folder, code)
-    acts = [event for event in events if isinstance(event, Act)]
-    assert [act.action for act in acts] == [*actions, Action.STOP]
-    env = PanEnv(episode.start, scene.navigation, renderer=None)
-    for act in acts:
-        env.step(act.action)
-        assert act.position == pytest.approx(env.pose.position, abs=1e-9)
-        assert act.yaw == pytest.approx(env.pose.yaw, abs=1e-9)
-    assert isinstance(status.outcome, EpisodeEnd)
-    assert status.outcome.measures is not None
-    assert status.outcome.measures.rules["paper"].success
-    assert verified(status, events, episode, scene, dataset) == "verified"
 
 
 def test_a_held_key_is_one_step_and_a_reload_resumes_at_the_same_step(
@@ -123,7 +34,7 @@ def test_a_held_key_is_one_step_and_a_reload_resumes_at_the_same_step(
 ) -> None:
     code = quick_study.newcomer("pan")
     page = browser.new_page()
-    begin(page, quick_study.links[code])
+    start(page, quick_study.links[code])
     see_step(page, 0)
     for _ in range(6):  # Playwright marks all but the first as repeats until keyup
         page.keyboard.down("a")
@@ -135,60 +46,24 @@ def test_a_held_key_is_one_step_and_a_reload_resumes_at_the_same_step(
     page.reload()
     see_step(page, 2)
     assert page.get_by_alt_text("What the robot sees").get_attribute("src") == before
-    _, events = first_trial(quick_study.folder, code)
-    assert [event.action for event in events if isinstance(event, Act)] == [Action.LEFT, Action.RIGHT]
-    assert sum(isinstance(event, Key) for event in events) - sum(isinstance(event, Dropped) for event in events) == 2
-
-
-def test_the_newest_tab_drives_and_the_older_one_says_so(quick_study: PlannedStudy, browser: BrowserContext) -> None:
-    code = quick_study.newcomer("pan")
-    old = browser.new_page()
-    begin(old, quick_study.links[code])
-    see_step(old, 0)
-    new = browser.new_page()
-    new.goto(quick_study.links[code])
-    see_step(new, 0)
-    old.bring_to_front()
-    expect(old.get_by_text("This page is no longer used")).to_be_visible()
-    old.keyboard.press("w", delay=HOLD_MS)
-    new.bring_to_front()
-    new.keyboard.press("a", delay=HOLD_MS)
-    see_step(new, 1)
-    _, events = first_trial(quick_study.folder, code)
-    assert [event.action for event in events if isinstance(event, Act)] == [Action.LEFT]
-
-
-def pixel_of(point: tuple[float, float, float], cam: Cam, box: dict[str, float]) -> tuple[float, float]:
-    """Where a world point is on the page, seen by a stored camera."""
-    w, x, y, z = cam.wxyz
-    R_world_camera = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    p_camera = R_world_camera.T @ (np.array(point) - np.array(cam.position))
-    focal = box["height"] / 2 / math.tan(VISER_VFOV / 2)
-    return (
-        box["x"] + box["width"] / 2 + focal * p_camera[0] / p_camera[2],
-        box["y"] + box["height"] / 2 + focal * p_camera[1] / p_camera[2],
-    )
+    stored = events(quick_study, code, 1)
+    assert [event.action for event in stored if isinstance(event, Act)] == [Action.LEFT, Action.RIGHT]
+    assert sum(isinstance(event, Key) for event in stored) - sum(isinstance(event, Dropped) for event in stored) == 2
 
 
 def test_a_pog_trial_with_real_clicks(quick_study: PlannedStudy, browser: BrowserContext) -> None:
     code = quick_study.newcomer("pog")
-    episode, scene, dataset = home_of(quick_study, code)
-    page = browser.new_page()
-    begin(page, quick_study.links[code])
-    expect(page.get_by_text(episode.record.query[0])).to_be_visible()
-    target = episode.targets[0]
-    storeys = scene.navigation.storey_heights
+    plan, dataset = load_plan(quick_study.folder, load_study(quick_study.folder)), PersonalDataset(quick_study.dataset)
+    episode = dataset.episode(plan.participant(code).trials[0].key)
+    scene = open_scene(dataset, episode.key.scene)
+    target, storeys = episode.targets[0], scene.navigation.storey_heights
     storey = storey_of(target.floor_y, [(height, height) for height in storeys])
+    page = browser.new_page()
+    start(page, quick_study.links[code])
+    expect(page.get_by_text(episode.record.query[0])).to_be_visible()
     page.get_by_role("button", name=f"Show storey {storey + 1}").click()
-    canvas = page.locator("canvas").last
-    cam = wait_for_camera(page, quick_study.folder, code)
-    box = canvas.bounding_box()
+    cam = wait_for_camera(page, quick_study, code)
+    box = page.locator("canvas").last.bounding_box()
     assert box is not None
     page.mouse.click(*pixel_of(target.position, cam, box))
     expect(page.get_by_text("Click again to move your mark, or confirm it.")).to_be_visible()
@@ -196,15 +71,17 @@ def test_a_pog_trial_with_real_clicks(quick_study: PlannedStudy, browser: Browse
     expect(page.get_by_role("heading", name="Saved")).to_be_visible()
     assert page.get_by_text(re.compile("success|correct|right answer", re.IGNORECASE)).count() == 0
 
-    status, events = first_trial(quick_study.folder, code)
-    clicked = [event for event in events if isinstance(event, Clicked)][-1]
-    assert isinstance(status.outcome, Answer)
-    assert status.outcome.candidates == (clicked.hit,)
+    stored, trial = events(quick_study, code, 1), record(quick_study, code)[1][0]
+    clicked = [event for event in stored if isinstance(event, Clicked)][-1]
+    assert isinstance(trial.outcome, Answer)
+    assert trial.outcome.candidates == (clicked.hit,)
     assert clicked.hit is not None
     assert math.dist(clicked.hit, ray_meets(scene, storeys[storey], clicked)) < 1e-3
-    assert status.outcome.measures is not None
-    assert status.outcome.measures.success
-    assert verified(status, events, episode, scene, dataset) == "verified"
+    assert trial.outcome.measures is not None
+    assert trial.outcome.measures.success
+    study_scene, folder = plan.scene(scene.name), quick_study.folder
+    home = open_any_home(study_scene, folder=folder, is_practice=False, dataset=quick_study.dataset, scenes_dir=None)
+    assert verify_trial(stored, trial.outcome, episode.key, home=home, participant=code).status == "verified"
 
 
 def ray_meets(scene: Scene, floor_y: float, clicked: Clicked) -> NDArray[np.float64]:
@@ -223,15 +100,175 @@ def ray_meets(scene: Scene, floor_y: float, clicked: Clicked) -> NDArray[np.floa
     return origin + t[hit].min() * direction
 
 
-def wait_for_camera(page: Page, folder: Path, code: str) -> Cam:
+def wait_for_camera(page: Page, study: PlannedStudy, code: str) -> Cam:
     """The last stored camera pose, once it has been the same for two seconds: poses are stored twice a second."""
     last, num_equal = None, 0
     for _ in range(200):
         page.wait_for_timeout(250)
-        _, events = first_trial(folder, code)
-        cams = [event for event in events if isinstance(event, Cam)]
+        cams = [event for event in events(study, code, 1) if isinstance(event, Cam)]
         num_equal = num_equal + 1 if cams and cams[-1] == last else 0
         if cams and num_equal == 8:
             return cams[-1]
         last = cams[-1] if cams else None
     raise AssertionError("the browser never told its camera")
+
+
+def test_leaving_in_the_middle_of_a_trial_deletes_what_was_done(
+    quick_study: PlannedStudy, browser: BrowserContext
+) -> None:
+    code = quick_study.newcomer("pan")
+    page = browser.new_page()
+    start(page, quick_study.links[code])
+    see_step(page, 0)
+    page.keyboard.press("a", delay=HOLD_MS)
+    see_step(page, 1)
+    page.get_by_role("button", name="Leave the study").click()
+    expect(page.get_by_text("will be deleted and cannot be brought back")).to_be_visible()
+    page.get_by_role("button", name="No, go on").click()
+    page.keyboard.press("a", delay=HOLD_MS)
+    see_step(page, 2)
+    page.get_by_role("button", name="Leave the study").click()
+    page.get_by_role("button", name="Yes, leave the study").click()
+    expect(page.get_by_role("heading", name="You have left the study")).to_be_visible()
+    page.reload()
+    expect(page.get_by_role("heading", name="You have left the study")).to_be_visible()
+    person, trials = record(quick_study, code)
+    assert person.is_withdrawn
+    assert person.is_shredded
+    assert all(trial.is_shredded for trial in trials if trial.trial_id is not None)
+
+
+def press_place(page: Page, code: str, key: str) -> None:
+    """A key by its place on the keyboard (code) and the letter that the layout gives it."""
+    page.evaluate(
+        """([code, key]) => document.body.dispatchEvent(
+            new KeyboardEvent('keydown', {code: code, key: key, bubbles: true, cancelable: true}))""",
+        [code, key],
+    )
+    page.wait_for_timeout(HOLD_MS)
+
+
+def test_keys_are_places_on_the_keyboard_and_can_be_chosen(quick_study: PlannedStudy, browser: BrowserContext) -> None:
+    code = quick_study.newcomer("pan")
+    page = browser.new_page()
+    start(page, quick_study.links[code])
+    see_step(page, 0)
+    press_place(page, "KeyQ", "a")  # AZERTY: the letter A stands where Q is on other keyboards
+    press_place(page, "KeyA", "q")
+    see_step(page, 1)
+    press_place(page, "KeyD", "\u0432")  # Cyrillic
+    see_step(page, 2)
+    press_place(page, "KeyA", "A")  # CapsLock
+    see_step(page, 3)
+
+    page.get_by_role("button", name="Keys", exact=True).click()
+    page.get_by_role("button", name="Change the key of: Turn left").click()
+    page.keyboard.press("j", delay=HOLD_MS)
+    expect(page.get_by_text("Saved.", exact=True)).to_be_visible()
+    page.get_by_role("button", name="Change the key of: Turn right").click()
+    page.keyboard.press("j", delay=HOLD_MS)
+    expect(page.get_by_text("already used for: Turn left")).to_be_visible()
+    page.get_by_role("button", name="Close").click()
+    page.keyboard.press("a", delay=HOLD_MS)
+    page.keyboard.press("j", delay=HOLD_MS)
+    see_step(page, 4)
+    expect(page.get_by_role("button", name="Turn left (J)")).to_be_visible()
+    page.reload()
+    see_step(page, 4)
+    expect(page.get_by_role("button", name="Turn left (J)")).to_be_visible()
+    page.wait_for_function("document.querySelector('[data-tool=keys]') !== null")
+    page.wait_for_timeout(500)  # the script hears of the participant's keys just after the picture
+    page.keyboard.press("j", delay=HOLD_MS)
+    see_step(page, 5)
+
+    acts = [event.action for event in events(quick_study, code, 1) if isinstance(event, Act)]
+    assert acts == [Action.LEFT, Action.RIGHT, Action.LEFT, Action.LEFT, Action.LEFT]
+    pressed = [event for event in events(quick_study, code, 1) if isinstance(event, Key)]
+    assert [event.code for event in pressed] == ["KeyA", "KeyD", "KeyA", "KeyJ", "KeyJ"]
+    times = [event.t_cli_ms for event in pressed[:4]]
+    assert times == sorted(time for time in times if time is not None)
+    assert "keys_changed" in stages(quick_study, code)
+
+
+def test_the_newest_tab_drives_and_the_back_button_and_a_copied_tab_count_no_step_twice(
+    quick_study: PlannedStudy, browser: BrowserContext
+) -> None:
+    code = quick_study.newcomer("pan")
+    page = browser.new_page()
+    page.goto("about:blank")
+    start(page, quick_study.links[code])
+    see_step(page, 0)
+    page.keyboard.press("a", delay=HOLD_MS)
+    see_step(page, 1)
+    page.go_back()
+    page.go_forward()
+    see_step(page, 1)
+    copy = browser.new_page()
+    copy.goto(page.url)
+    see_step(copy, 1)
+    page.bring_to_front()
+    expect(page.get_by_text("This page is no longer used")).to_be_visible()
+    page.keyboard.press("w", delay=HOLD_MS)
+    copy.bring_to_front()
+    copy.keyboard.press("d", delay=HOLD_MS)
+    see_step(copy, 2)
+    acts = [event.action for event in events(quick_study, code, 1) if isinstance(event, Act)]
+    assert acts == [Action.LEFT, Action.RIGHT]
+
+
+def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
+    quick_study: PlannedStudy, browser: BrowserContext
+) -> None:
+    code = quick_study.newcomer("pan")
+    address, token = quick_study.links[code].split("/#")
+    line = Line(int(address.rsplit(":")[-1]))
+    try:
+        page = browser.new_page()
+        start(page, f"http://127.0.0.1:{line.port}/#{token}")
+        see_step(page, 0)
+        page.keyboard.press("a", delay=HOLD_MS)
+        see_step(page, 1)
+        line.cut()
+        expect(page.get_by_role("alert").filter(has_text="The connection is lost")).to_be_visible(timeout=60_000)
+        expect(page.get_by_alt_text("What the robot sees")).to_be_hidden()
+        page.keyboard.press("a", delay=HOLD_MS)  # reaches nobody, and must not count when the line is back
+        line.mend()
+        expect(page.get_by_role("alert").filter(has_text="The connection is lost")).to_be_hidden(timeout=60_000)
+        see_step(page, 1)
+        expect(page.get_by_alt_text("What the robot sees")).to_be_visible()
+        page.keyboard.press("a", delay=HOLD_MS)
+        see_step(page, 2)
+        stored = events(quick_study, code, 1)
+        assert [event.action for event in stored if isinstance(event, Act)] == [Action.LEFT, Action.LEFT]
+        assert any(isinstance(event, Reconnect) for event in stored)
+    finally:
+        line.close()
+
+
+def test_a_lost_3d_picture_ends_the_trial_as_technical_and_it_comes_again(
+    quick_study: PlannedStudy, browser: BrowserContext
+) -> None:
+    code = quick_study.newcomer("pog")
+    page = browser.new_page()
+    start(page, quick_study.links[code])
+    expect(page.get_by_text("Click the middle of the object")).to_be_visible()
+    expect(page.locator("canvas").last).to_be_visible()
+    page.evaluate(
+        """() => { const canvas = [...document.querySelectorAll('canvas')].pop();
+        canvas.getContext('webgl2').getExtension('WEBGL_lose_context').loseContext(); }"""
+    )
+    expect(page.get_by_role("heading", name="The 3-D picture was lost")).to_be_visible()
+    page.get_by_role("button", name="Load the page again").click()
+    expect(page.get_by_text("Click the middle of the object")).to_be_visible()
+    trials = [trial for trial in record(quick_study, code)[1] if trial.trial_id is not None]
+    assert any(event.kind == "context_lost" for event in _events_of(quick_study, trials[0]))
+    assert trials[0].outcome is not None
+    assert trials[0].outcome.reason == "technical"
+    assert [trial.attempt for trial in trials] == [1, 2]
+    assert trials[0].key == trials[1].key
+
+
+def _events_of(study: PlannedStudy, trial: StoredTrial) -> list:
+    with read_study(study.folder) as reader:
+        assert trial.trial_id is not None
+        return [stored.event for stored in reader.events(trial.trial_id)]

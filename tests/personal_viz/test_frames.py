@@ -94,7 +94,6 @@ def test_what_somebody_waits_for_goes_before_what_is_rendered_ahead() -> None:
     frames.begin(at(2.0), CAMERA)
     renderer.go.set()
     assert len(looked(frames, at(6.0)).rgb) == CAMERA.height
-    threads.close()
     assert renderer.xs.index(2.0) == 1
     assert renderer.xs.count(6.0) == 1
 
@@ -120,7 +119,6 @@ def test_a_new_wish_replaces_the_old_one_and_nobody_is_left_out() -> None:
     threads.look_ahead("last", [lambda: None, done.set])
     renderer.go.set()
     assert done.wait(WAIT_S)
-    threads.close()
     assert 3.0 in renderer.xs
     assert 2.0 in renderer.xs
     assert not {1.0, 1.1} & set(renderer.xs)
@@ -184,7 +182,6 @@ def recorded(frames: Frames | Colours, *, looks_ahead: bool) -> list[Event]:
 def test_the_record_is_the_same_with_and_without_looking_ahead() -> None:
     threads = RenderThreads(2)
     ahead = recorded(Frames(Colours(), threads), looks_ahead=True)
-    threads.close()
     assert ahead == recorded(Colours(), looks_ahead=False)
     assert [event.step for event in ahead if isinstance(event, Shown)] == list(range(len(WALK) + 1))
 

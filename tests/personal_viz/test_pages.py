@@ -179,6 +179,16 @@ def test_a_participant_comes_from_the_link_to_viser_and_each_answer_is_stored(ta
     assert who.stages() == ["arrived", "device_ok", "consented", "instructed", "quiz_passed"]
 
 
+def test_declining_is_an_answer_that_is_stored_and_stays(taking: Callable[..., Taking]) -> None:
+    who = taking(end=EndCode())
+    who.send(**DEVICE)
+    who.send(choice="decline")
+    assert who.place() == "declined"
+    assert "Leave the study" not in who.page()
+    assert [consent.given for consent in who.store.participant(CODE).consents] == [False]
+    assert all(trial.is_released for trial in who.store.trials(CODE))
+
+
 def test_a_form_that_is_sent_twice_answers_once_and_an_old_one_nothing(taking: Callable[..., Taking]) -> None:
     who = taking(flow=("consent", "quiz"))
     at = re.findall(r'name="at" value="([^"]*)"', who.page())[0]

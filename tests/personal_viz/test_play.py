@@ -103,6 +103,12 @@ def test_the_texts_come_after_the_home(fake_screens: Fakes) -> None:
     assert trial.link.outcome.candidates == (HIT,)
 
 
+def test_the_time_of_a_walk_runs_out_without_the_browser(fake_screens: Fakes) -> None:
+    trial = played(fake_screens, MemoryLink("pan"), FORWARD, *[PASS] * 9, pan_max_s=6)
+    assert trial.link.outcome.reason == "timeout"
+    assert trial.raised is None
+
+
 def test_the_time_of_an_answer_runs_out_without_the_browser(fake_screens: Fakes) -> None:
     trial = played(fake_screens, MemoryLink("pog", "map_first"), CloseMap(), RAY, *[PASS] * 9, **HOME_FIRST)
     assert trial.link.outcome.reason == "timeout"

@@ -51,8 +51,7 @@ class RenderThreads:
         self._wishes: OrderedDict[Hashable, deque[_Job]] = OrderedDict()
         self._is_looking_ahead = False
         self._rest_until_s = 0.0
-        self._threads: list[threading.Thread] = []
-        self._is_closed = False
+        self._num_started = 0
 
     def run(self, job: _Job) -> None:
         """Does a job as soon as a thread is free, in the order of calls; returns at once."""
@@ -67,20 +66,11 @@ class RenderThreads:
             self._wishes.move_to_end(who, last=False)
             self._wake()
 
-    def close(self) -> None:
-        """Ends the threads after the jobs that somebody waits for; wishes are forgotten."""
-        with self._lock:
-            self._is_closed = True
-            self._lock.notify_all()
-        for thread in self._threads:
-            thread.join()
-
     def _wake(self) -> None:
         """Wakes or starts a thread; called with the lock held."""
-        if len(self._threads) < self._count and not self._is_closed:
-            thread = threading.Thread(target=self._work, daemon=True, name="render")
-            self._threads.append(thread)
-            thread.start()
+        if self._num_started < self._count:
+            self._num_started += 1
+            threading.Thread(target=self._work, daemon=True, name="render").start()
         self._lock.notify()
 
     def _work(self) -> None:
@@ -89,20 +79,16 @@ class RenderThreads:
             os.setpriority(os.PRIO_PROCESS, own, max(RENDER_NICE, os.getpriority(os.PRIO_PROCESS, own)))
         while True:
             with self._lock:
-                job = self._next_job()
-                while job is None and not self._is_closed:
+                while (job := self._next_job()) is None:
                     rest_s = self._rest_until_s - time.monotonic()
                     self._lock.wait(rest_s if rest_s > 0 and self._wishes else None)
-                    job = self._next_job()
-            if job is None:
-                return
             job()
 
     def _next_job(self) -> _Job | None:
-        """The next job, or None = wait, or end when closed. One thread at a time looks ahead. Needs the lock."""
+        """The next job; None = wait. One thread at a time looks ahead. Needs the lock."""
         if self._wanted:
             return self._wanted.popleft()
-        if self._is_closed or self._is_looking_ahead or time.monotonic() < self._rest_until_s:
+        if self._is_looking_ahead or time.monotonic() < self._rest_until_s:
             return None
         while self._wishes:
             who, jobs = self._wishes.popitem(last=False)

@@ -117,11 +117,6 @@ class HomeLibrary(Generic[HomeT]):
                 self._warmer.submit(self._warm, scene, home)
             return home
 
-    def open_scenes(self) -> tuple[str, ...]:
-        """Scenes that are open now, the one unused for longest first."""
-        with self._lock:
-            return tuple(scene for scene, home in self._homes.items() if _is_open(home))
-
     def close(self) -> None:
         """Closes every unused home at once and every other home when it is left; nothing is warmed any more."""
         with self._lock:
@@ -164,12 +159,8 @@ class HomeLibrary(Generic[HomeT]):
             unused = [
                 scene
                 for scene, home in self._homes.items()
-                if _is_open(home) and not self._num_users[scene] and scene != but
+                if home.done() and not home.cancelled() and not self._num_users[scene] and scene != but
             ]
             closed = [self._homes.pop(scene) for scene in unused[: max(0, len(unused) - self._kept)]]
         for home in closed:
             home.result().close()
-
-
-def _is_open(home: "Future[HomeT]") -> bool:
-    return home.done() and not home.cancelled() and home.exception() is None
