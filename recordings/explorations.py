@@ -13,7 +13,7 @@ import numpy as np
 import rerun as rr
 
 from grounding.agents.explore import TASK, Exploration
-from grounding.agents.frontier import MAX_STEPS, FrontierExplorer, FrontierSettings
+from grounding.agents.frontier import MAX_STEPS, FrontierExplorer
 from sim.errors import RecordingError
 from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
@@ -209,7 +209,7 @@ class ObserveExplorations:
 def explorer_of(exploration: Exploration) -> FrontierExplorer:
     """An explorer with the settings of the exploration, which should choose the same actions again."""
     steps = len(exploration.steps) if exploration.stop_reason == "steps" else MAX_STEPS
-    return FrontierExplorer(FrontierSettings(max_steps=steps))
+    return FrontierExplorer(max_steps=steps)
 
 
 def replay_exploration(

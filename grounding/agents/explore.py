@@ -21,7 +21,7 @@ from sim.types import PAPER6, Action, Camera, Frame, Pose, Task
 
 from .coverage import FLOOR_BAND, CoverageTracker, VisibleFloor
 from .exploration import Exploration as Exploration
-from .frontier import MAX_STEPS, FrontierExplorer, FrontierSettings
+from .frontier import MAX_STEPS, FrontierExplorer
 from .rooms_found import RoomMap
 
 EXPLORER_VERSION = "1"
@@ -64,7 +64,6 @@ def explore(
     max_steps: int = MAX_STEPS,
     camera: Camera = Camera(),  # noqa: B008 - frozen value
     plan: HomePlan | None = None,
-    settings: FrontierSettings | None = None,
     on_step: OnStep | None = None,
 ) -> Exploration:
     """Explores the start's storey; the same arguments give the same exploration.
@@ -76,7 +75,6 @@ def explore(
         max_steps: The largest number of actions.
         camera: The robot's camera; a smaller picture with the same field of view is faster and shows less far away.
         plan: The home's plan, for rooms and doors; None leaves them out.
-        settings: Settings of the policy; None = its defaults with `max_steps`.
         on_step: Gets the first view (step None) and every step; it changes nothing.
 
     Raises:
@@ -87,7 +85,7 @@ def explore(
     floor = VisibleFloor(scene.navigation, np.array(start.position))
     tracker, raycaster = CoverageTracker(floor), Raycaster(scene.mesh)
     env = PanEnv(start, scene.navigation, renderer=raycaster, camera=camera, colours=False, max_steps=max_steps)
-    agent = FrontierExplorer(settings or FrontierSettings(max_steps=max_steps))
+    agent = FrontierExplorer(max_steps=max_steps)
     observation = env.reset()
     agent.reset(TASK, camera, seed=seed)
     coverage: list[float] = []

@@ -32,6 +32,8 @@ _FLOOR_AROUND, _FLOOR_BIN = 0.3, 0.02
 """The floor is searched up to this far below and above the feet, in bins of this height, metres."""
 _FLOOR_FRAMES = 14
 """Number of views after which the floor's height is fixed: a full look around and a little more."""
+_BUMP_STEPS = 300
+"""Steps for which a collision blocks its place; blocking for ever would seal doors."""
 _BUMP_AHEAD, _BUMP_ASIDE = (0.03, 0.07), (-0.04, 0.0, 0.04)
 """A collision blocks the robot's centre this far ahead and aside (metres), but never where it has been."""
 _BUMP_FORE, _BUMP_REACH, _BUMP_TIMES, _BUMP_MOST = 0.2, 0.15, 7.0, 40.0
@@ -80,13 +82,8 @@ class Ground(NamedTuple):
 class FloorMemory:
     """The floor that the robot has seen since the episode began."""
 
-    def __init__(self, *, bump_steps: int) -> None:
-        """Starts empty.
-
-        Args:
-            bump_steps: Number of steps for which a collision blocks its place; blocking for ever would seal doors.
-        """
-        self._bump_steps = bump_steps
+    def __init__(self) -> None:
+        """Starts empty."""
         self._frames: list[tuple[NDArray[np.float32], NDArray[np.float64], Camera]] = []
         self._heights = np.zeros(round(2 * _FLOOR_AROUND / _FLOOR_BIN))
         self._mapper = OccupancyMapper()
@@ -130,7 +127,7 @@ class FloorMemory:
         self._mapper.add(*view)
         self._mapper.stand(self.xz)
         if observation.collided:
-            self._bumps = (*self._bumps, Bump(self.xz, self.yaw, observation.step + self._bump_steps))
+            self._bumps = (*self._bumps, Bump(self.xz, self.yaw, observation.step + _BUMP_STEPS))
             ahead = np.array(self.xz) + _BUMP_FORE * forward_from_yaw(self.yaw)[[0, 2]]
             self.avoid((float(ahead[0]), float(ahead[1])))
         self._step = observation.step

@@ -8,7 +8,6 @@ Observation -> `Seeker` (map, frontiers, way) -> the goal chosen here -> next ac
 """
 
 import math
-from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -17,7 +16,7 @@ from sim.tasks.observers import Insight
 from sim.types import TURN_STEP, Action, Camera, Observation, Task
 
 from .frontiers import Frontier
-from .seeking import Seeker, SeekSettings
+from .seeking import Seeker
 
 StopReason = Literal["no-frontier", "steps", "stuck"]
 MAX_STEPS = 2500
@@ -27,33 +26,24 @@ _MOVED = 0.02
 """A forward that moves the robot less than this (metres) counts as no move."""
 _STUCK = 60
 """After this many forwards in a row without a move the robot gives up."""
-
-
-@dataclass(frozen=True, slots=True)
-class FrontierSettings:
-    """Settings of the policy."""
-
-    max_steps: int = MAX_STEPS
-    """Largest number of actions; if all are used, the last one is STOP."""
-    seek: SeekSettings = field(default_factory=SeekSettings)
-    replan_steps: int = 4
-    """Steps between two searches for a nearer goal while the present goal is valid."""
-    switch_gain: float = 3.0
-    """Actions that another frontier must save to become the goal."""
+_REPLAN_STEPS = 4
+"""Steps between two searches for a nearer goal while the present goal is valid."""
+_SWITCH_GAIN = 3.0
+"""Actions that another frontier must save to become the goal."""
 
 
 class FrontierExplorer:
     """An `Agent` that explores the storey on which it starts; it sees depth and its own pose, nothing else."""
 
-    def __init__(self, settings: FrontierSettings | None = None) -> None:
-        """Takes the settings of the policy; None = the defaults."""
-        self.settings = settings or FrontierSettings()
+    def __init__(self, *, max_steps: int = MAX_STEPS) -> None:
+        """Takes the largest number of actions; if all are used, the last one is STOP."""
+        self._max_steps = max_steps
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """Begins with an empty map, even with `keep_memory`: each episode has its own start frame."""
         rng = np.random.default_rng(seed)
         self._turn = Action.LEFT if rng.integers(2) else Action.RIGHT
-        self._seeker = Seeker(camera, self.settings.seek, can_look=Action.LOOK_DOWN in task.actions)
+        self._seeker = Seeker(camera, can_look=Action.LOOK_DOWN in task.actions)
         self._frontiers: list[Frontier] = []
         self._turns_left, self._has_looked_around = FULL_TURN, False
         self._planned_at = 0
@@ -68,7 +58,7 @@ class FrontierExplorer:
         self._seeker.see(observation)
         self._count_unmoved()
         action = self._choose(observation.step)
-        if action is not Action.STOP and observation.step + 1 >= self.settings.max_steps:
+        if action is not Action.STOP and observation.step + 1 >= self._max_steps:
             self.stop_reason, self._note, action = "steps", "no step is left", Action.STOP
         self._last = (action, self._seeker.memory.xz)
         return action
@@ -100,11 +90,11 @@ class FrontierExplorer:
 
     def _look_for_nearer(self, step: int) -> None:
         """Plans the way anew every few steps, and changes to another frontier where that saves actions."""
-        if self._seeker.goal is None or self._seeker.is_turning or step - self._planned_at < self.settings.replan_steps:
+        if self._seeker.goal is None or self._seeker.is_turning or step - self._planned_at < _REPLAN_STEPS:
             return
         self._seeker.replan()
         self._frontiers, self._planned_at = self._seeker.frontiers(), step
-        if self._frontiers and self._frontiers[0].cost + self.settings.switch_gain < self._seeker.cost_left:
+        if self._frontiers and self._frontiers[0].cost + _SWITCH_GAIN < self._seeker.cost_left:
             self._take(self._frontiers[0], step)
 
     def _take(self, frontier: Frontier, step: int) -> None:

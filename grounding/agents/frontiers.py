@@ -16,7 +16,7 @@ from sim.types import FORWARD_STEP, TURN_STEP, Camera
 from .floor_memory import Ground
 from .plan_kernels import best_views, spread_costs
 
-MIN_CELLS = 5
+_MIN_CELLS = 5
 """Smaller groups are too narrow to lead anywhere: a quarter of a metre."""
 VIEW_RANGE = 4.0
 """Largest distance from which a frontier is looked at, metres, so that the space behind it is in the sensor's range."""
@@ -84,7 +84,6 @@ def find_frontiers(
     is_tilted: bool,
     can_look: bool,
     camera: Camera,
-    min_cells: int = MIN_CELLS,
 ) -> list[Frontier]:
     """All frontiers, cheapest for their size first; those that cannot be looked at come last, with cost inf.
 
@@ -98,9 +97,8 @@ def find_frontiers(
         is_tilted: Whether the camera looks down.
         can_look: Whether the camera may be tilted.
         camera: The robot's camera.
-        min_cells: Smaller groups are dropped.
     """
-    members = _groups(ground, costs, banned=banned, min_cells=min_cells)
+    members = _groups(ground, costs, banned=banned)
     if not members:
         return []
     sampled = [cells[np.linspace(0, len(cells) - 1, min(len(cells), _PER_GROUP)).astype(int)] for cells in members]
@@ -134,9 +132,7 @@ def find_frontiers(
     return sorted(frontiers, key=lambda frontier: frontier.cost * (1 + _SMALL / len(frontier.cells_rc)))
 
 
-def _groups(
-    ground: Ground, costs: NDArray[np.float64], *, banned: NDArray[np.bool_], min_cells: int
-) -> list[NDArray[np.int64]]:
+def _groups(ground: Ground, costs: NDArray[np.float64], *, banned: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
     """Unknown cells (K, 2) beside free ones that the robot can reach, by connected group."""
     beside = ndimage.binary_dilation(ground.cells == FREE)  # 4-neighbours: not across a corner of a wall
     mask = beside & (ground.cells == UNKNOWN) & ~banned
@@ -145,7 +141,7 @@ def _groups(
     group = labels[mask] - 1
     order = np.argsort(group, kind="stable")
     members = np.split(np.argwhere(mask)[order], np.cumsum(np.bincount(group, minlength=count))[:-1])
-    return [cells for cells in members if len(cells) >= min_cells]
+    return [cells for cells in members if len(cells) >= _MIN_CELLS]
 
 
 def _xz(ground: Ground, rc: NDArray) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from sim.tasks.observers import Insight
 from sim.types import Action, Camera, Observation, Task
 
 from .frontiers import Frontier
-from .seeking import Seeker, SeekSettings
+from .seeking import Seeker
 
 
 class RandomFrontierAgent:
@@ -20,15 +20,11 @@ class RandomFrontierAgent:
     When none is left it turns in place, so that its path does not grow; STOP is its last step (BASELINES.md section 4).
     """
 
-    def __init__(self, settings: SeekSettings | None = None) -> None:
-        """Takes the settings for pursuing frontiers; None = the defaults."""
-        self._settings = settings or SeekSettings()
-
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """Begins with an empty map and seeds the draw."""
         self._rng = np.random.default_rng(seed)
         self._max_steps = task.max_steps
-        self._seeker = Seeker(camera, self._settings, can_look=Action.LOOK_DOWN in task.actions)
+        self._seeker = Seeker(camera, can_look=Action.LOOK_DOWN in task.actions)
         self._frontiers: list[Frontier] = []
         self._turn = Action.LEFT if self._rng.integers(2) else Action.RIGHT
         self._note = ""

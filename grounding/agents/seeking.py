@@ -6,7 +6,6 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,32 +47,21 @@ _MOST_MISSES = 5
 """Each time a frontier could not be reached it is ignored twice as long as before; this doubles at most this often."""
 _PROGRESS = 0.5
 """The robot has come nearer when its way is shorter by this many actions."""
-
-
-@dataclass(frozen=True, slots=True)
-class SeekSettings:
-    """Rules for pursuing frontiers and giving them up."""
-
-    min_cells: int = 5
-    """Smaller frontiers are dropped as too narrow."""
-    ban_steps: int = 150
-    """Steps for which a frontier is ignored after it stayed unknown when the robot looked at it."""
-    tries: int = 3
-    """A frontier that stayed unknown after this many looks is given up."""
-    detour_steps: int = 40
-    """Steps for which a frontier is ignored after it could not be reached."""
-    rounds: int = 12
-    """Number of times in a row, without new floor, that all ignored frontiers come back before the robot is done..."""
-    last_steps: int = 200
-    """...which is at the earliest this many steps after the last new floor."""
-    bump_steps: int = 300
-    """Steps for which a collision blocks its place."""
-    most_bumps: int = 8
-    """Collisions on the way to one goal after which it counts as out of reach."""
-    dull_steps: int = 150
-    """Steps without new floor after which the present goal has failed; each later goal fails after a third of that."""
-    patience: int = 15
-    """Steps without coming nearer after which a goal counts as out of reach."""
+_PATIENCE = 15
+"""Steps without coming nearer after which a goal counts as out of reach."""
+_MOST_BUMPS = 8
+"""Collisions on the way to one goal after which it counts as out of reach."""
+_DETOUR_STEPS = 40
+"""Steps for which a frontier is ignored after it could not be reached."""
+_BAN_STEPS = 150
+"""Steps for which a frontier is ignored after it stayed unknown when the robot looked at it."""
+_TRIES = 3
+"""A frontier that stayed unknown after this many looks is given up."""
+_DULL_STEPS = 150
+"""Steps without new floor after which the present goal has failed; each later goal fails after a third of that."""
+_ROUNDS, _LAST_STEPS = 12, 200
+"""Number of times in a row, without new floor, that all ignored frontiers come back before the robot is done; which is
+at the earliest this many steps after the last new floor."""
 
 
 class _Way(NamedTuple):
@@ -87,12 +75,12 @@ class _Way(NamedTuple):
 class Seeker:
     """The part of an explorer that remembers, plans and walks. Frame: start."""
 
-    def __init__(self, camera: Camera, settings: SeekSettings, *, can_look: bool = True) -> None:
+    def __init__(self, camera: Camera, *, can_look: bool = True) -> None:
         """Starts without a map; `can_look` says whether the camera may be tilted."""
-        self.memory = FloorMemory(bump_steps=settings.bump_steps)
+        self.memory = FloorMemory()
         self.goal: Frontier | None = None
         """The frontier that the robot goes to see."""
-        self._camera, self._settings, self._can_look = camera, settings, can_look
+        self._camera, self._can_look = camera, can_look
         self._step = 0
         self._banned_until = np.zeros(self.memory.grid.shape, np.int32)
         self._failures = np.zeros(self.memory.grid.shape, np.uint8)
@@ -142,7 +130,6 @@ class Seeker:
             is_tilted=self.memory.is_tilted,
             can_look=self._can_look,
             camera=self._camera,
-            min_cells=self._settings.min_cells,
         )
 
     def choose(self, goal: Frontier | None) -> None:
@@ -181,11 +168,11 @@ class Seeker:
         known = self.memory.num_known
         is_news = known > self._known_before + _NEWS
         self._known_before, self._rounds = known, 0 if is_news else self._rounds + 1
-        waiting = (self._banned_until > self._step) & (self._failures < self._settings.tries)
+        waiting = (self._banned_until > self._step) & (self._failures < _TRIES)
         self._rounds_now = self._rounds_now + 1 if self._step == self._forgiven_at else 0
         self._forgiven_at = self._step
-        is_idle = self._rounds_now >= self._settings.rounds  # everything keeps failing before the robot can move
-        if is_idle or (self._rounds >= self._settings.rounds and self.is_dull()):
+        is_idle = self._rounds_now >= _ROUNDS  # everything keeps failing before the robot can move
+        if is_idle or (self._rounds >= _ROUNDS and self.is_dull()):
             return False
         self._banned_until[waiting] = 0
         return bool(waiting.any()) | self.memory.forget_bumps()
@@ -193,10 +180,10 @@ class Seeker:
     def is_dull(self) -> bool:
         """Whether there has been no new floor for too long to continue; the limit grows with the longest frontier."""
         dull = self._step - self._news_at
-        if dull <= self._settings.last_steps:
+        if dull <= _LAST_STEPS:
             return False
         most = max((len(frontier.cells_rc) for frontier in self.frontiers(even_banned=True)), default=0)
-        return dull > self._settings.last_steps + _STEPS_PER_CELL * min(most, _LONGEST)
+        return dull > _LAST_STEPS + _STEPS_PER_CELL * min(most, _LONGEST)
 
     def squeeze(self) -> bool:
         """Plans closer to things until there is new floor, and restarts the wait for it; False if it already does."""
@@ -213,10 +200,10 @@ class Seeker:
         if self.memory.cell_at(goal.target_xz) != UNKNOWN:
             self.choose(None)
             return None
-        if self._step - max(self._news_at, self._dull_at) > self._settings.dull_steps:
-            self._dull_at = self._step - self._settings.dull_steps * 2 // 3
+        if self._step - max(self._news_at, self._dull_at) > _DULL_STEPS:
+            self._dull_at = self._step - _DULL_STEPS * 2 // 3
             self._dull_goals += 1
-            self._leave(goal, for_steps=self._settings.ban_steps)
+            self._leave(goal, for_steps=_BAN_STEPS)
             return None
         if self._begun:
             action = self._begun.pop()
@@ -228,12 +215,8 @@ class Seeker:
         if to_go < _ARRIVED:
             return self._look(goal)
         action = self._walk() if math.isfinite(to_go) else None
-        if (
-            action is None
-            or self._bumps >= self._settings.most_bumps
-            or self._step - self._nearer_at > self._settings.patience
-        ):
-            self._leave(goal, for_steps=self._settings.detour_steps)
+        if action is None or self._bumps >= _MOST_BUMPS or self._step - self._nearer_at > _PATIENCE:
+            self._leave(goal, for_steps=_DETOUR_STEPS)
             return None
         return action
 
@@ -257,7 +240,7 @@ class Seeker:
         level = reach_of(self._camera, self.memory.grid.cell, can_look=self._can_look)[1]
         if self._can_look and distance < level and not self.memory.is_tilted:
             return Action.LOOK_DOWN
-        self._leave(goal, for_steps=self._settings.ban_steps, has_looked=True)
+        self._leave(goal, for_steps=_BAN_STEPS, has_looked=True)
         return None
 
     def _walk(self) -> Action | None:
@@ -351,7 +334,7 @@ class Seeker:
             self._misses[area] = np.minimum(self._misses[area] + 1, _MOST_MISSES)
             self.memory.avoid(self.memory.xz)
         self._banned_until[area] = self._step + for_steps * times
-        given_up = self._failures[area] >= self._settings.tries
+        given_up = self._failures[area] >= _TRIES
         self._banned_until[area][given_up] = FOR_EVER
         self.choose(None)
 

@@ -12,13 +12,14 @@ from sim.tasks.run_writer import RunWriter
 from sim.tasks.workers import SceneJob, results, without
 from sim.types import SPLITS, EpisodeKey, Split
 
+from ..agents.progress_notes import scene_note
 from ..encoders.by_name import make_encoder
 from ..encoders.protocol import ModelOptions
 from ..maps.home_map import Memory
 from ..methods.by_name import make_grounder
 from ..phrases.sources import make_phrases
 from ..types import Grounding
-from .home_maps import HomeMaps, MapFolders, OracleMaps
+from .home_maps import MapFolders, home_maps, oracle_maps
 from .settings import GroundSettings as GroundSettings
 
 BATCH = 200
@@ -65,23 +66,23 @@ class SceneGrounder:
             DatasetError: The scene is unknown or a file is damaged.
             SceneError: The home does not fit a map.
         """
-        self._maps: OracleMaps | HomeMaps
         options = replace(model or ModelOptions(), autocast=settings.autocast)
+        with scene_note(folders and folders.notes, scene) as say:
+            say("loading the encoder")
+            encoder = make_encoder(settings.map_encoder, options=options)
         if settings.map == "oracle":
-            self._encoder = make_encoder(settings.encoder, options=options)
-            self._maps = OracleMaps(dataset, scene, settings, self._encoder)
+            self._map_of = oracle_maps(dataset, scene, settings, encoder)
         else:
             assert folders is not None, "maps that are no oracle maps lie in a folder"
-            self._maps = HomeMaps(dataset, scene, settings, folders, model=options)
-            self._encoder = self._maps.query_encoder
+            self._map_of = home_maps(dataset, scene, settings, folders, encoder=encoder, model=options)
         self._settings = settings
-        self._grounder = make_grounder(settings.method, self._encoder, seed=settings.seed)
+        self._grounder = make_grounder(settings.method, encoder, seed=settings.seed)
         self._phrases = make_phrases(settings.phrases, episodes=dataset.episodes(scenes=(scene,)), llm=settings.llm)
         self._storeys = scene_storeys(dataset.goals(scene).values())
 
     def memory(self, episode: Episode) -> Memory:
         """The map that the grounder gets for this episode; made once per storey."""
-        return self._maps.memory(episode)
+        return self._map_of(episode)
 
     def ground(self, episode: Episode) -> Grounding:
         """The grounder's answer and layers; it sees the map, the task and the phrases only."""

@@ -6,9 +6,9 @@ Exploration (explore.py, an agent's observations only) -> views on its way -> ma
 scene. For oracle perception the views are rendered again with instance ids; the encoder's name says so.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -59,46 +59,32 @@ class MapFolders:
         return self.maps / f"{scene}.npz"
 
 
-class OracleMaps:
-    """Gives each episode of a scene the oracle map of its target's storey; each is made once."""
+def oracle_maps(
+    dataset: PersonalDataset, scene: str, settings: GroundSettings, encoder: TextEncoder
+) -> Callable[[Episode], Memory]:
+    """Gives each episode of a scene the oracle map of its target's storey; each map is made once.
 
-    def __init__(self, dataset: PersonalDataset, scene: str, settings: GroundSettings, encoder: TextEncoder) -> None:
-        """Reads the scene's episode files; with clutter those of all scenes, since clutter is drawn from their texts.
+    Reads the scene's episode files; with clutter those of all scenes, since clutter is drawn from their texts.
 
-        Raises:
-            DatasetError: The scene is unknown or a file is damaged.
-            SceneError: The home does not fit a map.
-        """
-        self._settings = settings
-        self._encoder = encoder
-        self._home = oracle_home(dataset, scene)
-        self._variant = OracleVariant(
-            blur=settings.blur,
-            object_noise=settings.object_noise,
-            cell_noise=settings.cell_noise,
-            clutter=settings.clutter_texts,
-            seed=settings.seed,
-        )
-        homes = _all_homes(dataset.root) if settings.clutter_texts else ()
-        self._clutter_texts = other_texts(homes, scene)
-        self._maps: dict[str | None, FeatureMap] = {}
+    Raises:
+        DatasetError: The scene is unknown or a file is damaged.
+        SceneError: The home does not fit a map, or (when called) there is no text to draw clutter from.
+    """
+    home = oracle_home(dataset, scene)
+    variant = OracleVariant(
+        blur=settings.blur,
+        object_noise=settings.object_noise,
+        cell_noise=settings.cell_noise,
+        clutter=settings.clutter_texts,
+        seed=settings.seed,
+    )
+    texts = other_texts(_all_homes(dataset.root) if settings.clutter_texts else (), scene)
 
-    def memory(self, episode: Episode) -> FeatureMap:
-        """The map of the target's storey, or of all storeys where the settings say so.
+    @cache
+    def of_storey(floor_id: str | None) -> FeatureMap:
+        return variant_map(home, encoder, floor_id=floor_id, variant=variant, clutter_texts=texts)
 
-        Raises:
-            SceneError: There is no text to draw clutter from.
-        """
-        floor_id = None if self._settings.all_storeys else episode.record.floor_id
-        if floor_id not in self._maps:
-            self._maps[floor_id] = variant_map(
-                self._home,
-                self._encoder,
-                floor_id=floor_id,
-                variant=self._variant,
-                clutter_texts=self._clutter_texts,
-            )
-        return self._maps[floor_id]
+    return lambda episode: of_storey(None if settings.all_storeys else episode.record.floor_id)
 
 
 @lru_cache(maxsize=1)
@@ -108,59 +94,48 @@ def _all_homes(root: Path) -> tuple[OracleHome, ...]:
     return tuple(oracle_home(dataset, name) for name in dataset.scenes)
 
 
-class HomeMaps:
-    """Gives each episode of a scene the map of the storey on which it starts."""
+def home_maps(
+    dataset: PersonalDataset,
+    scene: str,
+    settings: GroundSettings,
+    folders: MapFolders,
+    *,
+    encoder: TextEncoder,
+    model: ModelOptions,
+) -> Callable[[Episode], Memory]:
+    """Gives each episode of a scene the map of the storey on which it starts.
 
-    def __init__(
-        self,
-        dataset: PersonalDataset,
-        scene: str,
-        settings: GroundSettings,
-        folders: MapFolders,
-        *,
-        model: ModelOptions,
-    ) -> None:
-        """Loads only the encoder of queries.
+    The home's file is read, or made by walking the home, when the first map is needed.
 
-        Raises:
-            AgentError: The encoder is unknown or cannot be loaded.
-        """
-        self._dataset, self._scene = dataset, scene
-        self._settings, self._folders, self._model = settings, folders, model
-        with scene_note(folders.notes, scene) as say:
-            say("loading the encoder")
-            self.query_encoder: TextEncoder = make_encoder(settings.map_encoder, options=model)
-        """Encoder of queries and phrases, in the map's own space."""
-        self._home: HomeMemory | None = None
-        self._merged: Memory | None = None
+    Args:
+        dataset: Holds the episodes.
+        scene: One of its scenes.
+        settings: Settings of the map.
+        folders: Folders for exploration and map.
+        encoder: The encoder of queries, which must be the map's.
+        model: Options of a real encoder.
 
-    def memory(self, episode: Episode) -> Memory:
-        """The map of the storey of the episode's start, or of all storeys where the settings say so.
+    Returns:
+        A function that raises SceneError if the home cannot be opened, RunFileError if a map is missing or damaged or
+        cannot be written, and AgentError if it was made with another encoder or holds no storey.
+    """
 
-        Raises:
-            SceneError: The home cannot be opened.
-            RunFileError: A map is missing or damaged, or cannot be written.
-            AgentError: The map was made with another encoder or holds no storey.
-        """
-        if self._home is None:
-            self._home = self._load_or_make()
-        if not self._settings.all_storeys:
-            return self._home.storey_near(episode.start.position[1]).memory
-        if self._merged is None:
-            self._merged = merged_storeys(self._home)
-        return self._merged
+    @cache
+    def home() -> HomeMemory:
+        path = folders.map_file(scene)
+        if settings.map == "explore" and not path.exists():
+            with scene_note(folders.notes, scene) as say:
+                make_home_map(dataset, scene, settings, folders, model=model, say=say)
+        mapped = read_map_header(path).source.scene
+        if mapped != scene:
+            raise RunFileError(f"{path}: is a map of {mapped!r}; expected one of {scene!r}. Rename the file.")
+        return load_memory(path, encoder=encoder)
 
-    def _load_or_make(self) -> HomeMemory:
-        path = self._folders.map_file(self._scene)
-        if self._settings.map == "explore" and not path.exists():
-            with scene_note(self._folders.notes, self._scene) as say:
-                make_home_map(self._dataset, self._scene, self._settings, self._folders, model=self._model, say=say)
-        header = read_map_header(path)
-        if header.source.scene != self._scene:
-            raise RunFileError(
-                f"{path}: is a map of {header.source.scene!r}; expected one of {self._scene!r}. Rename the file."
-            )
-        return load_memory(path, encoder=self.query_encoder)
+    @cache
+    def merged() -> Memory:
+        return merged_storeys(home())
+
+    return lambda episode: merged() if settings.all_storeys else home().storey_near(episode.start.position[1]).memory
 
 
 def make_home_map(
@@ -243,19 +218,19 @@ def build_map(
 
 def _builder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings, model: ModelOptions) -> "MapBuilder":
     from ..maps.grid_map import GridMapBuilder
+    from ..maps.storeys import ViewOptions
 
     encoder = _image_encoder(dataset, scene, settings, model)
-    centre_xz = oracle_home(dataset, scene.name).centre_xz  # the same cells as the home's oracle map
+    # the same cells as the home's oracle map
+    views = ViewOptions(centre_xz=oracle_home(dataset, scene.name).centre_xz, batch=model.batch_size)
     if settings.layout == "objects":
         from ..maps.object_map import ObjectMapBuilder
         from ..perception.segments import InstanceIds
 
         # captions as perceived, with confusions; a real encoder gives no names
         captions = encoder.perceived if isinstance(encoder, OraclePerception) else None
-        return ObjectMapBuilder(encoder, InstanceIds(captions), centre_xz=centre_xz, batch=model.batch_size)
-    return GridMapBuilder(
-        encoder, cell=CELLS[settings.layout], features=settings.features, centre_xz=centre_xz, batch=model.batch_size
-    )
+        return ObjectMapBuilder(encoder, InstanceIds(captions), views=views)
+    return GridMapBuilder(encoder, cell=CELLS[settings.layout], features=settings.features, views=views)
 
 
 def _image_encoder(

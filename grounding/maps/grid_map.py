@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import AgentError
-from sim.types import CAMERA_HEIGHT, Frame, GridSpec
+from sim.types import Frame, GridSpec
 
 from ..encoders.protocol import DenseEncoder, TextImageEncoder
 from ..types import FeatureMap, map_from_cells
-from .home_map import HomeMemory, StoreyMemory
-from .occupancy import MAX_DEPTH
-from .storeys import Storeys, points_at
+from .home_map import HomeMemory
+from .storeys import Storeys, ViewOptions, points_at
 from .view_quality import NEAR, bearing_weight, patches_of
 
 GRID_SIZE = 50.0
@@ -60,31 +59,21 @@ class GridMapBuilder:
         *,
         cell: float = 1.0,
         features: FeatureSource = "patches",
-        centre_xz: tuple[float, float] | None = None,
-        floors: Sequence[float] | None = None,
-        mount_height: float = CAMERA_HEIGHT,
-        max_depth: float = MAX_DEPTH,
-        frame: str = "world",
-        batch: int = 8,
+        views: ViewOptions = ViewOptions(),  # noqa: B008 - frozen value
     ) -> None:
         """Starts an empty map.
+
+        The grid's corner is floor(middle) - GRID_SIZE / 2 (GROUNDING.md, section 0), so that the cells of all maps of a
+        home lie on one lattice. With `OracleHome.centre_xz` as the middle they are those of its oracle map.
 
         Args:
             encoder: Encodes the views; with `features="patches"` it must have `encode_patches`.
             cell: Side of a cell, metres; 1, or 1 divided by a whole number.
             features: Whether patches or whole views are encoded.
-            centre_xz: Middle of the grid, e.g. `OracleHome.centre_xz`, so that the cells are those of its oracle map;
-                default the middle of the seen area. The grid's corner is floor(middle) - GRID_SIZE / 2
-                (GROUNDING.md, section 0): cells of all maps of a home lie on one lattice. The map's own `centre_xz`,
-                which grounders see, is always the middle of the seen area.
-            floors: Heights of the storeys' floors, metres; None = found while mapping (`Storeys`).
-            mount_height: Height of the camera above the feet, metres; needed where `floors` is None.
-            max_depth: Farther returns are not mapped, planar metres.
-            frame: Words that name the poses' frame.
-            batch: Number of views that are encoded together.
+            views: Facts about the views.
 
         Raises:
-            AgentError: The encoder, `cell` or `floors` does not fit.
+            AgentError: The encoder or `cell` does not fit.
         """
         if not (0 < cell <= 1 and abs(1 / cell - round(1 / cell)) < _WHOLE):
             raise AgentError(
@@ -99,16 +88,12 @@ class GridMapBuilder:
         self.name = f"{cell:g} m cells of {features}"
         """Map files keep this name of the builder."""
         self._encoder = encoder
-        self._cell, self._features = cell, features
-        self._centre_xz, self._frame, self._max_depth = centre_xz, frame, max_depth
-        self._new_storeys = lambda: Storeys(
-            floors=floors, mount_height=mount_height, centre_xz=centre_xz, max_depth=max_depth, batch=batch
-        )
+        self._cell, self._features, self._views = cell, features, views
         self.reset()
 
     def reset(self) -> None:
         """Forgets all views."""
-        self._storeys = self._new_storeys()
+        self._storeys = Storeys(self._views)
         self._sums: dict[int, CellSums] = {}
         self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
 
@@ -128,14 +113,10 @@ class GridMapBuilder:
         """
         self._place(self._storeys.rest())
         centre = _middle(self._low, self._high)
-        corner = np.floor(self._centre_xz or centre) - GRID_SIZE / 2
+        corner = np.floor(self._views.centre_xz or centre) - GRID_SIZE / 2
         count = round(GRID_SIZE / self._cell)
         grid = GridSpec((float(corner[0]), float(corner[1])), self._cell, (count, count))
-        order = np.argsort(self._storeys.floors).tolist() if self._storeys.num_frames else []
-        storeys = tuple(
-            StoreyMemory(self._storeys.occupancy(index), self._feature_map(index, grid, centre)) for index in order
-        )
-        return HomeMemory(storeys, self._frame, self._storeys.num_frames)
+        return self._storeys.home(lambda index: self._feature_map(index, grid, centre))
 
     def _place(self, frames: Sequence[Frame]) -> None:
         """Encodes frames and adds their vectors to the cells that they show."""
@@ -144,7 +125,7 @@ class GridMapBuilder:
         if self._features == "patches":
             vectors = encoded_patches(self._encoder, frames)  # type: ignore[arg-type]  # checked at construction
             for frame, patches in zip(frames, vectors, strict=True):
-                seen = patches_of(frame, patches.shape[:2], max_depth=self._max_depth)
+                seen = patches_of(frame, patches.shape[:2], max_depth=self._views.max_depth)
                 self._add_points(seen.points, patches.reshape(-1, self._encoder.dim), seen.weights)
         else:
             for frame, vector in zip(frames, _encoded_images(self._encoder, frames), strict=True):
@@ -171,7 +152,7 @@ class GridMapBuilder:
         height, width = frame.depth_m.shape
         rows, cols = np.mgrid[_EVERY_PIXEL // 2 : height : _EVERY_PIXEL, _EVERY_PIXEL // 2 : width : _EVERY_PIXEL]
         depth = frame.depth_m[rows, cols]
-        is_valid = (depth >= NEAR) & (depth <= self._max_depth)
+        is_valid = (depth >= NEAR) & (depth <= self._views.max_depth)
         rc = np.column_stack([rows[is_valid], cols[is_valid]])
         points = points_at(frame, rc)
         cells = np.column_stack([np.floor(points[:, [0, 2]] / self._cell), self._storeys.index_of(points[:, 1])])
@@ -187,7 +168,8 @@ class GridMapBuilder:
         if outside:
             raise AgentError(
                 f"map builder: {outside} of {len(rc)} seen cells are outside of the {GRID_SIZE:g} x {GRID_SIZE:g} m "
-                f"around {self._centre_xz or centre_xz}; expected all inside. Give another centre_xz, or fewer views."
+                f"around {self._views.centre_xz or centre_xz}; expected all inside. Give another centre_xz, or fewer "
+                "views."
             )
         return map_from_cells(
             sums,

@@ -5,14 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.types import CAMERA_HEIGHT, Camera, Frame
+from sim.types import Camera, Frame
 
 from ..encoders.protocol import DenseEncoder
 from ..perception.segments import Segmenter
 from .grid_map import encoded_patches
-from .home_map import HomeMemory, ObjectInstance, ObjectMap, StoreyMemory
-from .occupancy import MAX_DEPTH
-from .storeys import Storeys, points_at
+from .home_map import HomeMemory, ObjectInstance, ObjectMap
+from .storeys import Storeys, ViewOptions, points_at
 from .tracked_things import MergeRule, Thing, View, add_view, merged, thinned
 from .view_quality import NEAR, distance_weight, patch_pixels
 
@@ -32,41 +31,24 @@ class ObjectMapBuilder:
         encoder: DenseEncoder,
         segmenter: Segmenter,
         *,
-        centre_xz: tuple[float, float] | None = None,
-        floors: Sequence[float] | None = None,
-        mount_height: float = CAMERA_HEIGHT,
-        max_depth: float = MAX_DEPTH,
-        frame: str = "world",
-        batch: int = 8,
+        views: ViewOptions = ViewOptions(),  # noqa: B008 - frozen value
     ) -> None:
         """Starts an empty map.
 
         Args:
             encoder: Encodes the patches.
             segmenter: Finds the things in a view; `InstanceIds` if the simulator gives them.
-            centre_xz: Middle of the occupancy grids; default the first camera's place. The map's own `centre_xz`, which
-                grounders see, is the middle of all things' points.
-            floors: Heights of the storeys' floors, metres; None = found while mapping (`Storeys`).
-            mount_height: Height of the camera above the feet, metres; needed where `floors` is None.
-            max_depth: Farther returns are not mapped, planar metres.
-            frame: Words that name the poses' frame.
-            batch: Number of views that are encoded together.
-
-        Raises:
-            AgentError: `floors` does not fit.
+            views: Facts about the views.
         """
         self.name = f"objects of {segmenter.name}"
         """Map files keep this name; it contains "oracle-perception" where the masks are ground truth."""
         self._encoder, self._segmenter = encoder, segmenter
-        self._frame, self._max_depth = frame, max_depth
-        self._new_storeys = lambda: Storeys(
-            floors=floors, mount_height=mount_height, centre_xz=centre_xz, max_depth=max_depth, batch=batch
-        )
+        self._views = views
         self.reset()
 
     def reset(self) -> None:
         """Forgets all views."""
-        self._storeys = self._new_storeys()
+        self._storeys = Storeys(self._views)
         self._things: list[Thing] = []
 
     def add(self, frame: Frame) -> None:
@@ -84,8 +66,6 @@ class ObjectMapBuilder:
             AgentError: The encoder or the segmenter broke its contract.
         """
         self._place(self._storeys.rest())
-        if not self._storeys.num_frames:
-            return HomeMemory((), self._frame, 0)
         things = [
             thing
             for thing in merged(self._things, _RULE)
@@ -94,22 +74,22 @@ class ObjectMapBuilder:
         heights = np.array([np.median(thing.points[:, 1]) for thing in things])
         storeys = self._storeys.index_of(heights) if len(things) else np.empty(0, np.int64)
         centre = _middle(things)
-        maps = []
-        for index in np.argsort(self._storeys.floors).tolist():
+
+        def memory_of(index: int) -> ObjectMap:
             objects = tuple(_instance(thing) for thing, at in zip(things, storeys, strict=True) if at == index)
             floor_y = self._storeys.floors[index]
-            memory = ObjectMap(objects, floor_y, self._encoder.name, self._encoder.dim, centre, _RULE.merge_m)
-            maps.append(StoreyMemory(self._storeys.occupancy(index), memory))
-        return HomeMemory(tuple(maps), self._frame, self._storeys.num_frames)
+            return ObjectMap(objects, floor_y, self._encoder.name, self._encoder.dim, centre, _RULE.merge_m)
+
+        return self._storeys.home(memory_of)
 
     def _place(self, frames: Sequence[Frame]) -> None:
         if not frames:
             return
         for frame, patches in zip(frames, encoded_patches(self._encoder, frames), strict=True):
-            for view in self._views(frame, patches):
+            for view in self._seen(frame, patches):
                 add_view(self._things, view, _RULE)
 
-    def _views(self, frame: Frame, patches: NDArray[np.float32]) -> list[View]:
+    def _seen(self, frame: Frame, patches: NDArray[np.float32]) -> list[View]:
         """The things of one frame that have points; patches (h, w, E)."""
         found = self._segmenter.segment(frame)
         if not len(found.masks):
@@ -118,7 +98,7 @@ class ObjectMapBuilder:
         features = (shares.astype(np.float32) @ patches.reshape(-1, self._encoder.dim)).astype(np.float64)
         coarse = _inner(found.masks[:, ::_EVERY_PIXEL, ::_EVERY_PIXEL])
         depth = frame.depth_m[::_EVERY_PIXEL, ::_EVERY_PIXEL]
-        is_valid = (depth >= NEAR) & (depth <= self._max_depth)
+        is_valid = (depth >= NEAR) & (depth <= self._views.max_depth)
         views = []
         for index, mask in enumerate(coarse):
             rc = np.argwhere(mask & is_valid) * _EVERY_PIXEL

@@ -3,7 +3,8 @@
 Frames go in one by one and come out in batches once their storey is known; points go to the floors known at that time.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from sim.errors import AgentError
 from sim.types import CAMERA_HEIGHT, STOREY_GAP, Frame
 from sim.walk.storeys import BELOW_FLOOR, same_storey, storey_levels
 
-from .home_map import OccupancyGrid
+from .home_map import HomeMemory, Memory, OccupancyGrid, StoreyMemory
 from .occupancy import MAX_DEPTH, OccupancyMapper
 
 _LEVEL_RISE, _LEVEL_RUN = 0.1, 0.6
@@ -27,61 +28,59 @@ _LOWEST_EYE, _HIGHEST_EYE = 0.1, 2.5
 _EVERY_PIXEL = 8
 
 
-class Storeys:
-    """The storeys met so far: their floors, the waiting frames, and the free and blocked cells of each storey."""
+@dataclass(frozen=True, slots=True)
+class ViewOptions:
+    """Facts about the views of which a map is made."""
 
-    def __init__(
-        self,
-        *,
-        floors: Sequence[float] | None = None,
-        mount_height: float = CAMERA_HEIGHT,
-        centre_xz: tuple[float, float] | None = None,
-        max_depth: float = MAX_DEPTH,
-        batch: int = 8,
-    ) -> None:
-        """Starts without views.
+    floors: Sequence[float] | None = None
+    """Heights of all storeys' floors, metres; None = found from the heights of the robot's feet: the first frame's
+    height, and each level on which the robot moves about, STOREY_GAP or more from the known ones."""
+    mount_height: float = CAMERA_HEIGHT
+    """Height of the camera above the feet, metres; needed where `floors` is None."""
+    centre_xz: tuple[float, float] | None = None
+    """Middle of the occupancy grids and of a grid map, metres; None = the first camera's place, and the middle of the
+    seen area. The map's own `centre_xz`, which grounders see, is always the middle of what was seen."""
+    max_depth: float = MAX_DEPTH
+    """Farther returns are not mapped, planar metres."""
+    frame: str = "world"
+    """Words that name the poses' frame."""
+    batch: int = 8
+    """Number of views that are encoded together."""
 
-        Args:
-            floors: Heights of all storeys' floors, metres; None = found from the heights of the robot's feet: the first
-                frame's height, and each level on which the robot moves about, STOREY_GAP or more from the known ones.
-            mount_height: Height of the camera above the feet, metres; needed where `floors` is None.
-            centre_xz: Middle of the occupancy grids, rounded to whole metres; default the first camera's place.
-            max_depth: Planar metres; farther returns are not mapped.
-            batch: Number of frames that come out together; batches make encoders faster.
-
-        Raises:
-            AgentError: Two floors are less than STOREY_GAP apart, or the list is empty.
-        """
+    def __post_init__(self) -> None:
+        floors = self.floors
         if floors is not None and (not len(floors) or (np.diff(np.sort(floors)) < STOREY_GAP).any()):
             raise AgentError(
                 f"map builder: floors are {list(floors)}; expected at least one, each {STOREY_GAP} m from the next. "
                 "Give one height per storey, or leave floors out."
             )
-        self.floors: list[float] = [] if floors is None else sorted(float(floor) for floor in floors)
+
+
+class Storeys:
+    """The storeys met so far: their floors, the waiting frames, and the free and blocked cells of each storey."""
+
+    def __init__(self, options: ViewOptions) -> None:
+        """Starts without views."""
+        self.floors: list[float] = sorted(float(floor) for floor in options.floors or ())
         """Heights in metres, in the order in which the robot met them."""
         self.num_frames = 0
         """Number of frames that came out."""
-        self._are_given = floors is not None
-        self._mount_height = mount_height
-        self._centre_xz = centre_xz
-        self._max_depth = max_depth
-        self._batch = batch
+        self._options = options
+        self._centre_xz = options.centre_xz
         self._held: list[Frame] = []
         self._ready: list[Frame] = []
         self._mappers: dict[int, OccupancyMapper] = {}
 
     def take(self, frame: Frame) -> list[Frame]:
         """Adds a view; returns a batch of frames whose storeys are known, or [] until a batch is full."""
-        if not self._are_given:
-            self._held.append(frame)
-            if not self.floors:
-                self.floors.append(self._feet(frame))
-            if self._is_near_known(self._feet(frame)) or self._opens_storey():
-                self._release()
-        else:
-            self._held.append(frame)
+        self._held.append(frame)
+        feet = float(frame.T_world_camera[1, 3]) - self._options.mount_height
+        if not self.floors:
+            self.floors.append(feet)
+        is_known = self._options.floors is not None or any(same_storey(feet, floor) for floor in self.floors)
+        if is_known or self._opens_storey():
             self._release()
-        return self._out() if len(self._ready) >= self._batch else []
+        return self._out() if len(self._ready) >= self._options.batch else []
 
     def rest(self) -> list[Frame]:
         """All frames that have not come out yet; frames that wait on a stair go to the nearest storey below."""
@@ -96,16 +95,16 @@ class Storeys:
         place = np.searchsorted(ordered, np.asarray(y), side="right") - 1
         return np.where(place >= 0, order[place], -1)
 
+    def home(self, memory_of: Callable[[int], Memory]) -> HomeMemory:
+        """The map of all frames that came out, lowest storey first; `memory_of` makes a storey's map by its index."""
+        order = np.argsort(self.floors).tolist() if self.num_frames else []
+        storeys = tuple(StoreyMemory(self.occupancy(index), memory_of(index)) for index in order)
+        return HomeMemory(storeys, self._options.frame, self.num_frames)
+
     def occupancy(self, index: int) -> OccupancyGrid:
         """The occupancy of a storey's floor; all unknown where no camera was."""
         mapper = self._mapper(index, near=(0.0, 0.0))
         return OccupancyGrid(mapper.cells, mapper.grid)
-
-    def _feet(self, frame: Frame) -> float:
-        return float(frame.T_world_camera[1, 3]) - self._mount_height
-
-    def _is_near_known(self, feet: float) -> bool:
-        return any(same_storey(feet, floor) for floor in self.floors)
 
     def _opens_storey(self) -> bool:
         """Whether the newest held frames are on a level of their own, which makes it a new storey."""
@@ -115,7 +114,7 @@ class Storeys:
         run = np.hypot(*(level[:, [0, 2]] - level[-1, [0, 2]]).T).max()
         if run < _LEVEL_RUN and len(self._held) < _MOST_HELD:
             return False
-        self.floors.append(float(np.median(level[:, 1])) - self._mount_height)
+        self.floors.append(float(np.median(level[:, 1])) - self._options.mount_height)
         return True
 
     def _release(self) -> None:
@@ -142,7 +141,7 @@ class Storeys:
                 self._centre_xz = near
             x, z = (float(np.floor(value)) for value in self._centre_xz)
             floor_y = self.floors[index]
-            self._mappers[index] = OccupancyMapper(centre_xz=(x, z), floor_y=floor_y, max_depth=self._max_depth)
+            self._mappers[index] = OccupancyMapper(centre_xz=(x, z), floor_y=floor_y, max_depth=self._options.max_depth)
         return self._mappers[index]
 
 

@@ -11,10 +11,10 @@ import pytest
 from grounding.agents.coverage import VisibleFloor
 from grounding.agents.exploration import load_exploration, save_exploration
 from grounding.agents.explore import TASK, Exploration, explore, frames_of, start_on_storey
-from grounding.agents.frontier import FrontierExplorer, FrontierSettings
+from grounding.agents.frontier import FrontierExplorer
 from grounding.agents.random_frontier import random_frontier
 from grounding.agents.rooms_found import RoomMap
-from grounding.agents.seeking import Seeker, SeekSettings
+from grounding.agents.seeking import Seeker
 from sim.checks import check_agent
 from sim.errors import AgentError, RunFileError, SceneError
 from sim.frames import T_start_camera, T_world_agent
@@ -140,7 +140,7 @@ def test_without_depth_the_agent_says_that_it_needs_a_renderer() -> None:
 
 def test_frontiers_that_are_left_alone_come_back_and_collisions_block_for_a_while_only() -> None:
     here = Pose((0.0, 0.0, 0.0), 0.0)
-    seeker = Seeker(CAMERA, SeekSettings(detour_steps=10, bump_steps=10))
+    seeker = Seeker(CAMERA)
     seeker.see(observation(here, depth=20.0, step=0))
     seeker.see(observation(here, depth=20.0, step=1, collided=True))
     before = seeker.frontiers()
@@ -151,7 +151,7 @@ def test_frontiers_that_are_left_alone_come_back_and_collisions_block_for_a_whil
         seeker.choose(frontier)
         seeker._leave(frontier, for_steps=10)
     assert sum(len(frontier.cells_rc) for frontier in seeker.frontiers()) < sum(len(f.cells_rc) for f in before)
-    seeker.see(observation(here, depth=20.0, step=20))
+    seeker.see(observation(here, depth=20.0, step=400))
     assert sum(len(f.cells_rc) for f in seeker.frontiers()) >= sum(len(f.cells_rc) for f in before)
     assert np.isfinite(weight_at(seeker, ahead)), "a permanent mark would seal doors"
 
@@ -164,7 +164,7 @@ def weight_at(seeker: Seeker, xz: tuple[float, float]) -> float:
 
 def test_a_collision_never_blocks_where_the_robot_has_been() -> None:
     here, back = Pose((0.0, 0.0, 0.0), 0.0), Pose((0.0, 0.0, 0.08), 0.0)
-    seeker = Seeker(CAMERA, SeekSettings())
+    seeker = Seeker(CAMERA)
     seeker.see(observation(here, depth=20.0, step=0))
     seeker.see(observation(back, depth=20.0, step=1, collided=True))
     assert np.isfinite(weight_at(seeker, (0.0, 0.0)))
@@ -202,7 +202,3 @@ def test_random_frontier_stops_as_its_last_step_and_never_before() -> None:
         actions.append(agent.act(observation(Pose((0.0, 0.0, 0.0), 0.0), depth=0.3, step=step)))
     assert actions[-1] is Action.STOP
     assert Action.STOP not in actions[:-1]
-
-
-def test_settings_are_values() -> None:
-    assert FrontierSettings() == FrontierSettings(max_steps=2500)

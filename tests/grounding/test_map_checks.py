@@ -11,6 +11,7 @@ from grounding.checks.room import BOXES, check_views
 from grounding.maps.grid_map import GridMapBuilder
 from grounding.maps.home_map import HomeMemory, OccupancyGrid
 from grounding.maps.object_map import ObjectMapBuilder
+from grounding.maps.storeys import ViewOptions
 from grounding.perception.segment_depth import DepthRegions
 from grounding.perception.segments import InstanceIds
 from sim.types import Frame, GridSpec
@@ -55,7 +56,7 @@ class Changed:
     name = "changed"
 
     def __init__(self, **options) -> None:
-        self._inner = GridMapBuilder(IDS, **options)
+        self._inner = GridMapBuilder(IDS, views=ViewOptions(**options))
 
     def reset(self) -> None:
         self._inner.reset()

@@ -9,7 +9,7 @@ import pytest
 from grounding.maps.grid_map import CellSums, GridMapBuilder
 from grounding.maps.home_map import HomeMemory, ObjectMap
 from grounding.maps.object_map import ObjectMapBuilder
-from grounding.maps.storeys import floors_of_frames
+from grounding.maps.storeys import ViewOptions, floors_of_frames
 from grounding.methods.baselines import MapCentre
 from grounding.perception.segment_depth import DepthRegions
 from grounding.perception.segments import InstanceIds, Segments
@@ -153,14 +153,14 @@ def test_storeys_are_found_on_the_way_and_get_their_own_maps(home: SeenHome) -> 
         known = storey.occupancy.cells[tuple(storey.occupancy.grid.rc_from_xz(np.array(standing)).T)]
         assert (known != OCCUPIED).all()
         assert (storey.occupancy.cells == FREE).sum() * 0.05**2 > 15
-    given = built(GridMapBuilder(home.encoder, floors=heights), home.frames)
+    given = built(GridMapBuilder(home.encoder, views=ViewOptions(floors=heights)), home.frames)
     for one, other in zip(given.storeys, memory.storeys, strict=True):
         assert one.memory.grid == other.memory.grid
         assert len({*map(tuple, one.memory.rc.tolist())} ^ {*map(tuple, other.memory.rc.tolist())}) <= 2
 
 
 def test_the_grid_is_the_oracle_maps_when_their_middle_is_given(home: SeenHome) -> None:
-    memory = built(GridMapBuilder(home.encoder, centre_xz=(5.75, 3.25)), home.frames[:8])
+    memory = built(GridMapBuilder(home.encoder, views=ViewOptions(centre_xz=(5.75, 3.25))), home.frames[:8])
     assert memory.storeys[0].memory.grid == GridSpec((-20.0, -22.0), 1.0, (50, 50))  # floor(middle) - 25
     alone = built(GridMapBuilder(home.encoder), home.frames[:8])
     assert memory.storeys[0].memory.centre_xz == alone.storeys[0].memory.centre_xz  # of what was seen, not the given
@@ -169,7 +169,7 @@ def test_the_grid_is_the_oracle_maps_when_their_middle_is_given(home: SeenHome) 
 @pytest.mark.parametrize("given", [(5.75, 3.25), (-4.0, 12.5)])
 def test_a_given_middle_is_no_answer(home: SeenHome, given: tuple[float, float]) -> None:
     known = built(GridMapBuilder(home.encoder), home.frames[:8]).storeys[0].memory
-    memory = built(GridMapBuilder(home.encoder, centre_xz=given), home.frames[:8]).storeys[0].memory
+    memory = built(GridMapBuilder(home.encoder, views=ViewOptions(centre_xz=given)), home.frames[:8]).storeys[0].memory
     first, other = (MapCentre().ground(item, TASK, ()).candidates[0].position for item in (known, memory))
     assert first == other
     np.testing.assert_array_equal(memory.points_from_rc(memory.rc), known.points_from_rc(known.rc))
@@ -208,7 +208,9 @@ def test_weights_add_up_over_views_and_rows_stay_means(home: SeenHome) -> None:
 
 
 def test_batches_do_not_change_the_map(home: SeenHome) -> None:
-    one, many = (built(GridMapBuilder(home.encoder, batch=size), home.frames[:7]) for size in (1, 64))
+    one, many = (
+        built(GridMapBuilder(home.encoder, views=ViewOptions(batch=size)), home.frames[:7]) for size in (1, 64)
+    )
     assert np.array_equal(one.storeys[0].memory.rows, many.storeys[0].memory.rows)
 
 
@@ -245,7 +247,9 @@ def test_masks_without_identity_become_one_thing_each_by_overlap_and_feature(hom
 def test_depth_regions_find_most_things_without_any_model(home: SeenHome) -> None:
     floors = home.scene.navigation.storey_heights
     some = SeenHome(home.scene, home.frames[::2])
-    memory = built(ObjectMapBuilder(home.encoder, DepthRegions(floors=floors), floors=floors), some.frames)
+    memory = built(
+        ObjectMapBuilder(home.encoder, DepthRegions(floors=floors), views=ViewOptions(floors=floors)), some.frames
+    )
     by_id = {thing.instance_id: thing for thing in home.scene.objects}
     found = set()
     for storey in memory.storeys:
@@ -266,7 +270,7 @@ def test_the_same_views_as_a_robots_recording_give_the_same_map(home: SeenHome, 
     floors = floors_of_frames(recorded.some(12))
     assert floors == pytest.approx(home.scene.navigation.storey_heights[:1], abs=0.03)
     direct, robot = (
-        built(GridMapBuilder(ColourEncoder(), floors=heights), views).storeys[0]
+        built(GridMapBuilder(ColourEncoder(), views=ViewOptions(floors=heights)), views).storeys[0]
         for heights, views in ((home.scene.navigation.storey_heights[:1], frames), (floors, recorded))
     )
     assert robot.memory.grid == direct.memory.grid
@@ -294,12 +298,10 @@ def test_a_view_that_shows_nothing_maps_nothing(home: SeenHome) -> None:
 
 def test_bad_options_and_encoders_are_refused(home: SeenHome) -> None:
     encoder = home.encoder
-    for options, message in (
-        ({"cell": 0.3}, r"cell is 0.3; expected 1 m divided by a whole number"),
-        ({"floors": (0.0, 1.0)}, r"floors are \[0.0, 1.0\]; expected at least one, each 1.5 m from the next"),
-    ):
-        with pytest.raises(AgentError, match=message):
-            GridMapBuilder(encoder, **options)
+    with pytest.raises(AgentError, match=r"cell is 0.3; expected 1 m divided by a whole number"):
+        GridMapBuilder(encoder, cell=0.3)
+    with pytest.raises(AgentError, match=r"floors are \[0.0, 1.0\]; expected at least one, each 1.5 m from the next"):
+        ViewOptions(floors=(0.0, 1.0))
 
     class Pooled:
         name, dim = "pooled", 4
@@ -314,6 +316,6 @@ def test_bad_options_and_encoders_are_refused(home: SeenHome) -> None:
     with pytest.raises(AgentError, match=r"encode_patches gave an array of shape .*; expected finite numbers of shape"):
         built(GridMapBuilder(Flat(encoder.dim - 1)), home.frames[:1])
     with pytest.raises(AgentError, match="are outside of the 50 x 50 m around"):
-        built(GridMapBuilder(encoder, centre_xz=(90.0, 90.0)), home.frames[:3])
+        built(GridMapBuilder(encoder, views=ViewOptions(centre_xz=(90.0, 90.0))), home.frames[:3])
     with pytest.raises(AgentError, match="gave 2 masks and 1 captions"):
         Segments(np.zeros((2, 4, 4), bool), ("one",))

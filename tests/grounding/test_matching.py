@@ -121,11 +121,3 @@ def test_negative_options_are_refused() -> None:
 def test_rpgs_presets_go_by_their_names(name: GrounderName, frame: str) -> None:
     grounder = make_grounder(name, ENCODER)
     assert (grounder.name, grounder.frame) == (name, frame)
-
-
-def test_a_map_of_another_encoder_is_refused() -> None:
-    class Stranger(ToyEncoder):
-        name = "stranger"
-
-    with pytest.raises(AgentError, match="holds 6-d vectors of encoder 'toy', the query is 6-d from 'stranger'"):
-        make_grounder("dual", Stranger()).ground(toy_map(CELLS), asks("Find Mira's chair"), PHRASES)

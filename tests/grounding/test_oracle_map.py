@@ -1,4 +1,4 @@
-"""Geometry of oracle maps and what their cells hold; `FeatureMap` and its refusals."""
+"""Geometry of oracle maps and what their cells hold."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from grounding.encoders.hashed import HashedWords
 from grounding.maps.oracle_map import objects_map, oracle_home
 from grounding.types import map_from_cells
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import AgentError, SceneError
+from sim.errors import SceneError
 from sim.types import GridSpec
 
 from .small_homes import HOMES, Thing, write_scene
@@ -99,14 +99,3 @@ def test_cells_in_any_order_are_packed_row_major_and_zero_vectors_left_out() -> 
     assert memory.flat_index.tolist() == [2, 3]
     assert memory.centre_xz == (1.5, 1.0)
     assert not memory.rows.flags.writeable
-
-
-def test_a_query_of_another_encoder_is_refused(small_root: Path) -> None:
-    ground = objects_map(oracle_home(PersonalDataset(small_root), "HomeTwo"), WORDS, floor_id="0")
-    ground.require_encoder("hashed-words-768", 768)
-    with pytest.raises(AgentError) as refusal:
-        ground.require_encoder("blip2-itc", 256)
-    assert str(refusal.value) == (
-        "map: holds 768-d vectors of encoder 'hashed-words-768', the query is 256-d from 'blip2-itc'; expected one "
-        "encoder. Encode the query with 'hashed-words-768', or build the map with 'blip2-itc'."
-    )

@@ -113,8 +113,12 @@ def test_the_literal_form_shows_its_layers_on_all_cells() -> None:
 def test_rpg_and_query_scoring_refuse_a_map_of_another_encoder() -> None:
     other = small_map("oak table", encoder="blip2-hidden768")
     for grounder in (QueryScoring(WORDS), RegionGated(WORDS)):
-        with pytest.raises(AgentError, match="holds 768-d vectors of encoder 'blip2-hidden768'"):
+        with pytest.raises(AgentError) as refusal:
             grounder.ground(other, TASK, ())
+        assert str(refusal.value) == (
+            "map: holds 768-d vectors of encoder 'blip2-hidden768', the query is 768-d from 'hashed-words-768'; "
+            "expected one encoder. Encode the query with 'blip2-hidden768', or build the map with 'hashed-words-768'."
+        )
 
 
 def test_an_empty_map_has_no_answer() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 import transformers
+from safetensors.torch import load_file, save_file
 
 from grounding.checks import check_image_encoder
 from grounding.encoders import by_name as encoders
@@ -217,20 +218,19 @@ def test_long_texts_are_cut_at_the_models_length(load) -> None:
     assert np.allclose(first, second, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["clip:./nothing/here", "siglip:/nothing/here", "blip2-itc256:~/no such folder"])
-def test_a_wrong_folder_is_named(name: str) -> None:
-    with pytest.raises(AgentError, match=r"found no such folder; expected one with config\.json"):
-        make_image_encoder(name)
-
-
-def test_an_unknown_id_without_a_download_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(AgentError, match=r"in the local cache \(downloads are off\)\. Check the id"):
-        make_image_encoder("clip:nobody/no-such-model", options=ModelOptions(download=False))
-
-
-def test_an_empty_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(AgentError, match=r"cannot be loaded \(.*expected config\.json, weights, tokenizer"):
-        make_image_encoder(f"clip:{tmp_path}")
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("clip:./nothing/here", r"found no such folder; expected one with config\.json"),
+        ("siglip:/nothing/here", r"found no such folder; expected one with config\.json"),
+        ("blip2-itc256:~/no such folder", r"found no such folder; expected one with config\.json"),
+        ("clip:nobody/no-such-model", r"in the local cache \(downloads are off\)\. Check the id"),
+        ("clip:{empty}", r"cannot be loaded \(.*expected config\.json, weights, tokenizer"),
+    ],
+)
+def test_a_model_that_is_not_there_says_what_to_do(name: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(AgentError, match=message):
+        make_image_encoder(name.replace("{empty}", str(tmp_path)), options=ModelOptions(download=False))
 
 
 def test_a_model_of_another_family_is_refused(folder) -> None:
@@ -238,31 +238,34 @@ def test_a_model_of_another_family_is_refused(folder) -> None:
         make_image_encoder(f"clip:{folder('siglip')}")
 
 
-def test_weights_with_gaps_are_refused_instead_of_filled_at_random(tmp_path: Path) -> None:
-    from safetensors.torch import load_file, save_file
-
-    path = save_clip(tmp_path / "gaps") / "model.safetensors"
-    weights = load_file(path)
+def leave_a_gap(folder: Path) -> None:
+    weights = load_file(folder / "model.safetensors")
     del weights["text_projection.weight"]
-    save_file(weights, path, metadata={"format": "pt"})
-    with pytest.raises(AgentError, match=r"1 weights are missing or of another shape, first text_projection\.weight"):
-        make_image_encoder(f"clip:{path.parent}")
+    save_file(weights, folder / "model.safetensors", metadata={"format": "pt"})
 
 
-def test_weights_of_another_shape_are_refused(tmp_path: Path) -> None:
-    path = save_clip(tmp_path / "shape") / "config.json"
-    config = json.loads(path.read_text())
-    config["projection_dim"] = 20
-    path.write_text(json.dumps(config))
-    with pytest.raises(AgentError, match=r"\d weights are missing or of another shape, first t"):
-        make_image_encoder(f"clip:{path.parent}")
+def shrink(folder: Path) -> None:
+    config = json.loads((folder / "config.json").read_text())
+    (folder / "config.json").write_text(json.dumps({**config, "projection_dim": 20}))
 
 
-def test_damaged_weights_are_named(tmp_path: Path) -> None:
-    folder = save_clip(tmp_path / "damaged")
+def overwrite(folder: Path) -> None:
     (folder / "model.safetensors").write_bytes(b"no weights" * 10)
-    with pytest.raises(AgentError, match=r"cannot be loaded \(Error while deserializing header"):
-        make_image_encoder(f"clip:{folder}")
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (leave_a_gap, r"1 weights are missing or of another shape, first text_projection\.weight"),
+        (shrink, r"\d weights are missing or of another shape, first t"),
+        (overwrite, r"cannot be loaded \(Error while deserializing header"),
+    ],
+)
+def test_damaged_weights_are_refused_instead_of_filled_at_random(damage, message: str, folder, tmp_path: Path) -> None:
+    source = shutil.copytree(folder("clip"), tmp_path / "damaged")
+    damage(source)
+    with pytest.raises(AgentError, match=message):
+        make_image_encoder(f"clip:{source}")
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has a GPU")

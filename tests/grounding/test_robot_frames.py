@@ -11,7 +11,7 @@ from PIL import Image
 from grounding.checks.room import check_views
 from grounding.maps.grid_map import GridMapBuilder
 from grounding.maps.home_map import HomeMemory
-from grounding.maps.storeys import floors_of_frames
+from grounding.maps.storeys import ViewOptions, floors_of_frames
 from grounding.robot.frames import read_robot_frames
 from sim.errors import SceneError
 from sim.frames import R_agent_axes, R_agent_camera
@@ -28,8 +28,8 @@ from .mapped_views import (
 FRAMES = [view.frame for view in check_views()][::3]
 
 
-def built(frames, **options) -> HomeMemory:
-    builder = GridMapBuilder(ColourEncoder(), cell=0.25, floors=(0.0,), **options)
+def built(frames) -> HomeMemory:
+    builder = GridMapBuilder(ColourEncoder(), cell=0.25, views=ViewOptions(floors=(0.0,)))
     for frame in frames:
         builder.add(frame)
     return builder.finish()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grounding.maps.storeys import Storeys, points_at
+from grounding.maps.storeys import Storeys, ViewOptions, points_at
 from grounding.maps.view_quality import bearing_weight, distance_weight, patches_of
 from sim.frames import T_world_camera
 from sim.tasks.observers import FREE
@@ -23,7 +23,7 @@ def feet_of(frames: list[Frame]) -> list[float]:
 
 
 def test_a_robot_that_climbs_opens_a_storey_only_where_it_walks_on_level_ground() -> None:
-    storeys = Storeys(batch=1)
+    storeys = Storeys(ViewOptions(batch=1))
     stairs = [(0.25 * step, 0.15 * step) for step in range(1, 20)]  # to 2.85 m
     assert feet_of(storeys.take(frame(0.0, 0.0))) == [0.0]
     out = [feet_of(storeys.take(frame(x, feet))) for x, feet in stairs]
@@ -38,7 +38,7 @@ def test_a_robot_that_climbs_opens_a_storey_only_where_it_walks_on_level_ground(
 
 
 def test_turning_on_a_stair_opens_no_storey_and_frames_left_there_go_to_the_floor_below() -> None:
-    storeys = Storeys(batch=1)
+    storeys = Storeys(ViewOptions(batch=1))
     storeys.take(frame(0.0, 0.0))
     assert all(storeys.take(frame(3.0, 1.8)) == [] for _ in range(12))
     assert len(storeys.rest()) == 12
@@ -47,7 +47,7 @@ def test_turning_on_a_stair_opens_no_storey_and_frames_left_there_go_to_the_floo
 
 
 def test_a_robot_that_goes_down_opens_a_storey_below() -> None:
-    storeys = Storeys(batch=100)
+    storeys = Storeys(ViewOptions(batch=100))
     for x in range(4):
         storeys.take(frame(float(x), 0.0))
     for x in range(4):
@@ -58,13 +58,13 @@ def test_a_robot_that_goes_down_opens_a_storey_below() -> None:
 
 
 def test_points_belong_to_the_nearest_floor_below_with_some_slack() -> None:
-    storeys = Storeys(floors=(2.8, 0.0))
+    storeys = Storeys(ViewOptions(floors=(2.8, 0.0)))
     heights = np.array([-1.6, -1.4, 0.0, 2.4, 2.49, 2.51, 2.8, 9.0])
     assert storeys.index_of(heights).tolist() == [-1, 0, 0, 0, 0, 1, 1, 1]
 
 
 def test_each_view_grows_the_occupancy_of_its_own_storey() -> None:
-    storeys = Storeys(floors=(0.0, 3.0))
+    storeys = Storeys(ViewOptions(floors=(0.0, 3.0)))
     storeys.take(frame(0.0, 3.0, depth=4.0))
     storeys.rest()
     assert (storeys.occupancy(0).cells == FREE).sum() == 0
@@ -72,7 +72,7 @@ def test_each_view_grows_the_occupancy_of_its_own_storey() -> None:
 
 
 def test_a_missing_return_of_a_real_sensor_blocks_nothing() -> None:
-    storeys = Storeys(floors=(0.0,))
+    storeys = Storeys(ViewOptions(floors=(0.0,)))
     storeys.take(frame(0.0, 0.0, depth=0.0))
     storeys.rest()
     assert not storeys.occupancy(0).cells.any()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import arg
 
@@ -74,6 +74,7 @@ class Map:
         from grounding.maps.files import MapSource, save_memory
         from grounding.maps.grid_map import GridMapBuilder
         from grounding.maps.object_map import ObjectMapBuilder
+        from grounding.maps.storeys import ViewOptions
         from grounding.robot.frames import read_robot_frames
 
         require_suffix("--out", self.out, ".npz")
@@ -90,17 +91,13 @@ class Map:
         floors = _floors(self.frames, recording, self.mount_height)
         options = ModelOptions(device=self.device, autocast=self.autocast, batch_size=self.batch)
         eye = load_encoder(self.encoder, options)
-        common: dict[str, Any] = {
-            "floors": floors,
-            "max_depth": self.max_depth,
-            "frame": f"robot, {self.up} up in its poses, turned to y up",
-            "batch": self.batch,
-        }
+        frame = f"robot, {self.up} up in its poses, turned to y up"
+        views = ViewOptions(floors=floors, max_depth=self.max_depth, frame=frame, batch=self.batch)
         builder: MapBuilder
         if self.layout == "grid":
-            builder = GridMapBuilder(eye, cell=self.cell, features=self.features, **common)
+            builder = GridMapBuilder(eye, cell=self.cell, features=self.features, views=views)
         else:
-            builder = ObjectMapBuilder(eye, load_segmenter(self.segmenter, floors), **common)
+            builder = ObjectMapBuilder(eye, load_segmenter(self.segmenter, floors), views=views)
         memory = _built(builder, recording, counts)
         source = MapSource(scene=self.scene or self.frames.resolve().name, kind="robot", builder=builder.name)
         save_memory(self.out, memory, source)
