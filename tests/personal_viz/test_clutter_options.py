@@ -25,15 +25,19 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def made(dataset: Path, out: Path, clutter) -> Path:
-    options = {"scene": ("Demo",), "split": ("easy",), "limit": 1, "seed": 0, "jobs": 1, "scenes_dir": None}
-    Run(agent="shortest-path", dataset=dataset, out=out, run_id=None, clutter=clutter, **options).run()
-    return out / f"shortest-path-invented{f'-clutter{clutter}' if clutter else ''}-seed0"
+@pytest.fixture(scope="module")
+def folders(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Run folders of one episode without clutter and with level 1."""
+    out = tmp_path_factory.mktemp("runs")
+    common = ["run", "--agent", "shortest-path", "--dataset", str(dataset), "--out", str(out)]
+    for level in ("0", "1"):
+        assert parse([*common, "--split", "easy", "--limit", "1", "--clutter", level]).run() == 0
+    return [out / "shortest-path-invented-seed0", out / "shortest-path-invented-clutter1-seed0"]
 
 
 @pytest.mark.slow
-def test_run_files_name_the_level_and_tables_keep_levels_apart(dataset: Path, tmp_path: Path) -> None:
-    runs = [read_run(made(dataset, tmp_path, level)) for level in (0, 1)]
+def test_run_files_name_the_level_and_tables_keep_levels_apart(dataset: Path, folders: list[Path]) -> None:
+    runs = [read_run(folder) for folder in folders]
     assert [run.info.config["clutter"] for run in runs] == [0, 1]
     assert [run.info.condition for run in runs] == ["none", "clutter 1"]
     rows = metric_rows(runs)
@@ -44,12 +48,10 @@ def test_run_files_name_the_level_and_tables_keep_levels_apart(dataset: Path, tm
 
 
 @pytest.mark.slow
-def test_a_recording_is_made_in_the_home_of_its_runs(dataset: Path, tmp_path: Path) -> None:
-    plain, cluttered = (made(dataset, tmp_path, level) for level in (0, 1))
-    common = {"dataset": dataset, "scenes_dir": None}
-    assert Replay(runs=(cluttered,), out=tmp_path / "a.rrd", **common).run() == 0
+def test_a_recording_is_made_in_the_home_of_its_runs(dataset: Path, folders: list[Path], tmp_path: Path) -> None:
+    assert Replay(runs=(folders[1],), out=tmp_path / "a.rrd", dataset=dataset).run() == 0
     with pytest.raises(RecordingError, match=r"found clutter levels 0 \(.*\), 1 \(.*clutter1.*\); expected one"):
-        Replay(runs=(plain, cluttered), out=tmp_path / "b.rrd", **common).run()
+        Replay(runs=tuple(folders), out=tmp_path / "b.rrd", dataset=dataset).run()
 
 
 def test_a_study_freezes_its_level_and_older_studies_keep_their_hash() -> None:

@@ -18,12 +18,13 @@ from personal_viz.cli.grounding.explore import Explore
 from personal_viz.cli.run import SHORT_NAMES
 from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import AgentError, PersonalVizError, RunFileError
+from sim.errors import PersonalVizError, RunFileError
 from sim.tasks.agents import load_agent
 from sim.tasks.provenance import git_commit, package_versions
 
 from ..grounding.small_homes import write_small_dataset
 from ..grounding.two_rooms import two_room_scene
+from .program import assert_one_line, personal_viz
 
 OPTIONS = ["explore", "--homes", "1", "--width", "48", "--height", "36", "--max-steps", "30"]
 
@@ -75,13 +76,10 @@ def test_every_option_of_the_verb_says_what_it_is() -> None:
     assert [name for name, hint in hints.items() if not getattr(hint, "__metadata__", ())] == []
 
 
-def test_random_frontier_is_a_name_of_run_and_others_are_refused(tmp_path: Path) -> None:
+def test_random_frontier_is_a_name_of_run_and_others_are_refused() -> None:
     assert type(load_agent(SHORT_NAMES["random-frontier"])).__name__ == "RandomFrontierAgent"
-    from personal_viz.cli.run import _made_for
-
-    _made_for("random-frontier", None)
-    with pytest.raises(AgentError, match="random-frontier"):
-        _made_for("frontier", None)
+    done = personal_viz("run", "--dataset", "none", "--agent", "frontier")
+    assert_one_line(done, "--agent is 'frontier'; expected random, random-frontier, shortest-path, or your own")
 
 
 def figures(out: Path) -> dict:
