@@ -18,7 +18,7 @@ from jinja2.sandbox import SandboxedEnvironment
 from sim.errors import StudyError
 from sim.tasks.rules import AUTHORS_DISTANCE, HABITAT_DISTANCE, RELAXED_RADIUS, SUCCESS_RADIUS
 from sim.types import FORWARD_STEP, TURN_STEP, SuccessRule, TaskKind
-from sim.words.english import how_many
+from sim.words.english import duration, length
 
 from ..design.plan import StudyPlan
 from ..design.study import Condition, PanCondition, PogCondition, StudyConfig
@@ -99,14 +99,14 @@ def words_of(
         "tasks": tasks,
         "conditions": met,
         "actions": [action.name.lower() for action in config.action_set],
-        "limits": [length_text(limit) for limit in limits_m(config, "pan")],
-        "point_limit": length_text(SUCCESS_RADIUS),
+        "limits": [length(limit) for limit in limits_m(config, "pan")],
+        "point_limit": length(SUCCESS_RADIUS),
         "forward": f"{100 * FORWARD_STEP:.0f} cm",
         "turn": f"{math.degrees(TURN_STEP):.0f} degrees",
-        "stop_within": duration_text(STOP_WITHIN_S),
-        "give_up_within": duration_text(GIVE_UP_WITHIN_S),
-        "resume": duration_text(config.resume_within_s),
-        "gap": duration_text(config.breaks.sitting_gap_s),
+        "stop_within": duration(STOP_WITHIN_S),
+        "give_up_within": duration(GIVE_UP_WITHIN_S),
+        "resume": duration(config.resume_within_s),
+        "gap": duration(config.breaks.sitting_gap_s),
         "pan_limit": _time_limit(config, "pan"),
         "pog_limit": _time_limit(config, "pog"),
         "looks": {name: _look_limit(config, name) for name in met},
@@ -186,20 +186,6 @@ def _is_kept(block: str) -> bool:
     return block.lstrip()[0] in "#-|>" or block.startswith("    ") or bool(re.match(r"\d+\. ", block))
 
 
-def length_text(metres: float) -> str:
-    """A length as people say it: "1.5 metres", "10 centimetres"."""
-    if metres < 1:
-        return f"{100 * metres:g} centimetres"
-    return how_many(metres, "metre")
-
-
-def duration_text(seconds: float) -> str:
-    """A duration in words; in minutes where these are whole."""
-    if seconds >= 60 and seconds % 60 == 0:
-        return how_many(round(seconds / 60), "minute")
-    return how_many(seconds, "second")
-
-
 def _stated(config: StudyConfig, plan: StudyPlan | None) -> dict[str, str]:
     """Values of the fields that texts need, with the announced time from the plan; '' = the study file has none."""
     ethics = config.ethics
@@ -211,7 +197,7 @@ def _stated(config: StudyConfig, plan: StudyPlan | None) -> dict[str, str]:
 def _time_limit(config: StudyConfig, task: TaskKind) -> str:
     """The time limit of a trial of the task, in words; '' = there is none."""
     seconds = terms_of(config, config.conditions(task)[0]).task_max_s
-    return duration_text(seconds) if seconds is not None else ""
+    return duration(seconds) if seconds is not None else ""
 
 
 def _look_limit(config: StudyConfig, condition: Condition) -> str:
@@ -219,8 +205,8 @@ def _look_limit(config: StudyConfig, condition: Condition) -> str:
     look = terms_of(config, condition).look
     if look is None:
         return ""
-    least = f"at least {duration_text(look.min_s)}" if look.min_s > 0 else ""
-    most = f"at most {duration_text(look.max_s)}" if look.max_s is not None else ""
+    least = f"at least {duration(look.min_s)}" if look.min_s > 0 else ""
+    most = f"at most {duration(look.max_s)}" if look.max_s is not None else ""
     return " and ".join(part for part in (least, most) if part) or "as long as you like"
 
 

@@ -26,7 +26,7 @@ from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.device import device_report
 from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
 from personal_viz.study_app.gateway.options import ServeOptions
-from personal_viz.study_app.gateway.pages import Pages, duration
+from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.recruit_codes import EndCode
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import EpisodeKey
@@ -391,10 +391,6 @@ def test_the_parts_of_the_way_stand_above_each_page(taking: Callable[..., Taking
     parts = re.findall(r"<li(?: class=\"\w+\")?(?: aria-current=\"step\")?>([A-Z]\w+)</li>", shown)
     assert parts == ["Check", "Consent", "Instructions", "Questions", "Study", "End"]
     assert '<li class="now" aria-current="step">Check</li>' in shown
-
-
-def test_times_to_wait_are_words() -> None:
-    assert (duration(1), duration(61), duration(7200)) == ("one minute", "2 minutes", "2 hours")
 
 
 def test_a_bot_answers_all_pages_and_stops_at_the_last(

@@ -15,7 +15,7 @@ from rich.console import Console
 from human_study.journey import Place
 from human_study.store.progress import PersonProgress, State
 from personal_viz.cli.study.status import MIN_WIDTH, StudyStatus, page, progress_now
-from personal_viz.study_app.operator.progress_view import age_words, disk_words, place_words
+from personal_viz.study_app.operator.progress_view import place_words
 from personal_viz.study_app.operator.served import hear_ctrl_c
 from sim.errors import StudyError
 from tests.human_study.finished import study_with_trials
@@ -120,15 +120,3 @@ def test_a_folder_without_a_study_is_one_line(tmp_path: Path) -> None:
 )
 def test_places_are_said_in_words(shown: PersonProgress, words: str) -> None:
     assert place_words(shown) == words
-
-
-@pytest.mark.parametrize(
-    ("seconds", "words"),
-    [(None, "–"), (0.4, "0 s"), (119.0, "119 s"), (120.0, "2 min"), (7200.0, "2 h"), (200_000.0, "2 d")],
-)
-def test_ages_are_said_in_the_largest_unit_that_fits(seconds: float | None, words: str) -> None:
-    assert age_words(seconds) == words
-
-
-def test_room_is_said_in_gigabytes_where_there_is_much() -> None:
-    assert [disk_words(mb) for mb in (512, 2048)] == ["512 MB", "2.0 GB"]

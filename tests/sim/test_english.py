@@ -1,6 +1,8 @@
-"""Articles and plurals of sentences that programs write."""
+"""Parts of sentences that programs write."""
 
-from sim.words.english import how_many, with_article
+import pytest
+
+from sim.words.english import age, countdown, disk_size, duration, how_many, length, waiting_time, with_article
 
 
 def test_a_phrase_gets_its_article() -> None:
@@ -13,3 +15,22 @@ def test_one_thing_is_singular_and_all_other_numbers_are_plural() -> None:
     assert how_many(1, "person", "people") == "1 person"
     assert how_many(6, "person", "people") == "6 people"
     assert [how_many(metres, "metre") for metres in (0.5, 1.0, 1.5)] == ["0.5 metres", "1 metre", "1.5 metres"]
+
+
+def test_durations_are_whole_minutes_or_seconds_and_a_clock_counts_both() -> None:
+    assert [duration(seconds) for seconds in (1, 59, 60, 90)] == ["1 second", "59 seconds", "1 minute", "90 seconds"]
+    assert [countdown(seconds) for seconds in (1, 59, 65)] == ["1 second", "59 seconds", "1:05 minutes"]
+    assert [waiting_time(seconds) for seconds in (1, 61, 7200)] == ["one minute", "2 minutes", "2 hours"]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(None, "–"), (0.4, "0 s"), (119.0, "119 s"), (120.0, "2 min"), (7200.0, "2 h"), (200_000.0, "2 d")],
+)
+def test_ages_are_said_in_the_largest_unit_that_fits(seconds: float | None, words: str) -> None:
+    assert age(seconds) == words
+
+
+def test_lengths_and_sizes_have_the_unit_that_people_use() -> None:
+    assert [length(metres) for metres in (0.1, 1.0, 1.5)] == ["10 centimetres", "1 metre", "1.5 metres"]
+    assert [disk_size(mb) for mb in (512, 2048)] == ["512 MB", "2.0 GB"]

@@ -29,6 +29,7 @@ from human_study.texts.participants import (
 )
 from human_study.texts.quiz import Question, QuizRound, questions_for
 from sim.mesh import UNNAMED_LABELS
+from sim.words.english import waiting_time
 
 from ..markdown import html_from_markdown, title_of
 from ..recruit_codes import EndCode
@@ -168,7 +169,7 @@ class Pages:
             case "quiz":
                 words = self._question(person, journey)
             case "pause":
-                words = {"back_in": duration(left_s) if (left_s := self._left_s(journey)) > 0 else None}
+                words = {"back_in": waiting_time(left_s) if (left_s := self._left_s(journey)) > 0 else None}
             case "finished" | "declined" | "withdrawn" | "screened_out" | "full":
                 words = {"end": self._end_code(person.code, journey.place)}
             case _:
@@ -280,14 +281,6 @@ class Pages:
         assert question is not None
         if answer in question.answers:
             quiz.answer(answer)
-
-
-def duration(seconds: float) -> str:
-    """A waiting time in words, rounded up."""
-    minutes = max(1, -int(-seconds // 60))
-    if minutes < 90:
-        return "one minute" if minutes == 1 else f"{minutes} minutes"
-    return f"{-int(-minutes // 60)} hours"
 
 
 def _may_leave(journey: Journey) -> bool:

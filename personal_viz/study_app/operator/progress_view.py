@@ -7,6 +7,7 @@ import msgspec
 from human_study.journey import Place
 from human_study.store.database import MIN_FREE_MB
 from human_study.store.progress import PersonProgress, State, StudyProgress
+from sim.words.english import age, disk_size
 
 _PLACES: dict[Place, str] = {
     "not_arrived": "not arrived",
@@ -90,9 +91,9 @@ def shown_study(found: StudyProgress, serving: Serving | None = None) -> ShownSt
         progress=found,
         people=tuple(_words(person, serving.here) for person in found.people),
         counts=tuple((state, words, found.num_in(state)) for state, words in STATES.items()),
-        free=disk_words(disk.free_mb),
+        free=disk_size(disk.free_mb),
         is_nearly_full=disk.free_mb < MIN_FREE_MB,
-        backups=f"{disk.num_backups}, newest {age_words(disk.last_backup_s)} ago" if disk.num_backups else "none yet",
+        backups=f"{disk.num_backups}, newest {age(disk.last_backup_s)} ago" if disk.num_backups else "none yet",
         workers=serving.workers,
     )
 
@@ -105,26 +106,11 @@ def place_words(person: PersonProgress) -> str:
     return _PLACES[person.place]
 
 
-def age_words(seconds: float | None) -> str:
-    """A past time in words, in its largest unit; a dash for never."""
-    if seconds is None:
-        return "–"
-    for unit, length_s in (("d", 86_400), ("h", 3600), ("min", 60)):
-        if seconds >= 2 * length_s:
-            return f"{seconds / length_s:.0f} {unit}"
-    return f"{seconds:.0f} s"
-
-
-def disk_words(free_mb: int) -> str:
-    """Free disk space in words."""
-    return f"{free_mb / 1024:.1f} GB" if free_mb >= 1024 else f"{free_mb} MB"
-
-
 def _words(person: PersonProgress, here: frozenset[str] | None) -> PersonWords:
     return PersonWords(
         state=STATES[person.state],
         where=place_words(person),
         trial=f"{person.code}/{person.order_no}" if person.order_no is not None else "",
-        heard=age_words(person.last_activity_s),
+        heard=age(person.last_activity_s),
         here=None if here is None else person.code in here,
     )

@@ -7,6 +7,7 @@ import html
 from human_study.trial.commands import CloseMap
 from human_study.trial.events import MapKind
 from human_study.trial.views import LookView
+from sim.words.english import countdown
 
 from ..home.surfaces import SceneView, StoreyCopies
 from ..home.top_view import TopView
@@ -86,9 +87,9 @@ class LookScreen:
         title, advice, _ = _WORDS[view.what]
         clock = "Take as long as you like."
         if view.left_s is not None:
-            clock = f"{_seconds(view.left_s)} left."
+            clock = f"{countdown(view.left_s)} left."
         if view.wait_s:
-            clock += f" You can go on in {_seconds(view.wait_s)}."
+            clock += f" You can go on in {countdown(view.wait_s)}."
         self._status.content = (
             f'<div class="personal-caption">{self._caption}</div>'
             f'<div class="personal-text" style="padding:.3em .65rem">'
@@ -107,10 +108,3 @@ def picture_html(view: TopView) -> str:
         f'<img alt="The home from above, {html.escape(view.name.lower())}" src="data:image/jpeg;base64,{data}" '
         'style="max-width:100%;max-height:100vh;object-fit:contain">'
     )
-
-
-def _seconds(count: int) -> str:
-    """A number of seconds in words: `1 second`, `45 seconds`, `2:05 minutes`."""
-    if count >= 60:
-        return f"{count // 60}:{count % 60:02d} minutes"
-    return f"{count} second{'' if count == 1 else 's'}"

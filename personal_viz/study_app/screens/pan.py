@@ -16,6 +16,7 @@ from human_study.trial.commands import GiveUp, Move, PressStop
 from human_study.trial.views import PanView
 from sim.render.renderer import jpeg_bytes
 from sim.types import Action
+from sim.words.english import duration
 
 from ..page_script import KeyAction
 from .page import AGAIN, GIVE_UP, GIVING_UP, Page, Send, overlay_html, relabel, show_giving_up
@@ -153,13 +154,9 @@ def button_label(action: Action, own_keys: Mapping[KeyAction, str], *, is_armed:
 
 def _status_html(caption: str, view: PanView) -> str:
     """Trial, steps and time left as HTML, always two lines; they are read aloud when they change."""
-    left = "" if view.left_s is None else f" &middot; {_duration(view.left_s)} left"
+    left = "" if view.left_s is None else f" &middot; {duration(view.left_s)} left"
     return (
         f'<div class="personal-caption">{caption}</div>'
         f'<div role="status" aria-live="polite" class="personal-text personal-line">'
         f"<b>Step {view.step} of {view.task.max_steps}</b>{left}</div>"
     )
-
-
-def _duration(left_s: int) -> str:
-    return f"{left_s // 60} min" if left_s >= 60 and left_s % 60 == 0 else f"{left_s} s"

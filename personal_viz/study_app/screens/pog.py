@@ -14,6 +14,7 @@ import viser.transforms
 from human_study.trial.commands import Click, Confirm, GiveUp
 from human_study.trial.views import PogView
 from sim.tasks.run_files import ClickRay, Vector3
+from sim.words.english import duration
 
 from ..home.homes import Home
 from ..home.surfaces import Surface, map_click
@@ -116,7 +117,7 @@ class PogScreen:
         view = self._shown
         advices = f"{self._surface.advice} Click the middle of the object.", _MARKED
         advice = advices[view.marker is not None]
-        left = "" if view.left_s is None else f'<div role="timer">At most {left_text(view.left_s)} left</div>'
+        left = "" if view.left_s is None else f'<div role="timer">At most {duration(view.left_s)} left</div>'
         self._status.content = (
             f'<div class="personal-caption">{self._caption}</div>'
             f'<div class="personal-text personal-line"><b>{roomy_html(advice, *advices)}</b>{left}</div>'
@@ -135,11 +136,6 @@ class PogScreen:
             storey_y=self._shown.storeys[self._shown.storey],
         )
         await self._send(ray)
-
-
-def left_text(seconds: int) -> str:
-    """The remaining time of a view in words, such as `3 minutes` or `40 seconds`."""
-    return f"{seconds} seconds" if seconds <= 60 else f"{seconds // 60} minutes"
 
 
 def _status_of(view: PogView) -> tuple[bool, bool, int | None]:
