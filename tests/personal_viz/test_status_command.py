@@ -54,7 +54,7 @@ def test_who_may_need_somebody_comes_first_and_who_never_came_last(tmp_path: Pat
     console = Console(width=MIN_WIDTH, file=io.StringIO(), record=True)
     console.print(page(dataclasses.replace(found, people=tuple(people))))
     text = console.export_text()
-    assert re.findall(r"^ (p\d+) ", text, re.MULTILINE) == ["p06", "p01", "p02", "p03", "p05", "p04"]
+    assert re.findall(r"^ +(p\d+) ", text, re.MULTILINE) == ["p06", "p01", "p02", "p03", "p05", "p04"]
     assert "4 active, 1 stuck?, 1 out, 12 not arrived" in text
     assert text.rstrip().endswith("Not arrived: " + ", ".join(f"p{number:02d}" for number in range(7, 19)))
 
