@@ -9,6 +9,7 @@ may use other messages. So a page knows its version, from `static/updated.js` an
 
 import functools
 import hashlib
+import html
 import json
 import re
 import secrets
@@ -142,24 +143,14 @@ class PageMessages:
 
 
 @functools.cache
-def script() -> str:
-    """The text of `static/page.js`."""
-    return (STATIC / "page.js").read_text(encoding="utf-8")
-
-
-@functools.cache
-def style_sheet() -> str:
-    """The text of `static/tokens.css` and `static/page.css`."""
-    return "".join((STATIC / name).read_text(encoding="utf-8") for name in ("tokens.css", "page.css"))
-
-
 def page_html(*, panel_width: int) -> str:
     """HTML that puts the style sheet and the script into a page, once for each connection.
 
     Args:
         panel_width: Width of the side panel, pixels.
     """
-    return f"<style>:root {{ --personal-panel: {panel_width}px; }}\n{style_sheet()}</style>{_runs(script())}"
+    script, *styles = ((STATIC / name).read_text(encoding="utf-8") for name in ("page.js", "tokens.css", "page.css"))
+    return f"<style>:root {{ --personal-panel: {panel_width}px; }}\n{''.join(styles)}</style>{_runs(script)}"
 
 
 def when_shown(call: Literal["shown", "refresh", "reload", "goOn"]) -> str:
@@ -209,5 +200,4 @@ def _call(call: str) -> str:
 
 def _runs(source: str) -> str:
     """HTML that runs a script: an invisible picture that cannot be loaded, with the script as its error handler."""
-    source = source.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;").replace(">", "&gt;")
-    return f'<img src="data:," style="display:none" alt="" onerror="{source}">'
+    return f'<img src="data:," style="display:none" alt="" onerror="{html.escape(source)}">'

@@ -74,18 +74,11 @@ class StudyServe:
             )
         if self.study is None:
             return self._serve_scene(self.scene or "", dataclasses.replace(options, pilot=True))
-        asked = {
-            "--out": self.out,
-            "--split": self.split,
-            "--limit": self.limit,
-            "--seed": self.seed,
-            "--clutter": self.clutter,
-        }
-        given = [name for name, value in asked.items() if value]
-        if given:
-            raise StudyError(
-                f"{given[0]}: is for --scene; expected it in {STUDY_FILE} of a planned study. Leave it out."
-            )
+        for name in ("out", "split", "limit", "seed", "clutter"):
+            if getattr(self, name):
+                raise StudyError(
+                    f"--{name}: is for --scene; expected it in {STUDY_FILE} of a planned study. Leave it out."
+                )
         return self._serve_planned(self.study, options)
 
     def _serve_planned(self, folder: Path, options: ServeOptions) -> int:
@@ -136,35 +129,29 @@ class StudyServe:
 
     def _config(self, episodes: PersonalDataset, scene: str) -> StudyConfig:
         """The settings of a study in one home."""
-        from human_study.design.study import (
-            StudyBreaks,
-            StudyChecks,
-            StudyConfig,
-            StudyDataset,
-            StudyDesign,
-            StudyPog,
-            StudyPractice,
-        )
+        from human_study.design.study import StudyConfig
 
-        return StudyConfig(
-            study=f"{scene[:20]}-{self.seed}"[:32],
-            dataset=StudyDataset(
-                sha256=episodes.digest(),
-                splits=dict.fromkeys(self.split or SPLITS, "all"),
-                scenes=(scene,),
-                stratify="none",
-                max_per_scene=None,
-                seed=self.seed,
-            ),
-            task=("pog", "pan"),
-            actions=self.actions,
-            design=StudyDesign(kind="crossed", raters_per_episode=1),
-            pog=StudyPog(conditions=("map_open",)),
-            flow=("instructions",),
-            practice=StudyPractice(pan=0, pog=0),
-            checks=StudyChecks(every=None),
-            breaks=StudyBreaks(every=None, sitting_max=None),
-            clutter=self.clutter,
+        return StudyConfig.model_validate(
+            {
+                "study": f"{scene[:20]}-{self.seed}"[:32],
+                "dataset": {
+                    "sha256": episodes.digest(),
+                    "splits": dict.fromkeys(self.split or SPLITS, "all"),
+                    "scenes": (scene,),
+                    "stratify": "none",
+                    "max_per_scene": None,
+                    "seed": self.seed,
+                },
+                "task": ("pog", "pan"),
+                "actions": self.actions,
+                "design": {"kind": "crossed", "raters_per_episode": 1},
+                "pog": {"conditions": ("map_open",)},
+                "flow": ("instructions",),
+                "practice": {"pan": 0, "pog": 0},
+                "checks": {"every": None},
+                "breaks": {"every": None, "sitting_max": None},
+                "clutter": self.clutter,
+            }
         )
 
     def _kept_plan(self, folder: Path, config: StudyConfig, home: StudyScene, keys: Sequence[EpisodeKey]) -> StudyPlan:

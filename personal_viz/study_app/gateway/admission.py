@@ -12,7 +12,7 @@ import os
 import secrets
 import sqlite3
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Protocol
 
@@ -147,21 +147,14 @@ class PayFile:
         Raises:
             StudyError: The file cannot be written.
         """
-        try:
-            os.close(os.open(self._path, os.O_CREAT | os.O_WRONLY, 0o600))
-            with contextlib.closing(sqlite3.connect(self._path, isolation_level=None)) as database:
-                database.execute("PRAGMA synchronous=FULL")
-                database.execute(
-                    "CREATE TABLE IF NOT EXISTS payee (code TEXT PRIMARY KEY, platform_id TEXT, study_id TEXT, "
-                    "session_id TEXT) STRICT"
-                )
-                row = (code, arrival.PROLIFIC_PID, arrival.STUDY_ID, arrival.SESSION_ID)
-                database.execute("INSERT OR IGNORE INTO payee VALUES (?, ?, ?, ?)", row)
-        except (OSError, sqlite3.Error) as error:
-            raise StudyError(
-                f"{self._path}: cannot be written ({error}); expected a file for paying people. "
-                "Free space or correct the folder's permissions."
-            ) from None
+        with self._database("written", "Free space or correct the folder's permissions.") as database:
+            database.execute("PRAGMA synchronous=FULL")
+            database.execute(
+                "CREATE TABLE IF NOT EXISTS payee (code TEXT PRIMARY KEY, platform_id TEXT, study_id TEXT, "
+                "session_id TEXT) STRICT"
+            )
+            row = (code, arrival.PROLIFIC_PID, arrival.STUDY_ID, arrival.SESSION_ID)
+            database.execute("INSERT OR IGNORE INTO payee VALUES (?, ?, ?, ?)", row)
 
     def purge(self) -> int:
         """Deletes all ids, after everybody is paid; returns their number. A person who comes back later is kept again.
@@ -171,16 +164,24 @@ class PayFile:
         """
         if not self._path.exists():
             return 0
-        try:
-            with contextlib.closing(sqlite3.connect(self._path, isolation_level=None)) as database:
-                database.execute("PRAGMA secure_delete=ON")
-                num_ids = database.execute("DELETE FROM payee").rowcount
+        with self._database("purged", "Delete it by hand.") as database:
+            database.execute("PRAGMA secure_delete=ON")
+            num_ids = database.execute("DELETE FROM payee").rowcount
+            database.close()
             self._path.unlink()
+        return num_ids
+
+    @contextlib.contextmanager
+    def _database(self, done: str, advice: str) -> Iterator[sqlite3.Connection]:
+        """The open file, readable by the owner only; errors become a StudyError with this advice."""
+        try:
+            os.close(os.open(self._path, os.O_CREAT | os.O_WRONLY, 0o600))
+            with contextlib.closing(sqlite3.connect(self._path, isolation_level=None)) as database:
+                yield database
         except (OSError, sqlite3.Error) as error:
             raise StudyError(
-                f"{self._path}: cannot be purged ({error}); expected the file of people to pay. Delete it by hand."
+                f"{self._path}: cannot be {done} ({error}); expected the file of people to pay. {advice}"
             ) from None
-        return num_ids
 
 
 class Admission:
