@@ -5,16 +5,28 @@ People are called p01, p02, ... in an order that does not depend on their codes 
 
 import hashlib
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
 
-from sim.tasks.run_files import Answer, EpisodeRun, Run
+from sim.homes.kind import scene_label
+from sim.tasks.run_files import EpisodeRun, Run
 
-from ..store.record_types import ParticipantRecord, StoredEvent, StoredTrial
+from ..design.plan import StudyPlan
+from ..design.study import StudyConfig
+from ..store.exclusions import rules_before_data
+from ..store.record_types import ParticipantRecord, StageEntry, StoredEvent, StoredTrial, way_out
 from ..store.records import StudyReader
-from .rows import ExclusionRow, ParticipantRow, VerificationRow, exclusion_rows, participant_row, verification_rows
+from ..trial.events import Event, event_to_json
+from .rows import EventRow, ExclusionRow, ParticipantRow, StageRow, VerificationRow
 from .runs import created_utc, result_of, trial_run_info
-from .trial_table import RowContext, TrialRow, row_context, trial_row
+from .trial_table import AttemptName, TrialRow, is_long_hidden, trial_figures
+
+SIZE_STEP = 100
+"""Pixels to which window sizes are rounded."""
+_EVENT_COLUMNS = frozenset({"kind", "t_s", "t_cli_ms"})
+"""Fields of an event that are columns of their own."""
 
 
 @dataclass(slots=True)
@@ -39,25 +51,43 @@ def collect(reader: StudyReader) -> Collected:
     Raises:
         StudyError: A record cannot be read.
     """
-    context, codes = row_context(reader), exported_codes(reader)
-    is_deleted = context.config.privacy.on_withdraw == "delete"
-    found = Collected()
+    config, plan = reader.config, reader.plan
+    results = _Results(reader, config, plan)
+    verified = {entry.trial_id: entry.status for entry in reader.verifications()}
+    excluded: defaultdict[tuple[str, str | None], list[str]] = defaultdict(list)
+    for entry in reader.exclusions():
+        if not entry.is_undone:
+            excluded[entry.target_kind, entry.target].append(entry.rule_id)
+    found = Collected(runs=results.runs)
     kept: dict[str, str] = {}
     names: dict[str, TrialRow] = {}
-    for code, exported in sorted(codes.items(), key=lambda item: item[1]):
+    for code, exported in sorted(exported_codes(reader).items(), key=lambda item: item[1]):
         record = reader.participant(code)
-        if is_gone(record, is_deleted_on_withdrawal=is_deleted):
+        if record.is_shredded or (record.is_withdrawn and config.privacy.on_withdraw == "delete"):
             found.num_deleted += 1
             continue
         kept[code] = exported
         trials = reader.trials(code)
-        found.participants.append(participant_row(record, trials, code=exported))
-        for status in trials:
-            row = _add_trial(found, reader, context, status, exported)
-            if status.trial_id is not None:
-                names[status.trial_id] = row
-    found.exclusions += exclusion_rows(context.config, reader.exclusions(), names, kept)
-    found.verifications += verification_rows(reader.verifications(), names)
+        found.participants.append(_participant_row(record, trials, code=exported))
+        for trial in trials:
+            events, head_hash = (), None
+            if trial.trial_id is not None:
+                events, head_hash = reader.events(trial.trial_id), reader.head_hash(trial.trial_id)
+            told = {
+                "participant": exported,
+                "scene_kind": plan.scene(trial.key.scene).kind,
+                "verification": verified.get(trial.trial_id or ""),
+                "excluded": tuple(dict.fromkeys([*excluded["participant", code], *excluded["trial", trial.trial_id]])),
+                "head_hash": head_hash,
+            }
+            row = _trial_row(trial, [stored.event for stored in events], config, told)
+            found.trials.append(row)
+            found.events.append((row, events))
+            results.add(trial, row, events)
+            if trial.trial_id is not None:
+                names[trial.trial_id] = row
+    found.exclusions += _exclusion_rows(config, reader, names, kept)
+    found.verifications += _verification_rows(reader, names)
     return found
 
 
@@ -74,41 +104,149 @@ def exported_codes(reader: StudyReader) -> dict[str, str]:
     return {code: f"p{number:0{width}d}" for number, code in enumerate(order, start=1)}
 
 
-def is_gone(record: ParticipantRecord, *, is_deleted_on_withdrawal: bool) -> bool:
-    """Whether a participant's records may no longer be read; true also just before the key is deleted."""
-    return record.is_shredded or (record.is_withdrawn and is_deleted_on_withdrawal)
-
-
-def _add_trial(found: Collected, reader: StudyReader, context: RowContext, status: StoredTrial, code: str) -> TrialRow:
-    """Adds one attempt to `found`: its row, its events, and its result if it counts; returns the row."""
-    stored: Sequence[StoredEvent] = reader.events(status.trial_id) if status.trial_id is not None else ()
-    head = reader.head_hash(status.trial_id) if status.trial_id is not None else None
-    events = [item.event for item in stored]
-    row = trial_row(context, status, events, head_hash=head, code=code)
-    found.trials.append(row)
-    found.events.append((row, stored))
-    if row.left_out is None and status.outcome is not None:
-        info = trial_run_info(
-            context.config,
-            context.plan.scene(status.key.scene),
-            code,
-            status.task,
-            condition=status.condition,
-            created_utc=created_utc(reader.created_ns),
-            app_version=reader.app_version,
-            study_version=reader.study_version,
-            mixes_kinds=len({home.kind for home in context.plan.scenes}) > 1,
-            is_pilot=reader.is_pilot,
+def event_rows(name: AttemptName, events: Sequence[StoredEvent]) -> list[EventRow]:
+    """One attempt's events with times from its start."""
+    first_of_epoch: dict[int, float] = {}
+    rows = []
+    for stored in events:
+        fields = json.loads(event_to_json(stored.event))
+        t_cli_ms = fields["t_cli_ms"]
+        if t_cli_ms is not None:
+            t_cli_ms -= first_of_epoch.setdefault(stored.epoch, t_cli_ms)
+        rows.append(
+            EventRow(
+                **name.place,
+                seq=stored.seq,
+                epoch=stored.epoch,
+                kind=stored.event.kind,
+                t_s=fields["t_s"],
+                t_cli_ms=t_cli_ms,
+                t_srv_s=(stored.t_srv_ns - events[0].t_srv_ns) / 1e9,
+                payload={key: _rounded(key, value) for key, value in fields.items() if key not in _EVENT_COLUMNS},
+            )
         )
-        run = found.runs.get(info.run_id, Run(info=info))
-        found.runs[info.run_id] = _with(run, result_of(events, status.outcome, code=code))
-    return row
+    return rows
 
 
-def _with(run: Run, result: EpisodeRun | Answer) -> Run:
-    if isinstance(result, EpisodeRun):
-        return run.model_copy(update={"episodes": (*run.episodes, result)})
-    return run.model_copy(update={"answers": (*run.answers, result)})
+class _Results:
+    """Collects counted trials as runs."""
+
+    def __init__(self, reader: StudyReader, config: StudyConfig, plan: StudyPlan) -> None:
+        self.runs: dict[str, Run] = {}
+        self._config, self._plan = config, plan
+        self._told = {
+            "created_utc": created_utc(reader.created_ns),
+            "app_version": reader.app_version,
+            "study_version": reader.study_version,
+            "mixes_kinds": len({home.kind for home in plan.scenes}) > 1,
+            "is_pilot": reader.is_pilot,
+        }
+
+    def add(self, trial: StoredTrial, row: TrialRow, events: Sequence[StoredEvent]) -> None:
+        """Adds the trial's result if it counts."""
+        if row.left_out is not None or trial.outcome is None:
+            return
+        home, code = self._plan.scene(trial.key.scene), row.participant
+        info = trial_run_info(self._config, home, code, trial.task, condition=trial.condition, **self._told)
+        run = self.runs.get(info.run_id, Run(info=info))
+        result = result_of([stored.event for stored in events], trial.outcome, code=code)
+        if isinstance(result, EpisodeRun):
+            changed = {"episodes": (*run.episodes, result)}
+        else:
+            changed = {"answers": (*run.answers, result)}
+        self.runs[info.run_id] = run.model_copy(update=changed)
+
+
+def _trial_row(trial: StoredTrial, events: Sequence[Event], config: StudyConfig, told: Mapping[str, Any]) -> TrialRow:
+    """The row of one attempt; `told` holds the fields that are in other records."""
+    figures = trial_figures(events, trial.outcome, rule=config.success)
+    same = TrialRow.model_fields.keys() & {known.name for known in fields(trial)}
+    return TrialRow.model_validate(
+        {
+            **dict(figures),
+            **{name: getattr(trial, name) for name in same},
+            "split": trial.key.split,
+            "scene": trial.key.scene,
+            "episode_id": trial.key.episode_id,
+            "scene_label": scene_label(told["scene_kind"]),
+            "is_long_hidden": is_long_hidden(figures.t_hidden_s, config),
+            **told,
+        }
+    )
+
+
+def _participant_row(record: ParticipantRecord, trials: Sequence[StoredTrial], *, code: str) -> ParticipantRow:
+    """One person's row under a new code."""
+    main = [trial for trial in trials if trial.phase == "main"]
+    stages, consent = record.stages, record.consents[-1] if record.consents else None
+    return ParticipantRow(
+        participant=code,
+        task=record.task,
+        arm=record.arm,
+        conditions=tuple(sorted({trial.condition for trial in main})),
+        has_come=record.is_claimed,
+        has_consented=consent.given if consent else None,
+        consent_text=consent.text_hash if consent else None,
+        is_withdrawn=record.is_withdrawn,
+        last_stage=stages[-1].stage if stages else None,
+        left_by=way_out(stages),
+        num_assigned=len({trial.order_no for trial in main}),
+        num_ended=len({trial.order_no for trial in main if trial.has_ended}),
+        time_in_study_s=(stages[-1].at_ns - stages[0].at_ns) / 1e9 if stages else None,
+        stages=tuple(_stage_row(entry, stages[0].at_ns) for entry in stages),
+    )
+
+
+def _stage_row(entry: StageEntry, start_ns: int) -> StageRow:
+    flat = {name: inner for value in entry.detail.values() if isinstance(value, dict) for name, inner in value.items()}
+    flat |= {name: value for name, value in entry.detail.items() if not isinstance(value, dict)}
+    counted = {key: len(value) if isinstance(value, list) else value for key, value in flat.items()}
+    detail = {key: _rounded(key, value) for key, value in counted.items() if isinstance(value, bool | int | float)}
+    return StageRow(stage=entry.stage, t_s=(entry.at_ns - start_ns) / 1e9, detail=detail)
+
+
+def _exclusion_rows(
+    config: StudyConfig, reader: StudyReader, names: Mapping[str, AttemptName], codes: Mapping[str, str]
+) -> list[ExclusionRow]:
+    """Rows of all exclusions of exported attempts (`names`, by trial id) and people (`codes`)."""
+    planned = rules_before_data(config)
+    rows = []
+    for entry in reader.exclusions():
+        name = names.get(entry.target) if entry.target_kind == "trial" else None
+        code = name.participant if name is not None else codes.get(entry.target)
+        if code is not None:
+            rows.append(
+                ExclusionRow(
+                    target_kind=entry.target_kind,
+                    participant=code,
+                    order_no=name.order_no if name is not None else None,
+                    attempt=name.attempt if name is not None else None,
+                    rule_id=entry.rule_id,
+                    is_planned=entry.rule_id in planned,
+                    reason=entry.reason,
+                    is_undone=entry.is_undone,
+                )
+            )
+    return sorted(rows, key=lambda row: (row.participant, row.order_no or 0, row.attempt or 0))
+
+
+def _verification_rows(reader: StudyReader, names: Mapping[str, AttemptName]) -> list[VerificationRow]:
+    """Rows of the verifications of exported attempts, by attempt and then by time."""
+    numbers: dict[str, int] = {}
+    rows = []
+    for entry in reader.verifications():
+        run_no = numbers.setdefault(entry.run_id, len(numbers) + 1)
+        if entry.trial_id in names:
+            same = VerificationRow.model_fields.keys() & {known.name for known in fields(entry)}
+            found = {name: getattr(entry, name) for name in same}
+            rows.append(VerificationRow(**names[entry.trial_id].place, run_no=run_no, **found))
+    return sorted(rows, key=lambda row: (row.participant, row.order_no, row.attempt, row.run_no))
+
+
+def _rounded(key: str, value: Any) -> Any:
+    """The value, rounded if it is the size of a window."""
+    is_size = key in ("width", "height") and isinstance(value, int | float)
+    return SIZE_STEP * round(value / SIZE_STEP) if is_size else value
 
 
 def _rank(study_version: str, record: ParticipantRecord, trials: Sequence[StoredTrial]) -> tuple[str, float, int, str]:

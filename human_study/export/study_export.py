@@ -19,11 +19,11 @@ from sim.homes.kind import scene_labels, scene_terms
 from ..design.plan import PRACTICE_FOLDER
 from ..design.study import STUDY_FILE
 from ..store.records import StudyReader, read_study
-from .collect import Collected, collect
+from .collect import Collected, collect, event_rows
 from .data_dictionary import dictionary_text
 from .formats import table_bytes
 from .manifest import MANIFEST_FILE, LeftOutTrial, Manifest, exported_file, read_manifest, strangers
-from .rows import EventRow, ExclusionRow, ParticipantRow, VerificationRow, event_rows
+from .rows import EventRow, ExclusionRow, ParticipantRow, VerificationRow
 from .runs import run_files
 from .trial_table import TrialRow
 

@@ -1,20 +1,16 @@
 """Every attempt of every trial as one row of plain figures, to be exported, tabulated and compared with agents."""
 
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Annotated
+from collections.abc import Sequence
+from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict
 
-from sim.homes.kind import scene_label
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import EndReason, SceneKind, Split, SuccessRule, TaskKind
 
-from ..design.plan import Phase, StudyPlan
+from ..design.plan import Phase
 from ..design.study import Condition, StudyConfig
-from ..store.record_types import StoredTrial, VerificationStatus
-from ..store.records import StudyReader
+from ..store.record_types import VerificationStatus
 from ..trial.events import Act, Confidence, Event, MapOff, MapOn, Open, Shown
 from ..trial.outcome import Outcome, has_begun, trial_end
 from .data_dictionary import Unit
@@ -69,6 +65,11 @@ class AttemptName(BaseModel):
     """Place in the person's order over all phases, from 1."""
     attempt: int
     """From 1; 0 = never opened."""
+
+    @property
+    def place(self) -> dict[str, Any]:
+        """The fields of the name."""
+        return self.model_dump(include=set(AttemptName.model_fields))
 
     @property
     def attempt_name(self) -> str:
@@ -141,20 +142,6 @@ class TrialRow(TrialFigures, _AskedTrial):
         return f"excluded: {', '.join(self.excluded)}" if self.excluded else None
 
 
-@dataclass(frozen=True, slots=True)
-class RowContext:
-    """The facts that all rows of one study need."""
-
-    config: StudyConfig
-    plan: StudyPlan
-    verifications: Mapping[str, VerificationStatus]
-    """The latest verification of each trial, by trial id."""
-    excluded_trials: Mapping[str, Sequence[str]]
-    """Rule ids by trial id, without undone exclusions."""
-    excluded_people: Mapping[str, Sequence[str]]
-    """Rule ids by participant code."""
-
-
 def is_long_hidden(t_hidden_s: float, config: StudyConfig) -> bool:
     """Whether a page was in the background for longer than the study allows without a flag."""
     return config.hidden_max_s is not None and t_hidden_s > config.hidden_max_s
@@ -172,22 +159,17 @@ def trial_figures(events: Sequence[Event], outcome: Outcome | None, *, rule: Suc
     acts = [event for event in events if isinstance(event, Act)]
     end = trial_end(events) if has_begun(events) and outcome is not None else None
     is_pan = bool(events) and isinstance(events[0], Open) and events[0].task == "pan"
-    figures = TrialFigures(
-        end_reason=outcome.reason if outcome is not None else None,
-        success=None,
-        spl=None,
-        softspl=None,
-        dtg=None,
-        planar_distance=None,
-        n_steps=len(acts) if is_pan else None,
-        path_m=None,
-        t_total_s=end[0].t_s if end is not None else None,
-        t_look_s=_look_time(events),
-        t_hidden_s=_hidden_time(events),
-        t_first_view_s=next((event.t_s for event in events if isinstance(event, Shown)), None),
-        confidence=next((event.value for event in reversed(events) if isinstance(event, Confidence)), None),
-    )
-    return figures.model_copy(update=measured(outcome, rule))
+    found = {
+        "end_reason": outcome.reason if outcome is not None else None,
+        "n_steps": len(acts) if is_pan else None,
+        "t_total_s": end[0].t_s if end is not None else None,
+        "t_look_s": _look_time(events),
+        "t_hidden_s": _hidden_time(events),
+        "t_first_view_s": next((event.t_s for event in events if isinstance(event, Shown)), None),
+        "confidence": next((event.value for event in reversed(events) if isinstance(event, Confidence)), None),
+    }
+    nothing = dict.fromkeys(TrialFigures.model_fields)
+    return TrialFigures.model_validate(nothing | found | measured(outcome, rule))
 
 
 def measured(outcome: Outcome | None, rule: SuccessRule) -> dict[str, float | None]:
@@ -196,73 +178,14 @@ def measured(outcome: Outcome | None, rule: SuccessRule) -> dict[str, float | No
         return {}
     if not isinstance(outcome, EpisodeEnd):
         return {"success": outcome.measures.success, "planar_distance": outcome.measures.planar_distance}
-    measures = outcome.measures
-    found: dict[str, float | None] = {
-        "planar_distance": measures.centre_distance,
-        "n_steps": measures.num_steps,
-        "path_m": measures.path_m,
-    }
-    ruled = measures.rules[rule]
-    if ruled is not None:
-        found |= {"success": ruled.success, "spl": ruled.spl, "softspl": ruled.soft_spl, "dtg": ruled.dtg}
-    return found
-
-
-def row_context(reader: StudyReader) -> RowContext:
-    """The facts that `trial_row` needs besides a trial."""
-    targets: dict[str, defaultdict[str, list[str]]] = {"trial": defaultdict(list), "participant": defaultdict(list)}
-    for entry in reader.exclusions():
-        if not entry.is_undone and entry.rule_id not in targets[entry.target_kind][entry.target]:
-            targets[entry.target_kind][entry.target].append(entry.rule_id)
-    return RowContext(
-        config=reader.config,
-        plan=reader.plan,
-        verifications={entry.trial_id: entry.status for entry in reader.verifications()},
-        excluded_trials=targets["trial"],
-        excluded_people=targets["participant"],
+    measures, ruled = outcome.measures, outcome.measures.rules[rule]
+    by_rule = (
+        {}
+        if ruled is None
+        else {"success": ruled.success, "spl": ruled.spl, "softspl": ruled.soft_spl, "dtg": ruled.dtg}
     )
-
-
-def trial_row(
-    context: RowContext, status: StoredTrial, events: Sequence[Event], *, head_hash: str | None, code: str
-) -> TrialRow:
-    """The row of one attempt.
-
-    Args:
-        context: The facts that all rows of the study need.
-        status: The attempt.
-        events: All events of the attempt, in order.
-        head_hash: Hash of the last event.
-        code: The person's code in the row.
-    """
-    rules = dict.fromkeys(
-        [*context.excluded_people.get(status.code, ()), *context.excluded_trials.get(status.trial_id or "", ())]
-    )
-    figures = trial_figures(events, status.outcome, rule=context.config.success)
-    kind = context.plan.scene(status.key.scene).kind
-    return TrialRow(
-        **dict(figures),
-        participant=code,
-        order_no=status.order_no,
-        phase=status.phase,
-        task=status.task,
-        condition=status.condition,
-        split=status.key.split,
-        scene=status.key.scene,
-        scene_kind=kind,
-        scene_label=scene_label(kind),
-        episode_id=status.key.episode_id,
-        rep=status.rep,
-        attempt=status.attempt,
-        prior_visits_scene=status.prior_visits_scene,
-        prior_visits_split=status.prior_visits_split,
-        secs_in_scene_before=status.secs_in_scene_before,
-        is_long_hidden=is_long_hidden(figures.t_hidden_s, context.config),
-        verification=context.verifications.get(status.trial_id or ""),
-        excluded=tuple(rules),
-        is_released=status.is_released,
-        head_hash=head_hash,
-    )
+    way = {"n_steps": measures.num_steps, "path_m": measures.path_m}
+    return {"planar_distance": measures.centre_distance, **way, **by_rule}
 
 
 def _look_time(events: Sequence[Event]) -> float | None:
