@@ -1,10 +1,13 @@
-"""Writes a table as JSON lines, CSV and Parquet, with the same bytes for the same rows."""
+"""Writes a table as JSON lines, CSV and Parquet, with the same bytes for the same rows; reads its JSON lines."""
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
+
+from sim.errors import StudyError, line_from_validation_error
 
 from .data_dictionary import Column, columns_of
 from .text_tables import csv_lines, json_text
@@ -12,7 +15,7 @@ from .text_tables import csv_lines, json_text
 if TYPE_CHECKING:
     import pyarrow
 
-FORMATS = ("jsonl", "csv", "parquet")
+Row = TypeVar("Row", bound=BaseModel)
 
 
 def table_bytes(model: type[BaseModel], rows: Sequence[BaseModel]) -> dict[str, bytes]:
@@ -34,6 +37,21 @@ def table_bytes(model: type[BaseModel], rows: Sequence[BaseModel]) -> dict[str, 
         "csv": csv_lines(names, [[value[name] for name in names] for value in values]).encode(),
         "parquet": _parquet_bytes(columns, values),
     }
+
+
+def rows_from_jsonl(text: str, model: type[Row], *, path: Path, advice: str) -> tuple[Row, ...]:
+    """The rows of a table.
+
+    Raises:
+        StudyError: A line is damaged or of another version; the message names it, and ends with `advice`.
+    """
+    rows = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        try:
+            rows.append(model.model_validate_json(line, strict=True))
+        except ValidationError as error:
+            raise StudyError(line_from_validation_error(f"{path}:{number}", error, advice=advice)) from None
+    return tuple(rows)
 
 
 def _parquet_bytes(columns: Sequence[Column], rows: Sequence[dict[str, Any]]) -> bytes:

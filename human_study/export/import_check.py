@@ -3,11 +3,10 @@
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
-from sim.errors import StudyError, TaskStateError, line_from_validation_error
+from sim.errors import StudyError, TaskStateError
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, read_run
 from sim.types import EpisodeKey
 
@@ -15,13 +14,13 @@ from ..design.plan import StudyScene
 from ..design.study import StudyConfig, load_study
 from ..trial.events import Event, Open
 from ..trial.outcome import Outcome, has_begun
+from .formats import Row, rows_from_jsonl
 from .manifest import Manifest, read_manifest, require_unchanged
 from .rows import EventRow
 from .runs import run_condition
 from .trial_table import TrialFigures, TrialRow, is_long_hidden, trial_figures
 from .verify import TrialHome, first_difference, recompute, run_as_known
 
-Row = TypeVar("Row", bound=BaseModel)
 OpenHome = Callable[[StudyScene], TrialHome]
 """Opens one of the manifest's homes; those of `practice_scenes` are in the export's folder `practice`."""
 _Counted = tuple[str, str, EpisodeKey]
@@ -71,7 +70,11 @@ def import_check(folder: Path, open_home: OpenHome) -> ImportReport:
     num_agreeing = num_unsupported = 0
     for row, home in _with_homes(rows, manifest, open_home):
         found = events.get(row.attempt_name, [])
-        in_runs = counted.pop(_name_in_runs(row), None) if row.left_out is None else None
+        in_runs = (
+            counted.pop((row.participant, run_condition(row.condition), row.key), None)
+            if row.left_out is None
+            else None
+        )
         first = found[0] if found else None
         if isinstance(first, Open) and first.scene_digest != home.scene_digest:
             num_unsupported += 1
@@ -105,7 +108,7 @@ def _difference(
     if row.end_reason == "technical" and not has_begun(events):  # it failed before anything was shown
         return _other_figures(row, events, stored, config)
     try:
-        episode = home.episode(EpisodeKey(row.split, row.scene, row.episode_id))
+        episode = home.episode(row.key)
         result = recompute(events, stored, episode, home=home, participant=row.participant)
     except (StudyError, TaskStateError) as problem:
         return str(problem)
@@ -124,11 +127,6 @@ def _other_figures(row: TrialRow, events: Sequence[Event], outcome: Outcome, con
     found = figures.model_dump(mode="json") | {"is_long_hidden": is_long_hidden(figures.t_hidden_s, config)}
     stored = row.model_dump(mode="json", include={*TrialFigures.model_fields, "is_long_hidden"})
     return first_difference(stored, {name: found[name] for name in stored}, "row")
-
-
-def _name_in_runs(row: TrialRow) -> _Counted:
-    key = EpisodeKey(row.split, row.scene, row.episode_id)
-    return row.participant, run_condition(row.condition), key
 
 
 def _with_homes(
@@ -171,18 +169,15 @@ def _events(rows: Iterable[EventRow]) -> dict[str, list[Event]]:
     return found
 
 
-def _rows(contents: dict[str, bytes], folder: Path, manifest: Manifest, table: str, model: type[Row]) -> list[Row]:
+def _rows(
+    contents: dict[str, bytes], folder: Path, manifest: Manifest, table: str, model: type[Row]
+) -> tuple[Row, ...]:
     """The rows of a table, from its JSON lines."""
     name = f"{table}.jsonl"
     if name not in contents:
         raise StudyError(f"{folder / name}: is not in the manifest; expected the table. Export the study again.")
-    rows = []
-    for number, line in enumerate(contents[name].decode().splitlines(), start=1):
-        try:
-            rows.append(model.model_validate_json(line, strict=True))
-        except ValidationError as error:
-            advice = "Use the version of personal-viz that wrote it."
-            raise StudyError(line_from_validation_error(f"{folder / name}:{number}", error, advice=advice)) from None
+    advice = "Use the version of personal-viz that wrote it."
+    rows = rows_from_jsonl(contents[name].decode(), model, path=folder / name, advice=advice)
     if len(rows) != manifest.files[name].num_rows:
         raise StudyError(
             f"{folder / name}: has {len(rows)} rows; expected {manifest.files[name].num_rows}. Export the study again."

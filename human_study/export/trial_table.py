@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict
 
 from sim.tasks.run_files import EpisodeEnd
-from sim.types import EndReason, SceneKind, Split, SuccessRule, TaskKind
+from sim.types import EndReason, EpisodeKey, SceneKind, Split, SuccessRule, TaskKind
 
 from ..design.plan import Phase
 from ..design.study import Condition, StudyConfig
@@ -119,6 +119,11 @@ class TrialRow(TrialFigures, _AskedTrial):
     """Hash of the trial's last stored event, which stands for all before it."""
     scene_label: str = ""
     """What must be said of results in homes of this kind; empty for scans, and in exports of older programs."""
+
+    @property
+    def key(self) -> EpisodeKey:
+        """The trial's episode."""
+        return EpisodeKey(self.split, self.scene, self.episode_id)
 
     @property
     def is_result(self) -> bool:

@@ -1,9 +1,13 @@
-"""The measures of a report, each described once: its name, its task, and how it is shown and tested."""
+"""The measures of a report: how each is shown and tested, and its value for a run's trial or a row of the study."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from sim.tasks.run_files import FAR_FROM_VIEW
-from sim.types import TaskKind
+from sim.tasks.run_files import FAR_FROM_VIEW, Answer, EpisodeRun
+from sim.types import SuccessRule, TaskKind
+
+from ..export.trial_table import TrialRow, measured
 
 STEP_LIMITS = (25, 50, 100, 200, 300, 400, 500)
 """Steps of the anytime success rate: success within each of these."""
@@ -64,3 +68,51 @@ MEASURES: dict[str, Measure] = {
 def measures_of(task: TaskKind) -> tuple[str, ...]:
     """Names of a task's measures, in the order of the report."""
     return tuple(name for name, measure in MEASURES.items() if task in measure.tasks)
+
+
+def run_figures(item: EpisodeRun | Answer, rule: SuccessRule) -> dict[str, float | None] | str:
+    """Figures by measure, or the reason why the trial does not count."""
+    end = item.end if isinstance(item, EpisodeRun) else item
+    if end.reason == "technical":
+        return "technical failure"
+    plain = measured(end, rule)
+    if not plain:
+        return "never scored"
+    if isinstance(item, Answer):
+        return _figures("pog", plain) | {"t_s": item.t_s if item.participant is not None else None}
+    if "success" not in plain:
+        return f"no usable point under rule {rule}"
+    assert item.end.measures is not None
+    strict, is_far = item.end.measures.rules["paper-strict"], item.end.measures.ends_far_from_view
+    # run files hold no end time but that of the last step, and a trial that was given up does not end with a step
+    has_time = item.start.participant is not None and item.end.reason in ("stop", "steps") and item.steps
+    return _figures("pan", plain) | {
+        "t_s": item.steps[-1].t_s if has_time else None,
+        STRICT: None if strict is None else 100.0 * strict.success,
+        FAR: None if is_far is None else 100.0 * is_far,
+    }
+
+
+def row_figures(row: TrialRow, *, same_rule: bool) -> dict[str, float | None] | str:
+    """Figures of a trial that has only a row, or the reason why it does not count."""
+    if not same_rule:
+        return "excluded; its row is under another success rule"
+    return "never scored" if row.success is None else _figures(row.task, dict(row)) | row_times(row)
+
+
+def row_times(row: TrialRow) -> dict[str, float | None]:
+    """Time to decision, from the start of the task to the trial's end, however it ended, and the look before it."""
+    total_s = row.t_total_s
+    return {"t_s": None if total_s is None else total_s - (row.t_look_s or 0.0), "t_look_s": row.t_look_s}
+
+
+def _figures(task: TaskKind, plain: Mapping[str, Any]) -> dict[str, float | None]:
+    """The report's measures from the plain figures of a run's trial or of an exported row."""
+    hit = bool(plain["success"])
+    if task == "pog":
+        return {"sr": 100.0 * hit, "distance": plain["planar_distance"]}
+    steps = plain["n_steps"] or 0
+    spl, soft_spl = (None if plain[name] is None else 100.0 * plain[name] for name in ("spl", "softspl"))
+    figures = {"sr": 100.0 * hit, "spl": spl, "soft_spl": soft_spl, "dtg": plain["dtg"], "steps": float(steps)}
+    within = {name: 100.0 * (hit and steps <= limit) for name, limit in zip(WITHIN, STEP_LIMITS, strict=True)}
+    return {**figures, "path_m": plain["path_m"], **within}

@@ -27,7 +27,6 @@ NUM_HOMES = 31
 MOST_SD = 4.0
 """Largest spread on the logit scale; people one spread below and above one half succeed in 2 and 98 percent."""
 _MODEL = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-_ADVICE = "See personal-viz study plan --help."
 
 
 class PowerAssumptions(BaseModel):
@@ -128,17 +127,12 @@ def power_report(design: PowerDesign, *, assumptions: PowerAssumptions) -> Power
     Raises:
         StudyError: The gaps give a success rate outside 0 to 1.
     """
-    low, high = assumptions.base_rate - assumptions.agent_gap, assumptions.base_rate + assumptions.memory_gap
-    edges = (
-        low,
-        high,
-        assumptions.base_rate - assumptions.split_gap / 2,
-        assumptions.base_rate + assumptions.split_gap / 2,
-    )
-    if not all(0 < edge < 1 for edge in edges):
+    base, half = assumptions.base_rate, assumptions.split_gap / 2
+    rates = (base - assumptions.agent_gap, base + assumptions.memory_gap, base - half, base + half)
+    if not all(0 < rate < 1 for rate in rates):
         raise StudyError(
-            f"power: base rate {assumptions.base_rate:g} with the gaps gives rates from {min(edges):g} to "
-            f"{max(edges):g}; expected all within 0 and 1. Give smaller gaps. {_ADVICE}"
+            f"power: base rate {base:g} with the gaps gives rates from {min(rates):g} to {max(rates):g}; expected all "
+            "within 0 and 1. Give smaller gaps. See personal-viz study plan --help."
         )
     designs = [design, *alternatives(design)]
     rows = [
@@ -191,14 +185,10 @@ def alternatives(design: PowerDesign) -> list[PowerDesign]:
         replace(design, label="twice the trials: twice both", num_people=twice, episodes_per_split=2 * episodes),
         replace(design, label="the paper: 5 people, the same 50", num_people=5 * arms, raters=5, episodes_per_split=50),
     ]
-    seen = {(people, episodes, raters)}
-    different = []
-    for one in found:
-        key = (one.num_people, one.episodes_per_split, one.raters)
-        if key not in seen:
-            seen.add(key)
-            different.append(one)
-    return different
+    different: dict[tuple[int, int, int], PowerDesign] = {}
+    for one in (design, *found):
+        different.setdefault((one.num_people, one.episodes_per_split, one.raters), one)
+    return list(different.values())[1:]
 
 
 def power_row(design: PowerDesign, *, person_sd: float, assumptions: PowerAssumptions) -> PowerRow:

@@ -8,7 +8,7 @@ from pandas import concat
 from ..export.runs import run_condition
 from ..export.trial_table import TrialRow
 from .rows import Aggregate, estimate_of
-from .trials import Frame, GroupRow, TrialGroup, row_key, trial_frame
+from .trials import Frame, GroupRow, TrialGroup, trial_frame
 
 FIRST_TRIALS = 10
 """One row leaves out this many first trials, in which people get used to the keys."""
@@ -61,7 +61,7 @@ def _with_failures(group: TrialGroup, rows: Sequence[TrialRow], reason: str) -> 
         is_such = row.end_reason == reason or (reason == "abandoned" and row.is_never_ended)
         if row.phase == "main" and is_such and is_theirs and row.scene_kind == group.scene_kind:
             person = f"{prefix}/{row.participant}"
-            failed[person, str(row_key(row))] = {"key": row_key(row), "participant": person, "sr": 0.0}
+            failed[person, str(row.key)] = {"key": row.key, "participant": person, "sr": 0.0}
     names = zip(group.trials["participant"], group.trials["episode"], strict=True)
     kept = group.trials[[name not in failed for name in names]]
     return concat([kept, trial_frame(failed.values())]) if failed else kept

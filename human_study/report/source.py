@@ -3,23 +3,20 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
-from pydantic import BaseModel, ValidationError
-
-from sim.errors import StudyError, line_from_validation_error
+from sim.errors import StudyError
 from sim.tasks.metrics import read_runs
 from sim.tasks.run_files import Run
 
 from ..design.study import STUDY_FILE, StudyConfig, load_study
 from ..export.collect import collect
+from ..export.formats import Row, rows_from_jsonl
 from ..export.manifest import MANIFEST_FILE, read_manifest
 from ..export.rows import ExclusionRow, ParticipantRow
 from ..export.trial_table import TrialRow
 from ..store.records import DATABASE_FILE, read_study
 
 TRIALS_FILE = "trials.jsonl"
-_Row = TypeVar("_Row", bound=BaseModel)
 _PARTICIPANTS_FILE, _EXCLUSIONS_FILE = "participants.jsonl", "exclusions.jsonl"
 
 
@@ -118,15 +115,7 @@ def read_records(folder: Path) -> StudyRecords:
     )
 
 
-def _lines(path: Path, model: type[_Row]) -> tuple[_Row, ...]:
-    if not path.is_file():
-        return ()
-    rows = []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
-        try:
-            rows.append(model.model_validate_json(line))
-        except ValidationError as error:
-            raise StudyError(
-                line_from_validation_error(f"{path}:{number}", error, advice="Export the study again.")
-            ) from None
-    return tuple(rows)
+def _lines(path: Path, model: type[Row]) -> tuple[Row, ...]:
+    """The rows of a table; () where the export has no such table."""
+    text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    return rows_from_jsonl(text, model, path=path, advice="Export the study again.")

@@ -15,8 +15,8 @@ from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import EpisodeKey, SuccessRule, TaskKind, WhoKind
 
 from ..export.runs import run_condition
-from ..export.trial_table import NOT_A_RESULT, TrialRow, measured
-from .measures import FAR, MEASURES, STEP_LIMITS, STRICT, WITHIN, measures_of
+from ..export.trial_table import NOT_A_RESULT, TrialRow
+from .measures import FAR, MEASURES, measures_of, row_figures, row_times, run_figures
 
 Frame = Any
 """A pandas DataFrame; pandas has no types that tell a part of a frame from a column."""
@@ -172,17 +172,17 @@ def trial_groups(
             names = _names_of(run, item)
             at = (names["code"], names["task"], info.condition, item.key)
             row, place = results.get(at, (None, None)) if info.who_kind == "human" else (None, None)
-            figures = _run_figures(item, rule)
+            figures = run_figures(item, rule)
             if row is not None:
                 alone.pop(at, None)
-                figures = figures if isinstance(figures, str) else figures | _row_times(row)
+                figures = figures if isinstance(figures, str) else figures | row_times(row)
             count({**names, **_told(row, place)}, figures)
     study = next((str(found) for run in runs if (found := _study_of(run))), "study")
     for (_, task, condition, key), (row, place) in alone.items():
         names = {"task": task, "scene_kind": row.scene_kind, "who": "human", "kind": "human", "condition": condition}
         names |= {"key": key, "participant": f"{study}/{row.participant}", "end": row.end_reason}
         same_rule = task == "pog" or rule == row_rule
-        count({**names, **_told(row, place)}, _row_figures(row, same_rule=same_rule))
+        count({**names, **_told(row, place)}, row_figures(row, same_rule=same_rule))
     for row in rows:
         if row.phase == "main" and row.end_reason in NOT_A_RESULT:
             left_out["human", row.task, "technical failure" if row.end_reason == "technical" else "abandoned"] += 1
@@ -218,11 +218,6 @@ def difference(people: TrialGroup, agent: TrialGroup) -> TrialGroup:
     return replace(people, who=name, kind="difference", trials=apart)
 
 
-def row_key(row: TrialRow) -> EpisodeKey:
-    """The row's episode."""
-    return EpisodeKey(row.split, row.scene, row.episode_id)
-
-
 def _order_of_rows(group: TrialGroup) -> tuple:
     """Sort key of a group: people first, then conditions without memory before those with it."""
     is_later = not is_first_condition(group.condition)
@@ -240,7 +235,7 @@ def _results(rows: Sequence[TrialRow]) -> dict[_At, tuple[TrialRow, int]]:
     last: dict[_At, TrialRow] = {}
     for row in sorted(rows, key=lambda row: (row.participant, row.order_no, row.attempt)):
         if row.is_result:
-            last[row.participant, row.task, run_condition(row.condition), row_key(row)] = row
+            last[row.participant, row.task, run_condition(row.condition), row.key] = row
     done: Counter[str] = Counter()
     found = {}
     for at, row in sorted(last.items(), key=lambda item: (item[1].participant, item[1].order_no, item[1].attempt)):
@@ -281,52 +276,4 @@ def _told(row: TrialRow | None, place: int | None) -> dict[str, Any]:
         "secs_before": row.secs_in_scene_before,
         "excluded": ";".join(row.excluded),
         "verification": row.verification,
-    }
-
-
-def _figures(task: TaskKind, plain: Mapping[str, Any]) -> dict[str, float | None]:
-    """The report's measures from the plain figures of a run's trial or of an exported row."""
-    hit = bool(plain["success"])
-    if task == "pog":
-        return {"sr": 100.0 * hit, "distance": plain["planar_distance"]}
-    steps = plain["n_steps"] or 0
-    spl, soft_spl = (None if plain[name] is None else 100.0 * plain[name] for name in ("spl", "softspl"))
-    figures = {"sr": 100.0 * hit, "spl": spl, "soft_spl": soft_spl, "dtg": plain["dtg"], "steps": float(steps)}
-    within = {name: 100.0 * (hit and steps <= limit) for name, limit in zip(WITHIN, STEP_LIMITS, strict=True)}
-    return {**figures, "path_m": plain["path_m"], **within}
-
-
-def _row_figures(row: TrialRow, *, same_rule: bool) -> dict[str, float | None] | str:
-    """Figures of a trial that has only a row, or the reason why it does not count."""
-    if not same_rule:
-        return "excluded; its row is under another success rule"
-    return "never scored" if row.success is None else _figures(row.task, dict(row)) | _row_times(row)
-
-
-def _row_times(row: TrialRow) -> dict[str, float | None]:
-    """Time to decision, from the start of the task to the trial's end, however it ended, and the look before it."""
-    total_s = row.t_total_s
-    return {"t_s": None if total_s is None else total_s - (row.t_look_s or 0.0), "t_look_s": row.t_look_s}
-
-
-def _run_figures(item: EpisodeRun | Answer, rule: SuccessRule) -> dict[str, float | None] | str:
-    """Figures by measure, or the reason why the trial does not count."""
-    end = item.end if isinstance(item, EpisodeRun) else item
-    if end.reason == "technical":
-        return "technical failure"
-    plain = measured(end, rule)
-    if not plain:
-        return "never scored"
-    if isinstance(item, Answer):
-        return _figures("pog", plain) | {"t_s": item.t_s if item.participant is not None else None}
-    if "success" not in plain:
-        return f"no usable point under rule {rule}"
-    assert item.end.measures is not None
-    strict, is_far = item.end.measures.rules["paper-strict"], item.end.measures.ends_far_from_view
-    # run files hold no end time but that of the last step, and a trial that was given up does not end with a step
-    has_time = item.start.participant is not None and item.end.reason in ("stop", "steps") and item.steps
-    return _figures("pan", plain) | {
-        "t_s": item.steps[-1].t_s if has_time else None,
-        STRICT: None if strict is None else 100.0 * strict.success,
-        FAR: None if is_far is None else 100.0 * is_far,
     }
