@@ -4,7 +4,6 @@ The preregistration names hypotheses, design, sample, exclusions and analysis, i
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,22 +25,7 @@ MEASURE_NAMES = {
     "steps": "number of steps",
     "time": "time to the answer",
 }
-TOTALS = {
-    "mean_of_splits": "the plain mean of the splits",
-    "pooled": "the mean over all trials, whatever their split",
-    "dataset_weighted": "the mean of the splits, weighted by their size in the dataset",
-}
-WEIGHTS = {
-    "trials": "every trial counts the same",
-    "participants": "every participant counts the same",
-}
-INFORMATION = {
-    "rgb": "the camera's picture",
-    "compass": "a compass",
-    "depth": "depth",
-    "map": "the map explored so far",
-}
-_WORDS: dict[TaskKind, str] = {"pan": "steering", "pog": "pointing"}
+_WORDS: dict[str, str] = {"pan": "steering", "pog": "pointing"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +43,11 @@ class TaskShare:
     """Time of the person with the most trials."""
     total_s: float
     """Seconds of all people together, expected."""
+
+    @property
+    def trials_each(self) -> str:
+        """Counted trials per person as text: "30", or "28 to 30"."""
+        return f"{self.most}" if self.fewest == self.most else f"{self.fewest} to {self.most}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +92,8 @@ def ethics_documents(config: StudyConfig, plan: StudyPlan | None, *, consent: st
         "consent.md": consent if consent is not None else filled("consent.md", words),
         "data_flow.md": filled("data_flow.md", words),
         "retention.md": filled("retention.md", words),
-        "time_and_pay.md": filled("time_and_pay.md", {**words, **_times(config, words, sample)}),
-        "preregistration.md": preregistration_text(config, words),
+        "time_and_pay.md": filled("time_and_pay.md", words | _times(sample)),
+        "preregistration.md": filled("preregistration.md", words | _analysis(config)),
     }
 
 
@@ -127,35 +116,13 @@ def board_words(config: StudyConfig, plan: StudyPlan | None, sample: Sample | No
     }
 
 
-def preregistration_text(config: StudyConfig, words: Mapping[str, Any]) -> str:
-    """The preregistration, complete except for fields that the study file leaves empty.
-
-    Args:
-        config: The study.
-        words: Words of the study and its plan (`documents.board_words`).
-    """
-    more = {
-        "hypotheses": _hypotheses(config),
-        "rules": rules_before_data(config),
-        "level": f"{LEVEL:.0%}",
-        "alpha": f"{ALPHA:.0%}",
-        "resamples": f"{NUM_RESAMPLES:,}".replace(",", " "),
-        "total": TOTALS[config.aggregate.total],
-        "weight": WEIGHTS[config.aggregate.weight],
-        "information": " and ".join(INFORMATION[name] for name in config.information),
-    }
-    return filled("preregistration.md", {**words, **more})
-
-
 def hypothesis_sentence(name: str) -> str:
     """The claim behind a name in `primary`; the name itself where the report does not know it."""
     match = HYPOTHESIS_NAME.match(name)
     if match is None:
         return f"`{name}`: to be stated in words; the report does not test it by itself."
-    measure, task = (
-        MEASURE_NAMES[match["measure"]],
-        {"pan": " in steering", "pog": " in pointing"}.get(match["task"], ""),
-    )
+    measure = MEASURE_NAMES[match["measure"]]
+    task = f" in {_WORDS[match['task']]}" if match["task"] else ""
     if match["memory"] == "memory":
         return f"`{name}`: the {measure}{task} of people differs between having been shown the home before and not."
     if match["memory"] is not None:
@@ -189,7 +156,7 @@ def people_text(sample: Sample | None) -> str:
     kinds = " and ".join(f"{count} {kind}" for kind, count in sample.by_kind.items())
     splits = ", ".join(f"{count} {split}" for split, count in sample.by_split.items())
     each = "; ".join(
-        f"{_people(share.num_people)} with {range_text(share)} {_WORDS[share.task]} trials each"
+        f"{_people(share.num_people)} with {share.trials_each} {_WORDS[share.task]} trials each"
         for share in sample.shares
     )
     homes, visits = sum(sample.by_kind.values()), sample.most_visits
@@ -200,62 +167,33 @@ def people_text(sample: Sample | None) -> str:
     )
 
 
-def range_text(share: TaskShare) -> str:
-    """Counted trials per person as text: "30", or "28 to 30"."""
-    return f"{share.most}" if share.fewest == share.most else f"{share.fewest} to {share.most}"
-
-
-def _times(config: StudyConfig, words: dict[str, Any], sample: Sample | None) -> dict[str, str]:
-    """The estimated time, and its meaning for pay."""
+def _times(sample: Sample | None) -> dict[str, Any]:
+    """The estimated time of each task, and its stated parts."""
     shares = sample.shares if sample is not None else ()
-    hours = f"{sum(share.total_s for share in shares) / 3600:.1f} hours" if shares else open_place("plan.json")
     return {
-        "columns": " | ".join(share.task.upper() for share in shares) or "not planned yet",
-        "rules": "|".join("---" for _ in shares) or "---",
-        "rows": _time_rows(shares) if shares else f"| People | {open_place('plan.json')} |",
-        "reading": f"{READING_S:g}",
-        "pan": f"{TRIAL_S['pan']:g}",
-        "pog": f"{TRIAL_S['pog']:g}",
-        "look": f"{LOOK_S:g}",
-        "rest": f"{BREAK_S:g}",
-        "step": f"{ROUND_TO_MIN}",
-        "sum": _told(config, words["duration"], shares),
-        "hours": hours,
+        "shares": shares,
+        "longest": max((share.longest.minutes for share in shares), default=0),
+        "not_planned": open_place("plan.json"),
+        "reading_s": READING_S,
+        "trial_s": TRIAL_S,
+        "look_s": LOOK_S,
+        "break_s": BREAK_S,
+        "round_to_min": ROUND_TO_MIN,
     }
 
 
-def _time_rows(shares: tuple[TaskShare, ...]) -> str:
-    figures: list[tuple[str, Callable[[TaskShare], str]]] = [
-        ("People", lambda share: f"{share.num_people}"),
-        ("Counted trials per person", range_text),
-        ("Attention trials, at most", lambda share: f"{share.longest.num_checks}"),
-        ("Practice trials", lambda share: f"{share.longest.num_practice}"),
-        ("Reading and checks, minutes", lambda share: f"{share.longest.reading_s / 60:.0f}"),
-        ("Practice, minutes", lambda share: f"{share.longest.practice_s / 60:.0f}"),
-        ("Trials, minutes at most", lambda share: f"{share.longest.trials_s / 60:.0f}"),
-        ("Breaks, minutes at most", lambda share: f"{share.longest.breaks_s / 60:.0f}"),
-        ("**In all, minutes per person**", lambda share: f"**{share.longest.minutes}**"),
+def _analysis(config: StudyConfig) -> dict[str, Any]:
+    """What the report will do with the records."""
+    hypotheses = [f"{at}. {hypothesis_sentence(name)}" for at, name in enumerate(config.primary, start=1)] or [
+        f"No primary hypothesis is named ({open_place('primary')}); then everything in the report is exploratory."
     ]
-    return "\n".join(f"| {name} | " + " | ".join(tell(share) for share in shares) + " |" for name, tell in figures)
-
-
-def _told(config: StudyConfig, duration: str, shares: tuple[TaskShare, ...]) -> str:
-    stated, longest = config.ethics.duration_min, max((share.longest.minutes for share in shares), default=0)
-    if stated is None:
-        return f"Participants are told: {duration}"
-    if longest > stated:
-        return f"**The stated {stated} minutes are less than the estimate of {longest}: change ethics.duration_min.**"
-    return f"The stated {stated} minutes cover the estimate."
-
-
-def _hypotheses(config: StudyConfig) -> str:
-    """One sentence for each primary hypothesis."""
-    if not config.primary:
-        return (
-            f"No primary hypothesis is named ({open_place('primary')}); then everything in the report is exploratory."
-        )
-    lines = [f"{number}. {hypothesis_sentence(name)}" for number, name in enumerate(config.primary, start=1)]
-    return "\n".join(lines)
+    return {
+        "hypotheses": "\n".join(hypotheses),
+        "rules": rules_before_data(config),
+        "level": f"{LEVEL:.0%}",
+        "alpha": f"{ALPHA:.0%}",
+        "resamples": f"{NUM_RESAMPLES:,}".replace(",", " "),
+    }
 
 
 def _people(count: int) -> str:

@@ -59,6 +59,7 @@ _ENVIRONMENT = SandboxedEnvironment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
+_ENVIRONMENT.filters["minutes"] = lambda seconds: f"{seconds / 60:.0f}"
 
 
 def limits_m(config: StudyConfig, task: TaskKind) -> tuple[float, ...]:
