@@ -79,13 +79,15 @@ def rows_of(group: TrialGroup, aggregate: Aggregate, *, behind: TrialGroup | Non
     """One row per measure and split, then its total; `behind` holds the trials before averaging, for k and n."""
     rows = []
     for measure in group.measures:
-        known = group.trials[group.trials[measure].notna()]
+        known = group.trials.loc[group.trials[measure].notna(), [measure, "split", "participant", "episode"]]
         splits = [split for split in SPLITS if (known["split"] == split).any()]
         for split in [*splits, TOTAL]:
             found = known if split == TOTAL else known[known["split"] == split]
-            counted = found if behind is None else behind.trials[behind.trials["episode"].isin(found["episode"])]
+            counted = found[measure]
+            if behind is not None:
+                counted = behind.trials.loc[behind.trials["episode"].isin(found["episode"]), measure].dropna()
             share = _share(split, known, splits, aggregate)
-            rows.append(_row(group, measure, split, found, counted[measure].dropna(), aggregate, share))
+            rows.append(_row(group, measure, split, found, counted, aggregate, share))
     return rows
 
 

@@ -15,7 +15,7 @@ from sim.types import TaskKind
 from ..design.plan import StudyPlan
 from ..design.study import Condition, StudyConfig, write_whole
 from ..journey import Person
-from .agreement import disagreements
+from .contradictions import disagreements
 from .words import filled, filled_text, open_places, source_of, words_of
 
 CONSENT_FILE = "consent.md"

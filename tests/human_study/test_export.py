@@ -39,9 +39,8 @@ def run_of(folders: list[Path], task: str) -> Path:
     return found
 
 
-def test_finished_trials_become_run_folders_like_those_of_agents(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    folders = export_study(tmp_path / "study", tmp_path / "out")
+def test_finished_trials_become_run_folders_like_those_of_agents(finished: Path) -> None:
+    folders = sorted((finished / "out").glob("pilot-*"))
     assert sorted(re.sub("p0[12]", "pNN", folder.name) for folder in folders) == ["pilot-pNN-pan", "pilot-pNN-pog"]
     pan, pog = read_run(run_of(folders, "pan")), read_run(run_of(folders, "pog"))
     assert (pan.info.who, pan.info.who_kind, pan.info.scene_kind) == ("human", "human", "invented")
@@ -78,10 +77,8 @@ def test_a_golden_bot_gives_the_figures_computed_by_hand(tmp_path: Path) -> None
     assert right["head_hash"] == read_manifest(tmp_path / "out").head_hashes[f"{right['participant']}/1/1"]
 
 
-def test_the_manifest_says_what_was_left_out_and_why(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    export_study(tmp_path / "study", tmp_path / "out")
-    manifest = read_manifest(tmp_path / "out")
+def test_the_manifest_says_what_was_left_out_and_why(finished: Path) -> None:
+    manifest = read_manifest(finished / "out")
     assert [(left.attempt[3:], left.reason) for left in manifest.left_out] == [
         ("/2/1", "technical"),
         ("/2/2", "not finished"),
@@ -92,34 +89,30 @@ def test_the_manifest_says_what_was_left_out_and_why(tmp_path: Path) -> None:
     assert not manifest.is_pilot
 
 
-def test_a_study_that_was_served_as_a_pilot_says_so_for_ever(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    with open_small(tmp_path / "study") as store:
+def test_a_study_that_was_served_as_a_pilot_says_so_for_ever(folder: Path) -> None:
+    with open_small(folder / "study") as store:
         store.mark_pilot()
-    export_study(tmp_path / "study", tmp_path / "out")
-    assert read_manifest(tmp_path / "out").is_pilot
+    export_study(folder / "study", folder / "out")
+    assert read_manifest(folder / "out").is_pilot
 
 
-def test_the_manifest_holds_hash_and_rows_of_every_file(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    export_study(tmp_path / "study", tmp_path / "out")
-    manifest, files = read_manifest(tmp_path / "out"), files_of(tmp_path / "out")
+def test_the_manifest_holds_hash_and_rows_of_every_file(finished: Path) -> None:
+    manifest, files = read_manifest(finished / "out"), files_of(finished / "out")
     assert set(manifest.files) == set(files) - {"manifest.json"}
     for name, entry in manifest.files.items():
         assert (entry.sha256, entry.num_bytes) == (hashlib.sha256(files[name]).hexdigest(), len(files[name])), name
     counts = {name: manifest.files[f"{name}.csv"].num_rows for name in TABLES}
     assert counts == {"trials": 7, "events": 45, "participants": 2, "exclusions": 0, "verifications": 0}
-    assert require_unchanged(tmp_path / "out", manifest).keys() == manifest.files.keys()
+    assert require_unchanged(finished / "out", manifest).keys() == manifest.files.keys()
 
 
-def test_the_same_records_give_the_same_bytes(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    export_study(tmp_path / "study", tmp_path / "out")
-    first = files_of(tmp_path / "out")
-    export_study(tmp_path / "study", tmp_path / "out")
-    export_study(tmp_path / "study", tmp_path / "again")
-    assert files_of(tmp_path / "out") == first == files_of(tmp_path / "again")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["again", "out", "study"]
+def test_the_same_records_give_the_same_bytes(folder: Path) -> None:
+    export_study(folder / "study", folder / "out")
+    first = files_of(folder / "out")
+    export_study(folder / "study", folder / "out")
+    export_study(folder / "study", folder / "again")
+    assert files_of(folder / "out") == first == files_of(folder / "again")
+    assert sorted(path.name for path in folder.iterdir()) == ["again", "out", "study"]
 
 
 def test_an_export_works_while_the_study_is_served_and_grows_with_it(tmp_path: Path) -> None:
@@ -155,10 +148,8 @@ def test_giving_people_other_codes_changes_no_table(tmp_path: Path) -> None:
     assert files_of(tmp_path / "renamed") == files_of(tmp_path / "out")
 
 
-def test_the_three_formats_of_a_table_say_the_same(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    out = tmp_path / "out"
-    export_study(tmp_path / "study", out)
+def test_the_three_formats_of_a_table_say_the_same(finished: Path) -> None:
+    out = finished / "out"
     for name, (_, model) in TABLES.items():
         lines, columns = rows_of(out, name), columns_of(model)
         table = parquet.read_table(out / f"{name}.parquet")
@@ -185,10 +176,8 @@ def test_the_three_formats_of_a_table_say_the_same(tmp_path: Path) -> None:
     assert metadata.row_group(0).column(0).compression == "ZSTD"
 
 
-def test_every_column_is_in_the_data_dictionary(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    export_study(tmp_path / "study", tmp_path / "out")
-    text = (tmp_path / "out" / "data_dictionary.md").read_text()
+def test_every_column_is_in_the_data_dictionary(finished: Path) -> None:
+    text = (finished / "out" / "data_dictionary.md").read_text()
     for name, (_, model) in TABLES.items():
         section = text.partition(f"## {name}\n")[2].partition("\n## ")[0]
         for column in columns_of(model):
@@ -197,14 +186,12 @@ def test_every_column_is_in_the_data_dictionary(tmp_path: Path) -> None:
     assert "| `t_total_s` | number | s | yes |" in text
 
 
-def test_times_begin_with_the_trial_and_no_id_of_the_store_is_told(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    export_study(tmp_path / "study", tmp_path / "out")
-    events = [EventRow.model_validate(row) for row in rows_of(tmp_path / "out", "events")]
+def test_times_begin_with_the_trial_and_no_id_of_the_store_is_told(finished: Path) -> None:
+    events = [EventRow.model_validate(row) for row in rows_of(finished / "out", "events")]
     assert {row.t_srv_s for row in events if row.seq == 1} == {0.0}
     assert max(row.t_srv_s for row in events) < 60.0
-    text = b"".join(content for name, content in files_of(tmp_path / "out").items() if not name.endswith(".parquet"))
-    database = sqlite3.connect(tmp_path / "study" / "study.db")
+    text = b"".join(content for name, content in files_of(finished / "out").items() if not name.endswith(".parquet"))
+    database = sqlite3.connect(finished / "study" / "study.db")
     ids = [row[0] for row in database.execute("SELECT trial_id FROM trial UNION SELECT assignment_id FROM assignment")]
     stamps = [str(row[0])[:10] for row in database.execute("SELECT opened_ns FROM trial")]
     database.close()
@@ -212,75 +199,69 @@ def test_times_begin_with_the_trial_and_no_id_of_the_store_is_told(tmp_path: Pat
     assert not [one for one in (*ids, *stamps) if one.encode() in text]
 
 
-def test_exclusions_take_trials_out_of_the_run_folders_and_stay_in_the_tables(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    with open_small(tmp_path / "study") as store:
+def test_exclusions_take_trials_out_of_the_run_folders_and_stay_in_the_tables(folder: Path) -> None:
+    with open_small(folder / "study") as store:
         trial_id = next(trial.trial_id for trial in store.trials("p02") if trial.order_no == 1)
         assert trial_id is not None
         exclusion = store.exclude("trial", trial_id, rule_id="disturbed", reason="=1+1 telephone")
         store.exclude("participant", "p01", rule_id="odd", reason="not in the plan")
-        assert export_study(tmp_path / "study", tmp_path / "out") == []
-        left_out = {left.reason for left in read_manifest(tmp_path / "out").left_out}
+        assert export_study(folder / "study", folder / "out") == []
+        left_out = {left.reason for left in read_manifest(folder / "out").left_out}
         assert {"excluded: disturbed", "excluded: odd"} <= left_out
-        found = {row["rule_id"]: row for row in rows_of(tmp_path / "out", "exclusions")}
+        found = {row["rule_id"]: row for row in rows_of(folder / "out", "exclusions")}
         assert (found["disturbed"]["order_no"], found["disturbed"]["is_planned"]) == (1, True)
         assert (found["odd"]["order_no"], found["odd"]["is_planned"]) == (None, False)
-        assert "'=1+1 telephone" in (tmp_path / "out" / "exclusions.csv").read_text()
+        assert "'=1+1 telephone" in (folder / "out" / "exclusions.csv").read_text()
         store.undo_exclusion(exclusion)
-    (folder,) = export_study(tmp_path / "study", tmp_path / "out")
+    (folder,) = export_study(folder / "study", folder / "out")
     assert len(read_run(folder).episodes) == 1
-    found = {row["rule_id"]: row["is_undone"] for row in rows_of(tmp_path / "out", "exclusions")}
+    found = {row["rule_id"]: row["is_undone"] for row in rows_of(folder / "out", "exclusions")}
     assert found == {"disturbed": True, "odd": False}
 
 
-def test_the_latest_verification_stands_beside_each_trial(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    with open_small(tmp_path / "study") as store:
+def test_the_latest_verification_stands_beside_each_trial(folder: Path) -> None:
+    with open_small(folder / "study") as store:
         trial_id = store.trials("p01")[0].trial_id or ""
         store.add_verification(VerificationEntry(trial_id, "RUN1", "drift", 0.5, 3, "step 3", "s" * 64, 1))
         store.add_verification(VerificationEntry(trial_id, "RUN2", "verified", 0.0, None, "", "t" * 64, 2))
-    export_study(tmp_path / "study", tmp_path / "out")
-    (row,) = (row for row in rows_of(tmp_path / "out", "trials") if row["task"] == "pog" and row["attempt"])
+    export_study(folder / "study", folder / "out")
+    (row,) = (row for row in rows_of(folder / "out", "trials") if row["task"] == "pog" and row["attempt"])
     assert row["verification"] == "verified"
-    rows = [(row["run_no"], row["status"], row["first_bad_step"]) for row in rows_of(tmp_path / "out", "verifications")]
+    rows = [(row["run_no"], row["status"], row["first_bad_step"]) for row in rows_of(folder / "out", "verifications")]
     assert rows == [(1, "drift", 3), (2, "verified", None)]
-    assert b"RUN1" not in b"".join(files_of(tmp_path / "out").values())
+    assert b"RUN1" not in b"".join(files_of(folder / "out").values())
 
 
-def test_the_export_of_a_study_that_was_tampered_with_is_refused(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    edit(tmp_path / "study", "UPDATE event SET kind = 'act' WHERE kind = 'key'")
+def test_the_export_of_a_study_that_was_tampered_with_is_refused(folder: Path) -> None:
+    edit(folder / "study", "UPDATE event SET kind = 'act' WHERE kind = 'key'")
     with pytest.raises(StudyError, match="does not continue the chain"):
-        export_study(tmp_path / "study", tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+        export_study(folder / "study", folder / "out")
+    assert not (folder / "out").exists()
 
 
-def test_a_folder_with_anything_else_in_it_is_left_alone(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    (tmp_path / "notes").mkdir()
-    (tmp_path / "notes" / "mine.txt").write_text("mine")
+def test_a_folder_with_anything_else_in_it_is_left_alone(folder: Path) -> None:
+    (folder / "notes").mkdir()
+    (folder / "notes" / "mine.txt").write_text("mine")
     with pytest.raises(StudyError, match=r"is not empty and holds no manifest\.json"):
-        export_study(tmp_path / "study", tmp_path / "notes")
-    export_study(tmp_path / "study", tmp_path / "out")
-    (tmp_path / "out" / "mine.txt").write_text("mine")
+        export_study(folder / "study", folder / "notes")
+    export_study(folder / "study", folder / "out")
+    (folder / "out" / "mine.txt").write_text("mine")
     with pytest.raises(StudyError, match=r"mine\.txt: was not written by an export"):
-        export_study(tmp_path / "study", tmp_path / "out")
-    assert (tmp_path / "out" / "mine.txt").read_text() == "mine"
+        export_study(folder / "study", folder / "out")
+    assert (folder / "out" / "mine.txt").read_text() == "mine"
 
 
-def test_the_export_of_another_study_is_not_replaced(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    export_study(tmp_path / "study", tmp_path / "out")
-    study_with_trials(tmp_path / "other", study(study="other"))
+def test_the_export_of_another_study_is_not_replaced(folder: Path) -> None:
+    export_study(folder / "study", folder / "out")
+    study_with_trials(folder / "other", study(study="other"))
     with pytest.raises(StudyError, match="holds study pilot"):
-        export_study(tmp_path / "other", tmp_path / "out")
+        export_study(folder / "other", folder / "out")
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    (tmp_path / "file").write_text("")
+def test_a_folder_that_cannot_be_written_is_named(folder: Path) -> None:
+    (folder / "file").write_text("")
     with pytest.raises(StudyError, match=r"out: cannot be written \(Not a directory\)"):
-        export_study(tmp_path / "study", tmp_path / "file" / "out")
+        export_study(folder / "study", folder / "file" / "out")
 
 
 def test_giving_up_is_a_result_and_is_exported(tmp_path: Path) -> None:

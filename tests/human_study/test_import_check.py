@@ -8,18 +8,9 @@ import pytest
 
 from human_study.export.import_check import import_check
 from human_study.export.manifest import exported_file, read_manifest
-from human_study.export.study_export import export_study
 from sim.errors import StudyError
 
-from .finished import room, study_with_trials
-
-
-@pytest.fixture
-def out(tmp_path: Path) -> Path:
-    """An export of a study with a success, an answer, a technical failure and a trial that still runs."""
-    study_with_trials(tmp_path / "study")
-    export_study(tmp_path / "study", tmp_path / "out")
-    return tmp_path / "out"
+from .finished import room
 
 
 def change(folder: Path, name: str, edit: Callable[[str], str]) -> None:

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from human_study.export.study_export import export_study
 from human_study.report.render import markdown
 from human_study.report.report import StudyReport, study_report
 from human_study.report.source import read_source
@@ -12,7 +11,7 @@ from human_study.store.record_types import VerificationEntry
 from personal_viz.cli.study.report import StudyReportVerb
 from sim.errors import StudyError
 
-from .finished import TOO_FAR, do_trial, study_with_trials
+from .finished import TOO_FAR, do_trial
 from .small_world import CANARY
 from .stores import open_small
 
@@ -29,9 +28,8 @@ def rate(found: StudyReport, task: str) -> tuple[float, int | None, int]:
     return row.value, row.k, row.n
 
 
-def test_a_study_folder_is_read_without_an_export(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    found = of_study(tmp_path / "study")
+def test_a_study_folder_is_read_without_an_export(finished: Path) -> None:
+    found = of_study(finished / "study")
     assert (found.study, found.scene_kinds) == ("pilot", ("invented",))
     assert rate(found, "pan") == (100, 1, 1)
     assert rate(found, "pog") == (100, 1, 1)
@@ -46,15 +44,12 @@ def test_a_study_folder_is_read_without_an_export(tmp_path: Path) -> None:
     assert CANARY not in text + found.model_dump_json()
 
 
-def test_a_study_and_its_export_give_the_same_report(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    export_study(tmp_path / "study", tmp_path / "export")
-    assert of_study(tmp_path / "study").model_dump_json() == of_study(tmp_path / "export").model_dump_json()
+def test_a_study_and_its_export_give_the_same_report(finished: Path) -> None:
+    assert of_study(finished / "study").model_dump_json() == of_study(finished / "out").model_dump_json()
 
 
-def test_exclusions_and_verifications_of_the_store_are_in_the_report(tmp_path: Path) -> None:
-    study_with_trials(tmp_path / "study")
-    with open_small(tmp_path / "study") as store:
+def test_exclusions_and_verifications_of_the_store_are_in_the_report(folder: Path) -> None:
+    with open_small(folder / "study") as store:
         far = do_trial(store, "p02", 3, TOO_FAR)
         store.exclude("trial", far, rule_id="disturbed", reason="the phone rang")
         store.add_verification(
@@ -69,7 +64,7 @@ def test_exclusions_and_verifications_of_the_store_are_in_the_report(tmp_path: P
                 at_ns=1,
             )
         )
-    found = of_study(tmp_path / "study")
+    found = of_study(folder / "study")
     assert rate(found, "pan") == (50, 1, 2)  # excluded trials stay in the tables
     (rule,) = found.exclusions
     assert (rule.rule_id, rule.reason, rule.is_planned, rule.num_trials) == ("disturbed", "the phone rang", True, 1)
@@ -86,11 +81,10 @@ def test_a_study_without_results_says_what_to_do(tmp_path: Path) -> None:
         read_source([tmp_path / "study"])
 
 
-def test_two_studies_or_a_study_and_its_export_are_refused(tmp_path: Path) -> None:
-    for name in ("one", "two"):
-        study_with_trials(tmp_path / name)
-    with pytest.raises(StudyError, match="found records of 2 studies or exports"):
-        read_source([tmp_path / "one", tmp_path / "two"])
+def test_two_studies_or_a_study_and_its_export_are_refused(finished: Path) -> None:
+    for other in ("study", "out"):
+        with pytest.raises(StudyError, match="found records of 2 studies or exports"):
+            read_source([finished / "study", finished / other])
 
 
 def test_scans_without_the_dataset_are_refused(tmp_path: Path) -> None:

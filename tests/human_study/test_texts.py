@@ -10,7 +10,7 @@ import pytest
 
 from human_study.design.plan import StudyPlan
 from human_study.design.study import Condition, PanCondition, PogCondition, StudyConfig
-from human_study.texts.agreement import disagreements
+from human_study.texts.contradictions import disagreements
 from human_study.texts.documents import ethics_documents
 from human_study.texts.participants import (
     freeze_texts,

@@ -35,9 +35,8 @@ def look(*events: Event) -> float | None:
     return trial_figures(begun(*events), None, rule="paper").t_look_s
 
 
-def test_every_attempt_and_every_assignment_has_a_row(tmp_path: Path) -> None:
-    study_with_trials(tmp_path)
-    rows = rows_of(tmp_path)
+def test_every_attempt_and_every_assignment_has_a_row(finished: Path) -> None:
+    rows = rows_of(finished / "study")
     assert [(row.attempt_name, row.end_reason, row.left_out) for row in rows] == [
         ("p01/1/1", "click", None),
         ("p01/2/0", None, "not begun"),
@@ -54,9 +53,8 @@ def test_every_attempt_and_every_assignment_has_a_row(tmp_path: Path) -> None:
     assert (right.scene_kind, right.condition, right.rep, right.verification) == ("invented", "none", 1, None)
 
 
-def test_visits_are_counted_from_the_earlier_trials(tmp_path: Path) -> None:
-    study_with_trials(tmp_path)
-    rows = {row.attempt_name: row for row in rows_of(tmp_path)}
+def test_visits_are_counted_from_the_earlier_trials(finished: Path) -> None:
+    rows = {row.attempt_name: row for row in rows_of(finished / "study")}
     first, later = rows["p02/1/1"], rows["p02/3/1"]
     assert (first.prior_visits_scene, first.prior_visits_split, first.secs_in_scene_before) == (0, 0, 0.0)
     assert (later.prior_visits_scene or 0) >= 2
@@ -99,11 +97,10 @@ def test_rules_of_person_and_trial_are_told_once_each(tmp_path: Path) -> None:
     assert row.left_out == "excluded: attention, disturbed"
 
 
-def test_people_whose_records_were_deleted_are_not_in_it(tmp_path: Path) -> None:
-    study_with_trials(tmp_path)
-    with open_small(tmp_path) as store:
+def test_people_whose_records_were_deleted_are_not_in_it(folder: Path) -> None:
+    with open_small(folder / "study") as store:
         store.withdraw("p02")
-    assert {row.participant for row in rows_of(tmp_path)} == {"p01"}
+    assert {row.participant for row in rows_of(folder / "study")} == {"p01"}
 
 
 def test_people_who_withdrew_are_kept_where_the_study_says_so(tmp_path: Path) -> None:
@@ -115,11 +112,10 @@ def test_people_who_withdrew_are_kept_where_the_study_says_so(tmp_path: Path) ->
     assert [row.success for row in rows] == [True]
 
 
-def test_a_damaged_record_is_named(tmp_path: Path) -> None:
-    study_with_trials(tmp_path)
-    edit(tmp_path, "UPDATE outcome SET payload = '\"AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA\"'")
+def test_a_damaged_record_is_named(folder: Path) -> None:
+    edit(folder / "study", "UPDATE outcome SET payload = '\"AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA\"'")
     with pytest.raises(Exception, match="cannot be decrypted"):
-        rows_of(tmp_path)
+        rows_of(folder / "study")
 
 
 def test_the_look_at_a_map_is_told_by_its_end() -> None:
@@ -170,9 +166,8 @@ def test_a_page_in_the_background_for_too_long_is_flagged(tmp_path: Path) -> Non
         assert [row.t_hidden_s for row in rows] == [60.0, 60.5]
 
 
-def test_a_trial_that_nobody_ended_is_told_from_one_that_nobody_began(tmp_path: Path) -> None:
-    study_with_trials(tmp_path)
-    assert [row.attempt_name for row in rows_of(tmp_path) if row.is_never_ended] == ["p02/3/1"]
+def test_a_trial_that_nobody_ended_is_told_from_one_that_nobody_began(finished: Path) -> None:
+    assert [row.attempt_name for row in rows_of(finished / "study") if row.is_never_ended] == ["p02/3/1"]
 
 
 def test_visits_count_every_attempt_and_the_dictionary_says_so() -> None:
