@@ -49,7 +49,7 @@ def house(request: pytest.FixtureRequest) -> TriangleMesh:
 
 
 def test_a_house_has_the_triangles_asked_for(house: TriangleMesh) -> None:
-    assert 58_800 <= len(house.faces) <= 61_200
+    assert 59_997 <= len(house.faces) <= 60_000
     assert np.isfinite(house.vertices).all()
     areas = np.linalg.norm(np.cross(*np.diff(house.vertices[house.faces], axis=1).transpose(1, 0, 2)), axis=1) / 2
     assert (areas > 0).all()
@@ -66,7 +66,7 @@ def test_half_of_a_cluttered_house_is_small_loose_pieces() -> None:
     mesh = bench_mesh(60_000, cluttered=True, texture_size=16, num_textures=2)
     uses = np.bincount(mesh.faces.reshape(-1))
     is_loose = (uses[mesh.faces] <= 2).all(axis=1)  # a quad of its own has corners of one or two triangles
-    assert 0.5 <= is_loose.mean() < 0.6
+    assert 0.5 <= is_loose.mean() < 0.65
 
 
 def test_a_house_is_14_by_8_metres_and_fully_textured(house: TriangleMesh) -> None:
@@ -90,7 +90,7 @@ def test_the_glb_file_holds_the_house(house: TriangleMesh, tmp_path: Path) -> No
 
     def corners(mesh: TriangleMesh) -> np.ndarray:
         rows = np.concatenate([mesh.vertices[mesh.faces].reshape(-1, 9), mesh.face_uv.reshape(-1, 6)], axis=1)
-        return rows[np.lexsort(rows.T)]
+        return rows[np.lexsort(rows[:, ::-1].T)]  # by place, which is exact
 
     np.testing.assert_allclose(corners(loaded), corners(house), atol=1e-5)
     assert sorted(np.bincount(loaded.face_texture)) == sorted(np.bincount(house.face_texture))

@@ -1,21 +1,26 @@
-"""The benchmark's own scenes: the house of `house` as a mesh of any size, noisy and textured like a scan.
+"""The benchmark's scenes: a house divided into as many triangles as wanted, uneven and textured like a scan.
 
-Also writes the mesh as a GLB file in HM3D's form: z-up, one primitive per texture, JPEG.
+Also writes such a mesh as a GLB file in HM3D's form: z-up, one primitive per texture, JPEG.
 """
 
-import json
-import struct
+import io
 from functools import lru_cache
 from pathlib import Path
 
 import imagecodecs
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
+from PIL import Image
+from trimesh.exchange.gltf import export_glb
+from trimesh.remesh import subdivide
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from sim.frames import glb_zup_from_world
 from sim.mesh import TriangleMesh
 
-from .house import Patch, clutter_quads, house_patches
+from .house import Solid, clutter_quads, house_solids
 
 CLUTTER_SHARE = 0.5
 """Share of a cluttered scene's triangles in its heaps of small pieces."""
@@ -25,59 +30,100 @@ _HEAP = 60
 _ISLAND = 1.25
 """Largest side of one piece of texture, metres: the surfaces of scans are cut into such islands."""
 _TEXELS_PER_METRE = 340.0
-"""Density of 28 textures of 2048^2 over the house's surface."""
+"""Density of the textures of an HM3D scan."""
 _NOISE_M = 0.0015
 """Standard deviation of each wave that displaces surfaces, metres."""
 _NUM_WAVES = 8
 _ROUGHNESS = 0.35
 """How fast the textures' finer octaves grow weaker; this value makes JPEG files about as large as HM3D's."""
 _JPEG_QUALITY = 85
-_ARRAY_BUFFER, _INDEX_BUFFER, _FLOAT, _UINT32 = 34962, 34963, 5126, 5125
 
 
 def bench_mesh(
     num_faces: int, *, cluttered: bool, seed: int = 0, texture_size: int = 2048, num_textures: int = 28
 ) -> TriangleMesh:
-    """The benchmark's house with about `num_faces` triangles (within 2 % from 50,000 up), the same for the same seed.
+    """The benchmark's house with `num_faces` triangles (up to three fewer), the same for the same seed.
 
     Args:
-        num_faces: Wanted number of triangles; the furniture's shape needs about 20,000 even if nothing is divided.
+        num_faces: Number of triangles; the house alone needs about 20,000.
         cluttered: Whether CLUTTER_SHARE of the triangles are small slanted pieces in up to CLUTTER_OBJECTS heaps.
-        seed: Seed of furniture, noise, clutter and textures.
+        seed: Seed of furniture, unevenness, clutter and textures.
         texture_size: Side of each square texture, pixels.
         num_textures: Number of textures, at least 1.
 
     Returns:
-        World frame, floors at y = 0 and 2.88; every face is textured, and no vertex is on two texture islands.
+        As `like_scan`; floors at y = 0 and 2.88.
     """
     rng = np.random.default_rng(seed)
-    islands = [island for patch in house_patches(rng) for island in _islands(patch)]
-    num_clutter = int(num_faces * CLUTTER_SHARE) // 2 if cluttered else 0
-    sides = np.array([_side_lengths(island) for island in islands])
-    segments = _segments(sides, num_faces - 2 * num_clutter)
-    texture, corner_uv = _layout(sides, num_textures, texture_size, rng)
-    vertices, vertex_uv, faces, face_island = _divided(islands, segments, corner_uv)
-    vertices += displacement(vertices, rng)
-    face_instance = np.array([island.instance for island in islands], np.int32)[face_island]
-    face_texture = texture[face_island]
-    if num_clutter:
-        quads = clutter_quads(num_clutter, num_objects=min(CLUTTER_OBJECTS, -(-num_clutter // _HEAP)), rng=rng)
-        first = np.arange(num_clutter, dtype=np.int32)[:, None] * 4 + len(vertices)
-        added = np.stack([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])], axis=1).reshape(-1, 3)
-        lengths = np.linalg.norm(np.stack([quads[:, 1] - quads[:, 0], quads[:, 3] - quads[:, 0]], axis=1), axis=2)
-        clutter_texture, uv = _layout(lengths, num_textures, texture_size, rng)
-        vertices = np.concatenate([vertices, quads.reshape(-1, 3)])
-        vertex_uv = np.concatenate([vertex_uv, uv.reshape(-1, 2)])
-        faces = np.concatenate([faces, added.astype(np.int32)])
-        face_texture = np.concatenate([face_texture, np.repeat(clutter_texture, 2)])
-        face_instance = np.concatenate([face_instance, np.full(2 * num_clutter, face_instance.max() + 1, np.int32)])
+    solids = house_solids(rng)
+    surfaces = [_surface(solid) for solid in solids]
+    mesh = trimesh.util.concatenate(surfaces)
+    assert isinstance(mesh, trimesh.Trimesh)
+    instance = np.repeat([solid.instance for solid in solids], [len(surface.faces) for surface in surfaces])
+    num_quads = int(num_faces * CLUTTER_SHARE) // 2 if cluttered else 0
+    num_heaps = min(CLUTTER_OBJECTS, -(-num_quads // _HEAP))
+    return like_scan(
+        mesh.vertices,
+        mesh.faces,
+        instance.astype(np.int32),
+        num_faces=num_faces - 2 * num_quads,
+        loose=clutter_quads(num_quads, num_heaps=num_heaps, rng=rng) if cluttered else None,
+        seed=seed,
+        texture_size=texture_size,
+        num_textures=num_textures,
+    )
+
+
+def like_scan(
+    points: NDArray[np.floating],
+    faces: NDArray[np.integer],
+    instance: NDArray[np.int32],
+    *,
+    num_faces: int,
+    seed: int,
+    loose: NDArray[np.float64] | None = None,
+    texture_size: int = 2048,
+    num_textures: int = 28,
+) -> TriangleMesh:
+    """A surface divided into at least `num_faces` triangles, uneven, and textured with noise in islands.
+
+    Args:
+        points: (V, 3) world metres.
+        faces: (F, 3) indices of points.
+        instance: (F,) object ids.
+        num_faces: Number of triangles (up to three fewer), unless the surface has more.
+        seed: Seed of unevenness and textures.
+        loose: (N, 4, 3) further quads, two triangles each, which stay even.
+        texture_size: Side of each square texture, pixels.
+        num_textures: Number of textures, at least 1.
+
+    Returns:
+        Every face is textured, and no vertex is on two islands.
+    """
+    vertices, index = np.unique(points.astype(np.float64), axis=0, return_inverse=True)
+    faces = index.reshape(-1)[faces]
+    while (missing := (num_faces - len(faces)) // 3) > 0:
+        is_large = np.zeros(len(faces), bool)
+        is_large[np.argsort(-_areas(vertices, faces), kind="stable")[: min(missing, -(-len(faces) // 4))]] = True
+        vertices, faces, *_ = subdivide(vertices, faces, np.flatnonzero(is_large))
+        instance = np.concatenate([instance[~is_large], np.repeat(instance[is_large], 4)])
+    rng = np.random.default_rng(seed)
+    moved = vertices + displacement(vertices, rng)
+    if loose is not None:
+        added = np.arange(4 * len(loose)).reshape(-1, 4)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+        faces = np.concatenate([faces, added + len(vertices)])
+        vertices = np.concatenate([vertices, loose.reshape(-1, 3)])
+        moved = np.concatenate([moved, loose.reshape(-1, 3)])
+        instance = np.concatenate([instance, np.full(2 * len(loose), instance.max() + 1, np.int32)])
+    owner, used, uv, faces = _islands(vertices, faces, texture_size, rng)
+    texture = rng.integers(num_textures, size=owner[-1] + 1).astype(np.int16)
     return TriangleMesh(
-        vertices.astype(np.float32),
+        moved[used].astype(np.float32),
         faces,
         np.full((len(faces), 3), 200, np.uint8),
-        face_instance,
-        face_texture,
-        vertex_uv.astype(np.float32)[faces],
+        instance,
+        texture[owner[faces[:, 0]]],
+        uv[faces],
         bench_textures(texture_size, num_textures, seed),
     )
 
@@ -99,136 +145,22 @@ def bench_textures(size: int, num: int, seed: int) -> tuple[NDArray[np.uint8], .
 
 
 def write_bench_glb(path: Path, mesh: TriangleMesh) -> None:
-    """Writes a mesh of `bench_mesh` as z-up binary glTF 2.0: one primitive and one JPEG image per texture.
-
-    Args:
-        path: File to write.
-        mesh: World frame, every face textured, no vertex on two texture islands.
-    """
-    images = [bytes(imagecodecs.jpeg_encode(texture, level=_JPEG_QUALITY)) for texture in mesh.textures]
-    vertex_uv = np.zeros((len(mesh.vertices), 2), np.float32)
-    vertex_uv[mesh.faces] = mesh.face_uv
-    vertices_glb = glb_zup_from_world(mesh.vertices).astype("<f4")
-    data, views, accessors, primitives = bytearray(), [], [], []
-
-    def add_view(content: bytes, **more: int) -> int:
-        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": len(content), **more})
-        data.extend(content)
-        data.extend(b"\0" * (-len(data) % 4))
-        return len(views) - 1
-
-    def add_accessor(array: NDArray, kind: str, component: int, target: int, **more: list[float]) -> int:
-        view = add_view(array.tobytes(), target=target)
-        accessors.append({"bufferView": view, "componentType": component, "count": len(array), "type": kind, **more})
-        return len(accessors) - 1
-
-    for texture in range(len(mesh.textures)):
-        used, index = np.unique(mesh.faces[mesh.face_texture == texture], return_inverse=True)
+    """Writes a mesh of `like_scan` as z-up binary glTF 2.0: one primitive and one JPEG image per texture."""
+    scene = trimesh.Scene()
+    uv = np.zeros((len(mesh.vertices), 2))
+    uv[mesh.faces] = mesh.face_uv
+    for number, texture in enumerate(mesh.textures):
+        used, index = np.unique(mesh.faces[mesh.face_texture == number], return_inverse=True)
         if not len(used):
             continue
-        points = vertices_glb[used]
-        span = {"min": points.min(axis=0).tolist(), "max": points.max(axis=0).tolist()}
-        attributes = {
-            "POSITION": add_accessor(points, "VEC3", _FLOAT, _ARRAY_BUFFER, **span),
-            "TEXCOORD_0": add_accessor(vertex_uv[used].astype("<f4"), "VEC2", _FLOAT, _ARRAY_BUFFER),
-        }
-        indices = add_accessor(index.reshape(-1).astype("<u4"), "SCALAR", _UINT32, _INDEX_BUFFER)
-        primitives.append({"attributes": attributes, "indices": indices, "material": texture})
-    image_views = [add_view(image) for image in images]
-    content = {
-        "asset": {"version": "2.0", "generator": "personal-viz bench"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": primitives}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": k}}} for k in range(len(images))],
-        "textures": [{"source": k} for k in range(len(images))],
-        "images": [{"bufferView": view, "mimeType": "image/jpeg"} for view in image_views],
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": len(data)}],
-    }
-    text = json.dumps(content, separators=(",", ":")).encode()
-    text += b" " * (-len(text) % 4)
-    with path.open("wb") as file:
-        file.write(struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(data)))
-        file.write(struct.pack("<I4s", len(text), b"JSON") + text)
-        file.write(struct.pack("<I4s", len(data), b"BIN\0"))
-        file.write(data)
-
-
-def _side_lengths(patch: Patch) -> tuple[float, float]:
-    """Lengths of a patch along its first and its last edge."""
-    a, b, _, d = patch.corners
-    return float(np.linalg.norm(b - a)), float(np.linalg.norm(d - a))
-
-
-def _islands(patch: Patch) -> list[Patch]:
-    """The patch cut into pieces of at most _ISLAND."""
-    rows, cols = (max(1, int(np.ceil(side / _ISLAND))) for side in _side_lengths(patch))
-    if rows * cols == 1:
-        return [patch]
-    a, b, c, d = patch.corners
-    s, t = np.linspace(0, 1, rows + 1)[:, None, None], np.linspace(0, 1, cols + 1)[None, :, None]
-    at = a * (1 - s) * (1 - t) + b * s * (1 - t) + c * s * t + d * (1 - s) * t
-    corners = np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], axis=2).reshape(-1, 4, 3)
-    return [patch._replace(corners=piece) for piece in corners]
-
-
-def _segments(sides: NDArray[np.float64], num_faces: int) -> NDArray[np.int64]:
-    """(N, 2) divisions of each island along its sides, for about `num_faces` triangles in all islands together."""
-    fine, coarse = 1e-4, 10.0
-    for _ in range(60):
-        edge = (fine * coarse) ** 0.5
-        segments = np.maximum(np.ceil(sides / edge - 1e-6), 1).astype(np.int64)
-        if 2 * np.prod(segments, axis=1).sum() > num_faces:
-            fine = edge
-        else:
-            coarse = edge
-    return np.maximum(np.ceil(sides / coarse - 1e-6), 1).astype(np.int64)
-
-
-def _layout(
-    sides: NDArray[np.float64], num_textures: int, size: int, rng: np.random.Generator
-) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
-    """A random texture (N,), and a place in it (N, 4, 2), for each island with sides (N, 2) in metres."""
-    texture = rng.integers(num_textures, size=len(sides)).astype(np.int16)
-    extent = np.minimum(sides * _TEXELS_PER_METRE / size, 1.0)
-    low = rng.random((len(sides), 2)) * (1 - extent)
-    unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
-    return texture, low[:, None] + unit * extent[:, None]
-
-
-def _divided(
-    islands: list[Patch], segments: NDArray[np.int64], corner_uv: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32], NDArray[np.int64]]:
-    """Vertices (V, 3), their uv (V, 2), faces (F, 3) and the island of each face, island after island."""
-    num_vertices, num_faces = np.prod(segments + 1, axis=1), 2 * np.prod(segments, axis=1)
-    first_vertex, first_face = np.cumsum(num_vertices) - num_vertices, np.cumsum(num_faces) - num_faces
-    vertices, uv = np.empty((num_vertices.sum(), 3)), np.empty((num_vertices.sum(), 2))
-    faces = np.empty((num_faces.sum(), 3), np.int32)
-    corners = np.concatenate([np.stack([island.corners for island in islands]), corner_uv], axis=2)  # (N, 4, 5)
-    kinds, kind = np.unique(segments, axis=0, return_inverse=True)
-    for k, (n, m) in enumerate(kinds):
-        members = np.flatnonzero(kind == k)
-        s, t = (
-            axis.reshape(-1, 1)
-            for axis in np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, m + 1), indexing="ij")
+        image = Image.open(io.BytesIO(imagecodecs.jpeg_encode(texture, level=_JPEG_QUALITY)))
+        visual = TextureVisuals(
+            uv[used] * (1, -1) + (0, 1),  # trimesh's origin is at the bottom
+            material=PBRMaterial(baseColorTexture=image),
         )
-        weights = np.concatenate([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t], axis=1)
-        points = np.einsum("wc,ncd->nwd", weights, corners[members])
-        place = first_vertex[members][:, None] + np.arange((n + 1) * (m + 1))
-        vertices[place], uv[place] = points[..., :3], points[..., 3:]
-        base = (np.arange(n)[:, None] * (m + 1) + np.arange(m)).reshape(-1, 1)
-        quad = np.concatenate([base, base + m + 1, base + m + 2, base, base + m + 2, base + 1], axis=1).reshape(-1, 3)
-        rows = first_face[members][:, None] + np.arange(2 * n * m)
-        faces[rows] = (quad + first_vertex[members][:, None, None]).astype(np.int32)
-    for index, island in enumerate(islands):
-        if island.ball is not None:
-            own = slice(first_vertex[index], first_vertex[index] + num_vertices[index])
-            unit = (vertices[own] - island.ball[0]) / island.ball[1]
-            vertices[own] = island.ball[0] + unit / np.linalg.norm(unit, axis=1, keepdims=True) * island.ball[1]
-    return vertices, uv, faces, np.repeat(np.arange(len(islands)), num_faces)
+        points = glb_zup_from_world(mesh.vertices[used])
+        scene.add_geometry(trimesh.Trimesh(points, index.reshape(-1, 3), visual=visual, process=False))
+    path.write_bytes(export_glb(scene))
 
 
 def displacement(points: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float32]:
@@ -238,6 +170,44 @@ def displacement(points: NDArray[np.float64], rng: np.random.Generator) -> NDArr
     amplitudes = rng.normal(scale=_NOISE_M, size=(_NUM_WAVES, 3)).astype(np.float32)
     phases = points.astype(np.float32) @ waves.T.astype(np.float32) + rng.uniform(0, 2 * np.pi, _NUM_WAVES).astype("f4")
     return np.sin(phases, out=phases) @ amplitudes
+
+
+def _surface(solid: Solid) -> trimesh.Trimesh:
+    """The surface of a box or an ellipsoid."""
+    low, high = np.array([solid.low, solid.high])
+    if not solid.is_round:
+        return trimesh.creation.box(bounds=(low, high))
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    return trimesh.Trimesh(ball.vertices * (high - low) / 2 + (low + high) / 2, ball.faces, process=False)
+
+
+def _islands(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], texture_size: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32], NDArray[np.int32]]:
+    """Cuts a surface into islands: the triangles of a cube of space that face along one axis.
+
+    Returns:
+        The island and the old index (N,) of each new vertex, island by island; its uv (N, 2), at a random place within
+        0-1; and the faces (F, 3) of new vertices.
+    """
+    corners = vertices[faces]
+    axis = np.abs(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])).argmax(axis=1)
+    cube = np.floor((corners.mean(axis=1) - vertices.min(axis=0)) / _ISLAND).astype(np.int64) @ (1 << 40, 1 << 20, 1)
+    codes, island = np.unique(3 * cube + axis, return_inverse=True)
+    keys, index = np.unique(island[:, None] * len(vertices) + faces, return_inverse=True)
+    owner, used = np.divmod(keys, len(vertices))
+    flat = vertices[used][np.arange(len(used))[:, None], np.array([[1, 2], [0, 2], [0, 1]])[codes[owner] % 3]]
+    first = np.searchsorted(owner, np.arange(len(codes)))
+    low, high = np.minimum.reduceat(flat, first), np.maximum.reduceat(flat, first)
+    scale = np.minimum(_TEXELS_PER_METRE / texture_size, 1 / (high - low).max(axis=1))[:, None]
+    place = rng.random((len(codes), 2)) * (1 - (high - low) * scale)
+    uv = ((flat - low[owner]) * scale[owner] + place[owner]).clip(0, 1)
+    return owner, used, uv.astype(np.float32), index.reshape(faces.shape).astype(np.int32)
+
+
+def _areas(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
 def _noise(size: int, rng: np.random.Generator) -> NDArray[np.uint8]:
