@@ -22,7 +22,7 @@ from grounding.phrases.rules import RulePhrases
 from sim.authoring.generation import invent_dataset
 
 from .grounding_inputs import RELEASE, MapBatch, SceneInputs, random_map, scene_inputs, solve_batch
-from .harness import Plan, Progress, Report, Target, empty_cache, interleaved, machine, report_of
+from .harness import Findings, Plan, Progress, Target, empty_cache, interleaved
 
 PLAN = Plan(
     targets={
@@ -70,16 +70,15 @@ FULL = GroundingSettings()
 QUICK = GroundingSettings(batch=16, calls=5, repeats=2, scenes=3, encoders=("hashed",))
 
 
-def measure_grounding(settings: GroundingSettings, *, quick: bool, progress: Progress) -> Report:
+def measure(settings: GroundingSettings, progress: Progress) -> Findings:
     """Measures everything in one run.
 
     Args:
         settings: Sizes and numbers of the cases.
-        quick: Written into the report.
         progress: Gets a line about the present work.
 
     Returns:
-        A report whose values are `b1` and `b64` on random maps and `all_episodes`. Each holds medians of elapsed
+        Values: `b1` and `b64` on random maps and `all_episodes`. Each holds medians of elapsed
         milliseconds on one thread, with texts encoded before: `literal_ms` of Algorithm 1 as printed, which normalises
         and copies the full grid for each episode; `batch_ms` of `rpg_dense`, on the full grid without a copy;
         `packed_ms` of `rpg_packed`, filled cells only and each different phrase once per map; `packed_with_names_ms`,
@@ -89,7 +88,6 @@ def measure_grounding(settings: GroundingSettings, *, quick: bool, progress: Pro
         disk; `cold_phrase_s` with `--method phrase`, which needs a fifth of the texts; `query_ms` to read a description
         by rules, encode the texts, and answer with `rpg` on a map.
     """
-    here, began_s = machine(), time.perf_counter()
     with one_thread():
         progress("one episode")
         one = random_case(settings, batch=1)
@@ -130,8 +128,7 @@ def measure_grounding(settings: GroundingSettings, *, quick: bool, progress: Pro
         f"process over {cold_episodes} episodes with rpg, cold_phrase_s: with phrase. query_ms: one description and "
         "query to an answer."
     )
-    seconds = time.perf_counter() - began_s
-    return report_of("grounding", values, PLAN, quick=quick, machine=here, seconds=seconds, notes=(note,))
+    return Findings(values, (note,))
 
 
 def random_case(settings: GroundingSettings, *, batch: int) -> dict[str, float | None]:

@@ -1,19 +1,19 @@
 """Shared by all benchmarks: interleaved timing, figures beside references and targets, one table, one JSON format.
 
-A benchmark returns values, as a nested dict of names. `report_of` makes a `Report` of them: each number becomes a
+A benchmark is a module with a `PLAN`, the settings `FULL` and `QUICK`, and `measure(settings, progress)`, which returns
+`Findings`: its values are a nested dict of names. `run_benchmark` makes a `Report` of them: each number becomes a
 `Figure` whose name is the path to it (`sizes.1M.rgbd_ms`); figures whose paths differ only in the last part are a case
 (`sizes.1M`).
 """
 
-import asyncio
 import contextlib
 import datetime
 import math
 import os
 import platform
 import tempfile
-import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -130,50 +130,53 @@ class Plan(NamedTuple):
     """Targets, references and units of a benchmark's figures."""
 
     targets: Mapping[str, Target] = {}
-    """Targets by name. A name that is not among the values is reported as not measured."""
+    """Targets by name. A name that is not among the values is reported as not measured, if its first part is there."""
     references: Mapping[str, str] = {}
     """By the end of a figure's name: the end of the name of its reference in the same case."""
     units: Mapping[str, str] = {}
     """Units by the end of a name, or by its case, if the name does not tell the unit."""
 
 
-def report_of(
-    benchmark: str,
-    values: Values,
-    plan: Plan,
-    *,
-    quick: bool,
-    machine: Machine,
-    seconds: float,
-    notes: Sequence[str] = (),
-    left_out: Sequence[str] = (),
-    problems: Sequence[str] = (),
-) -> Report:
-    """The report of a benchmark, with a figure for each number in `values`."""
-    found = dict(_numbers(values, ""))
+class Findings(NamedTuple):
+    """What a benchmark has measured."""
+
+    values: Values
+    notes: Sequence[str] = ()
+    """How the figures were measured."""
+    left_out: Sequence[str] = ()
+    """Parts of the full benchmark that this run left out."""
+    problems: Sequence[str] = ()
+    versions: Mapping[str, str] = {}
+    """Further versions on which the figures depend."""
+    seconds: float | None = None
+    """Elapsed seconds of the whole run, if they count from another moment than the start of the benchmark."""
+
+
+def run_benchmark(benchmark: str, measure: Callable[[], Findings], plan: Plan, *, quick: bool) -> Report:
+    """Measures, and makes a report with a figure for each number in the values.
+
+    Args:
+        benchmark: Name of the benchmark.
+        measure: Does the work.
+        plan: Targets, references and units.
+        quick: Written into the report.
+    """
+    here, began_s = _machine(), time.perf_counter()
+    found = measure()
+    numbers = dict(_numbers(found.values, ""))
+    targets = [name for name in plan.targets if name.partition(".")[0] in found.values]
     return Report(
         benchmark=benchmark,
         quick=quick,
-        values=dict(values),
-        figures=tuple(_figure(name, found, plan) for name in dict.fromkeys((*found, *plan.targets))),
-        machine=machine,
-        notes=tuple(notes),
-        left_out=tuple(left_out),
-        problems=tuple(problems),
+        values=dict(found.values),
+        figures=tuple(_figure(name, numbers, plan) for name in dict.fromkeys((*numbers, *targets))),
+        machine=here.model_copy(update={"versions": here.versions | dict(found.versions)}),
+        notes=tuple(found.notes),
+        left_out=tuple(found.left_out),
+        problems=tuple(found.problems),
         created_utc=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         git_commit=git_commit(),
-        seconds=seconds,
-    )
-
-
-def machine(**versions: str) -> Machine:
-    """This machine now, with further versions."""
-    return Machine(
-        cpu=_cpu_model(),
-        cores=own_cores(),
-        load=psutil.getloadavg()[0],
-        python=platform.python_version(),
-        versions=package_versions() | versions,
+        seconds=time.perf_counter() - began_s if found.seconds is None else found.seconds,
     )
 
 
@@ -295,26 +298,24 @@ def peak_mb(process: psutil.Process) -> float:
     return resident_mb
 
 
-@contextlib.contextmanager
-def background_loop(name: str) -> Iterator[asyncio.AbstractEventLoop]:
-    """Yields an event loop on its own thread; tasks that still run at the block's end are cancelled."""
-    loop = asyncio.new_event_loop()
-    thread = threading.Thread(target=loop.run_forever, daemon=True, name=name)
-    thread.start()
-    try:
-        yield loop
-    finally:
-        asyncio.run_coroutine_threadsafe(_cancel_all(), loop).result()
-        loop.call_soon_threadsafe(loop.stop)
-        thread.join()
-        loop.close()
+def held_by(pid: int) -> dict[str, float]:
+    """Resources that a serving process and its children hold now; a process that ends meanwhile does not count.
 
-
-async def _cancel_all() -> None:
-    others = asyncio.all_tasks() - {asyncio.current_task()}
-    for task in others:
-        task.cancel()
-    await asyncio.gather(*others, return_exceptions=True)
+    Returns:
+        Sums: `processes`, `fds` (open file descriptors), `threads`, `clients` (established TCP connections of the
+        children: viser's clients), `rss_mb` (resident memory, MB of 10^6 bytes; pages that processes share count in
+        each), `peak_mb` (the largest that each of the processes ever had).
+    """
+    held = Counter[str](processes=0, fds=0, threads=0, clients=0)
+    with contextlib.suppress(psutil.NoSuchProcess):
+        serving = psutil.Process(pid)
+        for process in (serving, *serving.children()):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                connections = process.net_connections("tcp") if process.pid != pid else []
+                established = sum(connection.status == psutil.CONN_ESTABLISHED for connection in connections)
+                held.update(processes=1, fds=process.num_fds(), threads=process.num_threads(), clients=established)
+                held.update(rss_mb=process.memory_info().rss / 1e6, peak_mb=peak_mb(process))  # pyright: ignore
+    return dict(held)
 
 
 @contextlib.contextmanager
@@ -331,6 +332,16 @@ def empty_cache() -> Iterator[Path]:
             os.environ.pop(VARIABLE)
             if before is not None:
                 os.environ[VARIABLE] = before
+
+
+def _machine() -> Machine:
+    return Machine(
+        cpu=_cpu_model(),
+        cores=own_cores(),
+        load=psutil.getloadavg()[0],
+        python=platform.python_version(),
+        versions=package_versions(),
+    )
 
 
 def _numbers(values: Values, path: str) -> Iterator[tuple[str, float | None]]:

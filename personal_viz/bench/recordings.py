@@ -26,7 +26,7 @@ from sim.tasks.run_files import Run
 from sim.types import Observation
 
 from ..browser import open_chromium
-from .harness import Plan, Progress, Report, Target, Timing, interleaved, machine, report_of
+from .harness import Findings, Plan, Progress, Target, Timing, interleaved
 from .walkers import RecordedHome, recorded_home, walked
 
 if TYPE_CHECKING:
@@ -97,16 +97,15 @@ class Played:
     """Observations at the start and after each step."""
 
 
-def measure_recordings(settings: RecordingSettings, *, quick: bool, progress: Progress) -> Report:
+def measure(settings: RecordingSettings, progress: Progress) -> Findings:
     """Measures everything on one invented home.
 
     Args:
         settings: Sizes and numbers of the runs.
-        quick: Written into the report.
         progress: Gets a line about the present work.
 
     Returns:
-        A report with these values: `steps_per_s`, an episode's steps per elapsed second of the live observer that
+        Values: `steps_per_s`, an episode's steps per elapsed second of the live observer that
         writes a file (picture, map, texts, distances); `encode_only_steps_per_s` of a loop that only encodes the same
         JPEGs with Pillow; `encode_only_fast_steps_per_s` with the observer's own encoder, which gives equal bytes;
         `cost_over_encoding`, `cost_over_fast_encoding` and `cpu_cost_over_encoding`, the observer's seconds over those
@@ -116,7 +115,6 @@ def measure_recordings(settings: RecordingSettings, *, quick: bool, progress: Pr
         on the CPU (None without Chromium or Playwright); `compare_mb`; and `compare_pictures`, the number of poses with
         a picture.
     """
-    here, began_s = machine(), time.perf_counter()
     progress("inventing a home")
     home = recorded_home()
     renderer = renderer_of(home.scene)
@@ -157,8 +155,7 @@ def measure_recordings(settings: RecordingSettings, *, quick: bool, progress: Pr
         f"steps and {settings.num_agents} of {settings.agent_steps} in one recording: {pictures} poses, each with its "
         "picture, rendered again."
     )
-    seconds = time.perf_counter() - began_s
-    return report_of("recordings", values, PLAN, quick=quick, machine=here, seconds=seconds, notes=(note,))
+    return Findings(values, (note,))
 
 
 def _play(home: RecordedHome, renderer: Renderer, *, num_steps: int) -> Played:

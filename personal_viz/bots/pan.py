@@ -1,4 +1,4 @@
-"""A simulated PAN participant: presses keys as a browser sends them and compares step counter and pictures."""
+"""A simulated PAN participant: presses keys as a browser sends them and waits for their counter and pictures."""
 
 import asyncio
 import time
@@ -6,38 +6,41 @@ from collections.abc import Sequence
 
 from sim.types import Action
 
-from ..study_app.operator.served import Person
 from ..study_app.screens.pan import HOTKEYS
 from .homes import BotHomes
 from .page import BotPage
 from .records import BotKind, Press
+from .site import Person
 from .walker import ANSWER_S, BURST, BURST_GAP_S, PRESS_GAP_S, Bot
 
 _KEYS = {action: (key, code) for key, (code, action) in HOTKEYS.items() if len(key) == 1} | {
     Action.STOP: ("enter", "Enter")
 }
-"""viser's name of the key of each action, and what the session logs for it."""
+"""viser's name and the browser's code of the key of each action."""
 _RANDOM_MOVES = (Action.FORWARD, Action.FORWARD, Action.FORWARD, Action.LEFT, Action.RIGHT)
 _STEPS_OF_RANDOM = 80
-"""Steps after which a bot that does not know the way stops."""
+"""Number of steps after which a bot that does not know the way stops."""
 
 
 class PanBot(Bot):
-    """Walks: the shortest way, or anywhere."""
+    """Walks the shortest way, or anywhere."""
 
     task = "pan"
 
-    def __init__(self, person: Person, kind: BotKind, homes: BotHomes | None, *, rate: float, seed: int) -> None:
-        """Does nothing yet; arguments as Bot's. A `shortest` bot asks `homes` for the way."""
-        super().__init__(person, kind, homes, rate=rate, seed=seed)
+    def __init__(
+        self, person: Person, kind: BotKind, homes: BotHomes, *, rate: float, seed: int, patience_s: float = 0.0
+    ) -> None:
+        """Takes the arguments of `Bot`."""
+        super().__init__(person, kind, homes, rate=rate, seed=seed, patience_s=patience_s)
         self._planned: Sequence[Action] | None = None
         self._press: tuple[Press, int] | None = None
         """The key whose answer is awaited, and the step that it leads to."""
         self._num_heard = 0
-        """Keys up to the last one whose answer came."""
+        """Number of keys up to the last one whose answer came."""
         self._is_sure = True
-        """Whether it is known which key of this connection a picture belongs to: an answer that does not come in time
-        may still come later."""
+        """Whether each picture of this connection can be told from later ones: a late answer may still come."""
+        self._num_noted = 1
+        """Number of connections of which the log says where they began."""
 
     @property
     def _is_at_work(self) -> bool:
@@ -58,11 +61,13 @@ class PanBot(Bot):
 
     def _heard(self, page: BotPage, now_s: float) -> None:
         """Notes when the awaited key was stored and when its picture came."""
+        self.log.step_counted = self.log.step_counted if page.step_counted is None else page.step_counted
         if self._press is None:
             return
         press, step = self._press
         if press.counted_s is None and (page.step_counted or 0) >= step:
             press.counted_s = now_s
+            self.log.num_acked += 1
         if press.shown_s is None and (page.step_shown or 0) >= step:
             press.shown_s = now_s
             self._press = None
@@ -73,6 +78,9 @@ class PanBot(Bot):
         await self._send(Action.FORWARD, awaited=False)
 
     async def _act_once(self, next_s: float) -> None:
+        if self.log.num_connections > self._num_noted:
+            self._num_noted = self.log.num_connections
+            self.log.resumed.append((self._page.step_shown or 0, len(self.log.presses)))
         action = await self._next_action()
         if action is Action.STOP:
             await self._stop()
@@ -90,30 +98,29 @@ class PanBot(Bot):
             self._press = None
 
     async def _stop(self) -> None:
-        """STOP twice, at a person's pace and not before the last picture, and then the pages that follow."""
+        """Presses STOP twice, at a person's pace and not before the last picture."""
         await self._until(lambda: self._press is None or not self._page.is_walking)
         await self._send(Action.STOP, awaited=False)
         await self._until(lambda: self._page.button(r"^stop here: press again") is not None)
         await asyncio.sleep(PRESS_GAP_S)
         await self._send(Action.STOP, awaited=False)
         if not await self._until(lambda: not self._page.is_walking):
-            self.log.num_unanswered += self._page_is_open
+            self.log.num_unanswered += self._connection.is_open
         self._planned, self._press = None, None
 
     async def _next_action(self) -> Action:
         step = self._page.step_shown or 0
         if self._kind == "shortest":
             if self._planned is None:
-                self._planned = await asyncio.to_thread(self._known.way, self.log.code)
+                self._planned = await asyncio.to_thread(self._homes.way, self.log.code)
             return self._planned[step] if step < len(self._planned) else Action.STOP
         if step >= _STEPS_OF_RANDOM:
             return Action.STOP
         return _RANDOM_MOVES[int(self._rng.integers(len(_RANDOM_MOVES)))]
 
     async def _send(self, action: Action, *, awaited: bool = True) -> Press:
-        """Presses the key of an action, as a browser does: first its own message, then viser's command."""
+        """Presses the key of an action as a browser does: first the page's message, then viser's command."""
         connection = self._connection
-        assert connection is not None
         key, code = _KEYS[action]
         command = connection.page.command(key)
         now_s = time.perf_counter()

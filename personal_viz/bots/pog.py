@@ -8,12 +8,12 @@ import math
 import time
 from dataclasses import dataclass, field
 
-from ..study_app.operator.served import Person
 from .homes import Aim, BotHomes, beside
 from .page import BotPage
 from .records import BotKind, Confirmed, Pointed
+from .site import Person
 from .walker import ANSWER_S, BURST, BURST_GAP_S, Bot
-from .wire import BotConnection, ray_to
+from .wire import ray_to
 
 _LOOKS = 2
 """Places from which the home is looked at before the texts are asked for."""
@@ -37,9 +37,11 @@ class PogBot(Bot):
 
     task = "pog"
 
-    def __init__(self, person: Person, kind: BotKind, homes: BotHomes | None, *, rate: float, seed: int) -> None:
-        """Does nothing yet; arguments as Bot's. It asks `homes` for places; a `shortest` bot for the target."""
-        super().__init__(person, kind, homes, rate=rate, seed=seed)
+    def __init__(
+        self, person: Person, kind: BotKind, homes: BotHomes, *, rate: float, seed: int, patience_s: float = 0.0
+    ) -> None:
+        """Takes the arguments of `Bot`."""
+        super().__init__(person, kind, homes, rate=rate, seed=seed, patience_s=patience_s)
         self._plan: _Plan | None = None
         self._num_looks = 0
         self._storey: int | None = 0
@@ -88,7 +90,7 @@ class PogBot(Bot):
             self._cut_off()
 
     async def _act_in_the_dark(self) -> None:
-        aim = await asyncio.to_thread(self._known.anywhere, self.log.code, self._rng)
+        aim = await asyncio.to_thread(self._homes.anywhere, self.log.code, self._rng)
         if aim is not None and self._page.is_pointing:
             await self._click(aim, awaited=False)
 
@@ -117,10 +119,10 @@ class PogBot(Bot):
     async def _planned(self) -> _Plan:
         """What to do in the present trial."""
         if self._kind == "shortest":
-            aim = await asyncio.to_thread(self._known.goal, self.log.code)
+            aim = await asyncio.to_thread(self._homes.goal, self.log.code)
             return _Plan([] if aim is None else [aim, *beside(aim)])
         num_clicks = 1 + int(self._rng.integers(_CLICKS))
-        found = [await asyncio.to_thread(self._known.anywhere, self.log.code, self._rng) for _ in range(num_clicks)]
+        found = [await asyncio.to_thread(self._homes.anywhere, self.log.code, self._rng) for _ in range(num_clicks)]
         return _Plan([aim for aim in found if aim is not None], int(self._rng.integers(2)))
 
     async def _look(self, next_s: float) -> None:
@@ -129,12 +131,12 @@ class PogBot(Bot):
             self._num_looks += 1
             angle = float(self._rng.uniform(0, 2 * math.pi))
             eye = (6 * math.cos(angle), 6.0, 6 * math.sin(angle))
-            await self._open.look_down(eye)
+            await self._connection.look_down(eye)
             return
         button = self._page.button(r"^show what to find")
         if button is None or ("can go on in" in self._page.text and self._kind != "impatient"):
             return
-        await self._open.set_value(button.uuid, True)
+        await self._connection.set_value(button.uuid, True)
         await self._until(lambda: not self._page.is_looking, within_s=max(0.0, next_s - time.perf_counter()))
 
     async def _shows_storey(self, aim: Aim) -> bool:
@@ -146,7 +148,7 @@ class PogBot(Bot):
             self._storey = aim.storey
             return True
         before = self._page.num_surfaces
-        await self._open.set_value(button.uuid, True)
+        await self._connection.set_value(button.uuid, True)
         is_shown = await self._until(lambda: self._page.num_surfaces > before)
         self._storey = aim.storey if is_shown else None
         return False
@@ -168,11 +170,11 @@ class PogBot(Bot):
     async def _click(self, aim: Aim, *, awaited: bool) -> Pointed:
         """Goes over the place and clicks at it."""
         ray = ray_to(aim.point, self._rng)
-        await self._open.look_down(ray[0])
+        await self._connection.look_down(ray[0])
         pointed = Pointed(time.perf_counter(), (aim.point[0], aim.point[2]), ray, is_awaited=awaited)
         self.log.points.append(pointed)
         self._on_way.append(pointed)
-        await self._open.click(ray)
+        await self._connection.click(ray)
         return pointed
 
     async def _move_mark(self, next_s: float) -> None:
@@ -184,7 +186,7 @@ class PogBot(Bot):
         pointed = Pointed(time.perf_counter(), (mark[0], mark[2]))
         self.log.points.append(pointed)
         self._on_way.append(pointed)
-        await self._open.trigger(command.uuid)
+        await self._connection.trigger(command.uuid)
         await self._until_shown(pointed, next_s)
 
     async def _confirm(self) -> None:
@@ -197,12 +199,12 @@ class PogBot(Bot):
         if self._answer is None:
             self._answer = Confirmed(time.perf_counter())
             self.log.answers.append(self._answer)
-        await self._open.set_value(button.uuid, True)
+        await self._connection.set_value(button.uuid, True)
         if self._kind == "impatient":
             await asyncio.sleep(BURST_GAP_S)
-            await self._open.set_value(button.uuid, True)
+            await self._connection.set_value(button.uuid, True)
         if not await self._until(lambda: not self._page.is_pointing):
-            self.log.num_unanswered += self._page_is_open
+            self.log.num_unanswered += self._connection.is_open
         self._plan = None
 
     def _give_up_waiting(self) -> None:
@@ -211,8 +213,3 @@ class PogBot(Bot):
             if time.perf_counter() - pointed.sent_s > ANSWER_S:
                 self.log.num_unanswered += pointed.is_awaited
                 self._on_way.remove(pointed)
-
-    @property
-    def _open(self) -> BotConnection:
-        assert self._connection is not None
-        return self._connection

@@ -94,6 +94,12 @@ class BotLog:
     """Clicks and moves of the mark of a POG bot."""
     answers: list[Confirmed] = field(default_factory=list)
     """Of a POG bot."""
+    num_acked: int = 0
+    """Number of keys that the study has told a PAN bot are on disk."""
+    step_counted: int = 0
+    """Last value of the step counter that a PAN bot saw."""
+    resumed: list[tuple[int, int]] = field(default_factory=list)
+    """(step of the first picture, index in `presses` of the next key) after each return of a PAN bot."""
     num_frames: int = 0
     """Pictures of the robot's camera."""
     num_connections: int = 0

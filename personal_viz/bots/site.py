@@ -1,13 +1,10 @@
 """Where bots take part: a study made for them, served by a child process as a person at a terminal would serve it."""
 
 import shutil
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
-
-import psutil
 
 from human_study.design.plan import PLAN_FILE, PRACTICE_FOLDER, StudyPlan, load_plan
 from human_study.design.secrets import load_secrets
@@ -29,8 +26,7 @@ from human_study.texts.participants import TEXT_FILES, TOLD_FOLDER
 from sim.episodes.dataset import PersonalDataset
 from sim.types import SPLITS, Split, TaskKind
 
-from ..study_app.operator.served import Person, serve_command
-from ..study_app.operator.served import served as served_by
+from ..study_app.operator.served import Person
 
 HOME = "BotHome"
 
@@ -45,11 +41,6 @@ class Site:
     everybody: tuple[Person, ...]
     pid: int | None
     """Of the serving process; None when somebody else started it."""
-
-    @property
-    def links(self) -> dict[str, str]:
-        """Personal link of each PAN participant, by code."""
-        return {person.code: person.link for person in self.everybody if person.task == "pan"}
 
     def people(self, tasks: Sequence[TaskKind]) -> list[Person]:
         """Everybody who does one of the tasks, in the plan's order."""
@@ -167,25 +158,6 @@ def copy_plan(study: Path, folder: Path) -> None:
             shutil.copytree(study / name, folder / name)
 
 
-@contextmanager
-def served(
-    folder: Path, dataset: Path, scenes_dir: Path | None = None, *, workers: int | None = None
-) -> Iterator[Site]:
-    """`study serve` on a free port until the end of the block.
-
-    Args:
-        folder: Of a planned study.
-        dataset: Of its episodes.
-        scenes_dir: Of licensed scans.
-        workers: None = as many as usual.
-
-    Raises:
-        StudyError: The program ended instead; its own message is above.
-    """
-    with served_by(serve_command(folder, dataset, scenes_dir=scenes_dir, workers=workers)) as study:
-        yield Site(folder, dataset, scenes_dir, study.people, study.pid)
-
-
 def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str) -> Site:
     """A study that is being served already, on this machine or by way of a proxy.
 
@@ -200,16 +172,3 @@ def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str) -> S
     people = (person for person in plan.participants if person.code in tokens)
     everybody = tuple(Person(one.code, one.task, f"{address}/#{tokens[one.code]}") for one in people)
     return Site(folder, dataset, scenes_dir, everybody, None)
-
-
-def cpu_seconds(pid: int) -> float:
-    """CPU seconds of a process and its children so far; 0 when it is gone."""
-    total = 0.0
-    try:
-        process = psutil.Process(pid)
-        for one in (process, *process.children()):
-            times = one.cpu_times()
-            total += times.user + times.system
-    except psutil.NoSuchProcess:
-        pass
-    return total

@@ -2,6 +2,7 @@
 
 import json as json_format
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -15,6 +16,7 @@ from .refusals import require_folder, writing
 if TYPE_CHECKING:
     from ..bench.harness import Report
 
+_MODULES = {"sim": "sim.simulator", "recordings": "recordings", "study": "study.parts", "grounding": "grounding"}
 StudyPart = Literal["store", "load", "browser", "kills", "people", "big-home", "restart", "soak"]
 
 
@@ -56,28 +58,14 @@ class Bench:
         return 0
 
     def _measured(self) -> "Report":
-        quick, progress = self.quick, say
-        match self.what:
-            case "sim":
-                from ..bench.sim import simulator
+        from ..bench.harness import run_benchmark
 
-                settings = simulator.QUICK if quick else simulator.FULL
-                return simulator.run_benchmark(settings, quick=quick, progress=progress)
-            case "recordings":
-                from ..bench import recordings
-
-                settings = recordings.QUICK if quick else recordings.FULL
-                return recordings.measure_recordings(settings, quick=quick, progress=progress)
-            case "grounding":
-                from ..bench import grounding
-
-                settings = grounding.QUICK if quick else grounding.FULL
-                return grounding.measure_grounding(settings, quick=quick, progress=progress)
-            case "study":
-                from ..bench.study import parts
-
-                settings = parts.QUICK if quick else parts.FULL
-                return parts.measure_study(settings, self.parts or tuple(parts.PARTS), quick=quick, progress=progress)
+        benchmark = import_module(f"personal_viz.bench.{_MODULES[self.what]}")
+        settings = benchmark.QUICK if self.quick else benchmark.FULL
+        more = {"parts": self.parts} if self.parts else {}
+        return run_benchmark(
+            self.what, lambda: benchmark.measure(settings, say, **more), benchmark.PLAN, quick=self.quick
+        )
 
     def _written(self, report: "Report") -> list[Path]:
         """Writes the report's files and returns their paths."""

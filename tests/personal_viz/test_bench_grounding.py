@@ -13,6 +13,7 @@ from personal_viz.bench import grounding as bench
 from personal_viz.bench import grounding_inputs as inputs
 from personal_viz.bench.grounding import GroundingSettings, literal_rpg
 from personal_viz.bench.grounding_inputs import random_map, scene_inputs, solve_batch
+from personal_viz.bench.harness import run_benchmark
 from personal_viz.cli.bench import Bench
 
 TINY = GroundingSettings(
@@ -74,4 +75,5 @@ def test_figures_have_the_shape_that_the_command_prints(
 
 @pytest.mark.bench
 def test_grounding_keeps_its_targets() -> None:
-    assert bench.measure_grounding(bench.FULL, quick=False, progress=print).missed() == []
+    report = run_benchmark("grounding", lambda: bench.measure(bench.FULL, print), bench.PLAN, quick=False)
+    assert report.missed() == []

@@ -9,7 +9,17 @@ from pathlib import Path
 import pytest
 
 from personal_viz.bench import recordings
-from personal_viz.bench.harness import Machine, Plan, Report, Target, interleaved, markdown, report_of, tables
+from personal_viz.bench.harness import (
+    Findings,
+    Machine,
+    Plan,
+    Report,
+    Target,
+    interleaved,
+    markdown,
+    run_benchmark,
+    tables,
+)
 from personal_viz.bench.page import rewritten
 from personal_viz.cli.bench import Bench
 from sim.errors import PersonalVizError
@@ -21,6 +31,7 @@ PLAN = Plan(
         "b1.ours_over_theirs": Target(2.0, at_least=True, goal="3"),
         "b64.ours_ms": Target(10.0),
         "cold_s.big": Target(60.0),
+        "left_out.ours_ms": Target(10.0),
     },
     references={"ours_ms": "theirs_ms"},
     units={"rays": "rays/s"},
@@ -33,9 +44,8 @@ def case(ours_ms: float, theirs_ms: float) -> dict[str, float]:
 
 def made_up() -> Report:
     values = {"b1": case(10.0, 20.0), "b64": case(10.01, 20.0), "rays": 1234.5, "kind": "synthetic", "cold_s": {}}
-    return report_of(
-        "test", values, PLAN, quick=True, machine=MACHINE, seconds=3.0, notes=("By hand.",), problems=("x",)
-    )
+    found = Findings(values, notes=("By hand.",), problems=("x",), seconds=3.0)
+    return run_benchmark("test", lambda: found, PLAN, quick=True).model_copy(update={"machine": MACHINE})
 
 
 def test_a_figure_on_its_limit_meets_the_target_and_one_beyond_does_not() -> None:
@@ -71,14 +81,17 @@ def test_cases_with_the_same_figures_share_a_table() -> None:
 def test_the_command_prints_json_or_writes_it_where_it_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(recordings, "measure_recordings", lambda *_, **__: made_up())
+    monkeypatch.setattr(recordings, "PLAN", PLAN)
+    monkeypatch.setattr(
+        recordings, "measure", lambda settings, progress: Findings({"b64": case(10.01, 20.0), "cold_s": {}})
+    )
     out, file = tmp_path / "out", tmp_path / "figures" / "recordings.json"
     assert Bench("recordings", out=out, quick=True, json=()).run() == 0
     printed = json.loads(capsys.readouterr().out)
-    assert printed["b1"]["theirs_ms"] == 20.0
+    assert printed["b64"]["theirs_ms"] == 20.0
     assert [figure["name"] for figure in printed["figures"] if figure["met"] is False] == ["b64.ours_ms"]
     assert printed == json.loads((out / "bench-recordings.json").read_text())
-    assert (out / "bench-recordings.md").read_text().startswith("# Benchmark test (quick)\n")
+    assert (out / "bench-recordings.md").read_text().startswith("# Benchmark recordings (quick)\n")
     assert Bench("recordings", out=out, json=(file,)).run() == 0
     assert "not measured" in capsys.readouterr().out
     assert set(json.loads(file.read_text())) == set(printed)

@@ -3,7 +3,7 @@
 import pytest
 
 import personal_viz.bench.recordings as bench
-from personal_viz.bench.harness import Values
+from personal_viz.bench.harness import Values, run_benchmark
 from personal_viz.bench.recordings import RecordingSettings
 from personal_viz.bench.walkers import RecordedHome, recorded_home, walked
 from sim.types import Action
@@ -20,7 +20,7 @@ def home() -> RecordedHome:
 
 @pytest.fixture(scope="module")
 def figures() -> Values:
-    return bench.measure_recordings(TINY, quick=True, progress=lambda _: None).values
+    return bench.measure(TINY, lambda _: None).values
 
 
 @pytest.mark.release
@@ -56,5 +56,5 @@ def test_figures_belong_together(figures: Values) -> None:
 
 @pytest.mark.bench
 def test_recordings_keep_their_targets() -> None:
-    report = bench.measure_recordings(bench.FULL, quick=False, progress=print)
+    report = run_benchmark("recordings", lambda: bench.measure(bench.FULL, print), bench.PLAN, quick=False)
     assert [figure for figure in report.figures if figure.target and not figure.met] == []

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from personal_viz.bench.harness import markdown
+from personal_viz.bench.harness import Findings, Progress, markdown, run_benchmark
 from personal_viz.bench.study import parts as bench
 from personal_viz.bench.study.browser import delayed
 from personal_viz.bench.study.store import store_acks_ms
@@ -17,16 +17,15 @@ from sim.errors import PersonalVizError, StudyError
 
 def test_the_command_measures_the_parts_that_it_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[bench.StudySettings, tuple[str, ...]]] = []
-    empty = bench.measure_study(bench.QUICK, (), quick=True, progress=lambda _: None)
 
-    def measured(settings: bench.StudySettings, parts: tuple[str, ...], **_: object) -> object:
+    def measured(settings: bench.StudySettings, progress: Progress, parts: tuple[str, ...] = ()) -> Findings:
         asked.append((settings, parts))
-        return empty
+        return Findings({})
 
-    monkeypatch.setattr(bench, "measure_study", measured)
+    monkeypatch.setattr(bench, "measure", measured)
     assert Bench("study", out=tmp_path, quick=True).run() == 0
     assert Bench("study", out=tmp_path, parts=("soak", "kills")).run() == 0
-    assert asked == [(bench.QUICK, tuple(bench.PARTS)), (bench.FULL, ("soak", "kills"))]
+    assert asked == [(bench.QUICK, ()), (bench.FULL, ("soak", "kills"))]
     assert bench.FULL.kills.kills == 200
 
 
@@ -40,7 +39,9 @@ def test_unknown_parts_are_refused_before_work_starts(tmp_path: Path) -> None:
 def test_only_the_parts_that_were_asked_for_are_measured() -> None:
     store = bench.QUICK.store.model_copy(update={"seconds": 0.5})
     settings = bench.QUICK.model_copy(update={"store": store})
-    report = bench.measure_study(settings, ("store",), quick=True, progress=lambda _: None)
+    report = run_benchmark(
+        "study", lambda: bench.measure(settings, lambda _: None, parts=("store",)), bench.PLAN, quick=True
+    )
     values = report.values
     assert 0 < values["store"]["ack_p50_ms"] <= values["store"]["ack_p95_ms"]
     assert (values["lost"], values["participants"]) == (None, None)
@@ -90,4 +91,5 @@ def test_the_slow_line_hands_on_every_byte_later() -> None:
 
 @pytest.mark.bench
 def test_a_quick_run_meets_the_limits() -> None:
-    assert bench.measure_study(bench.QUICK, tuple(bench.PARTS), quick=True, progress=print).missed() == []
+    report = run_benchmark("study", lambda: bench.measure(bench.QUICK, print), bench.PLAN, quick=True)
+    assert report.missed() == []

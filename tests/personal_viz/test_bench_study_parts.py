@@ -6,7 +6,7 @@ import pytest
 
 from personal_viz.bench.study.big_home import BigHomeSettings, measure_big_home
 from personal_viz.bench.study.kills import KillSettings, measure_kills
-from personal_viz.bench.study.load import PeopleSettings, measure_people
+from personal_viz.bench.study.load import LoadSettings, measure_load
 from personal_viz.bench.study.restart import RestartSettings, measure_restarts
 from personal_viz.bench.study.soak import SoakSettings, measure_soak
 from personal_viz.bots.site import HOME
@@ -58,8 +58,8 @@ def test_nothing_is_left_of_people_who_left(tmp_path: Path, dataset: Path) -> No
 
 @pytest.mark.bench
 def test_a_crowds_keys_are_looked_for_in_the_records(tmp_path: Path, dataset: Path) -> None:
-    settings = PeopleSettings(bots=6, seconds=3.0)
-    found = measure_people(settings, folder=tmp_path, dataset=dataset, progress=print)
+    settings = LoadSettings(bots=6, seconds=3.0, kinds=("random",), rate=4.0)
+    found = measure_load(settings, folder=tmp_path, dataset=dataset, progress=print)
     assert found["problems"] == ()
     assert (found["participants"], found["lost"], found["duplicated"]) == (6, 0, 0)
     assert found["actions"] >= 12

@@ -9,29 +9,23 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from human_study.store.store import StudyStore, Trial
 from human_study.trial.events import Act, Event, Key
-from personal_viz.bench.study.big_home import divided
-from personal_viz.bench.study.crowd import StayingBot
-from personal_viz.bench.study.records import first_other_step, missing_steps, resumed_elsewhere
-from personal_viz.bench.study.server import held_by
-from personal_viz.bots.records import Press
-from personal_viz.bots.site import Person
+from personal_viz.bench.harness import held_by
+from personal_viz.bench.study.crew import missing_steps, resumed_elsewhere
+from personal_viz.bench.study.kills import first_other_step
+from personal_viz.bots.records import BotLog, Press
 from sim.errors import StudyError
-from sim.mesh import FLAT, TriangleMesh
 from sim.types import Action
 from tests.human_study.small_world import env
 from tests.human_study.stores import edit, opened
 
 
-def bot_with(marks: tuple[float, ...]) -> StayingBot:
-    """A bot that has sent these keys."""
-    bot = StayingBot(Person("p02", "pan", "http://127.0.0.1:1/#x"), "random", None, rate=2.0, seed=0)
-    bot.log.presses += [Press(mark, 0.0) for mark in marks]
-    return bot
+def log_of(*marks: float) -> BotLog:
+    """The log of a bot that has sent these keys."""
+    return BotLog("p02", "random", presses=[Press(mark, 0.0) for mark in marks])
 
 
 def key(mark: float | None) -> Key:
@@ -52,12 +46,12 @@ def stored(folder: Path, *events: Event) -> Iterator[tuple[StudyStore, Trial]]:
 
 
 def test_a_counted_step_that_is_not_stored_is_missing(tmp_path: Path) -> None:
-    bot = bot_with((1.0, 2.0))
-    bot.step_counted = 2
+    log = log_of(1.0, 2.0)
+    log.step_counted = 2
     with stored(tmp_path, key(1.0), step(1)) as (store, trial):
-        assert missing_steps(tmp_path, [bot]) == ("p02: step 2 was counted, 1 are stored",)
+        assert missing_steps(tmp_path, [log]) == ("p02: step 2 was counted, 1 are stored",)
         store.append_many(trial.trial_id, trial.epoch, (key(2.0), step(2)))
-        assert missing_steps(tmp_path, [bot]) == ()
+        assert missing_steps(tmp_path, [log]) == ()
 
 
 def test_a_damaged_chain_is_found_with_the_steps(tmp_path: Path) -> None:
@@ -65,15 +59,15 @@ def test_a_damaged_chain_is_found_with_the_steps(tmp_path: Path) -> None:
         pass
     edit(tmp_path, "DELETE FROM event WHERE seq = 2")
     with pytest.raises(StudyError):
-        missing_steps(tmp_path, [bot_with((1.0,))])
+        missing_steps(tmp_path, [log_of(1.0)])
 
 
 def test_a_bot_that_resumes_at_another_step_is_found(tmp_path: Path) -> None:
     with stored(tmp_path, key(1.0), step(1), key(2.0), step(2), key(3.0), step(3)):
         pass
-    bot = bot_with((1.0, 2.0, 3.0))
-    bot.resumed = [(1, 1), (1, 2), (3, 3)]  # before the second key; wrong before the third; no key after the last
-    assert resumed_elsewhere(tmp_path, [bot]) == (2, ("p02: shown step 1, stored 2",))
+    log = log_of(1.0, 2.0, 3.0)
+    log.resumed = [(1, 1), (1, 2), (3, 3)]  # before the second key; wrong before the third; no key after the last
+    assert resumed_elsewhere(tmp_path, [log]) == (2, ("p02: shown step 1, stored 2",))
 
 
 def test_a_step_that_leads_elsewhere_than_stored_is_named() -> None:
@@ -86,26 +80,6 @@ def test_a_step_that_leads_elsewhere_than_stored_is_named() -> None:
     assert first_other_step(events, env()) is None
     moved = events[1].model_copy(update={"position": (9.0, 0.0, 0.0)})
     assert first_other_step([events[0], moved, events[2]], env()) == 2
-
-
-def test_divided_triangles_are_the_same_surface() -> None:
-    square = TriangleMesh(
-        np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32),
-        np.array([[0, 1, 2], [0, 2, 3]], np.int32),
-        np.array([[10, 20, 30], [40, 50, 60]], np.uint8),
-        np.array([1, 2], np.int32),
-        np.full(2, FLAT, np.int16),
-        np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], np.float32),
-    )
-    fine = divided(square)
-    assert fine.faces.shape == (8, 3)
-    assert len(fine.vertices) == 9  # the diagonal's middle is shared
-    corners = fine.vertices[fine.faces]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2] / 2
-    np.testing.assert_allclose(areas, 1 / 8)
-    np.testing.assert_array_equal(fine.face_uv, corners[:, :, :2])  # here texture and place are the same
-    assert [int((fine.face_instance == number).sum()) for number in (1, 2)] == [4, 4]
-    np.testing.assert_array_equal(np.unique(fine.face_rgb[fine.face_instance == 2], axis=0), [[40, 50, 60]])
 
 
 def test_files_threads_and_connections_of_a_server_are_counted() -> None:

@@ -11,7 +11,8 @@ from human_study.store.store import open_store
 from human_study.trial.events import Act, Dropped, Key, Open
 from personal_viz.bots.forms import right_answers
 from personal_viz.bots.records import BotLog, Press, count_bots
-from personal_viz.bots.site import copy_plan, cpu_seconds, make_bot_study
+from personal_viz.bots.server import cpu_seconds
+from personal_viz.bots.site import copy_plan, make_bot_study
 from personal_viz.cli.study.bots import StudyBots
 from sim.errors import StudyError
 from sim.types import PAPER4, Action

@@ -14,10 +14,11 @@ from human_study.store.store import open_store
 from human_study.trial.commands import Click, Confirm, Start
 from human_study.trial.events import ShownStorey
 from human_study.trial.session import PogSession
+from personal_viz.bots.crowd import run_bots
 from personal_viz.bots.forms import right_answers
 from personal_viz.bots.records import KINDS, BotCount, BotLog, Confirmed, Pointed, count_bots
-from personal_viz.bots.run import run_bots
-from personal_viz.bots.site import Person, Site, make_bot_study, served
+from personal_viz.bots.server import Server
+from personal_viz.bots.site import Person, Site, make_bot_study
 from personal_viz.bots.wire import Ray
 from personal_viz.cli.study.bots import StudyBots
 from personal_viz.cli.study.verify import StudyVerify
@@ -172,7 +173,8 @@ def test_bots_that_know_the_target_answer_rightly_under_all_conditions(tmp_path:
         breaks_every=2,
         confidence=True,
     )
-    with served(tmp_path / "study", dataset) as site:
+    with Server(tmp_path / "study", dataset) as server:
+        site = server.start()
         figures = run_bots(site, participants=3, seconds=240, rate=12, kinds=("shortest",), seed=1, tasks=("pog",))
     assert (figures.tasks, figures.problems) == ({"pog": 3}, ())
     assert (figures.finished, figures.answers) == (3, 12)  # a practice trial and three counted ones each

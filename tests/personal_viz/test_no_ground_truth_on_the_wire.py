@@ -30,9 +30,9 @@ from human_study.design.study import (
     save_study,
 )
 from personal_viz.bots import forms
+from personal_viz.bots.crowd import run_bots
 from personal_viz.bots.page import BotPage, decoded
-from personal_viz.bots.run import run_bots
-from personal_viz.bots.site import served
+from personal_viz.bots.server import Server
 from personal_viz.study_app.gateway.filter import CAMERA
 from personal_viz.study_app.home.frames import RenderThreads
 from personal_viz.study_app.home.homes import Home
@@ -211,7 +211,8 @@ def test_no_page_practice_or_answer_over_http_names_home_or_object(
 
     monkeypatch.setattr(BotPage, "apply", keep)
     monkeypatch.setattr(forms, "_ask", keep_page)
-    with served(plan_marked(tmp_path, marked_dataset), marked_dataset, workers=1) as site:
+    with Server(plan_marked(tmp_path, marked_dataset), marked_dataset, workers=1) as server:
+        site = server.start()
         figures = run_bots(site, participants=2, seconds=40, rate=10, kinds=["shortest"], seed=1, tasks=("pan", "pog"))
         answers = list(over_http(site.everybody[0].link))
     messages = [message for data in received for message in decoded(data)]

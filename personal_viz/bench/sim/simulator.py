@@ -16,7 +16,7 @@ from sim.render.raycast import Raycaster, own_cores
 from sim.types import Camera
 from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
 
-from ..harness import Budget, Plan, Progress, Report, Target, Values, machine, report_of, since_process_start_s
+from ..harness import Budget, Findings, Plan, Progress, Target, Values, since_process_start_s
 from .children import compiling, in_child, measured_loads
 from .rendering import render_figures
 from .scenes import bench_mesh, write_bench_glb
@@ -178,38 +178,33 @@ class _Run:
         self.left_out.append(f"{what} (no time left)")
 
 
-def run_benchmark(settings: BenchSettings, *, quick: bool, progress: Progress) -> Report:
+def measure(settings: BenchSettings, progress: Progress) -> Findings:
     """Measures the first size, the browser copies, the other sizes and a navmesh, the most important first.
 
     Args:
         settings: What to measure.
-        quick: Written into the report.
         progress: Gets a line about the present work.
 
     Returns:
-        A report with these values: `sizes` by name (`1M cluttered`), `browser` copies by the size's name,
+        Values: `sizes` by name (`1M cluttered`), `browser` copies by the size's name,
         `navmesh_path_us` of one `shortest_path` on a Habitat .navmesh, and `growth`, the exponent e of
         figure ~ triangles^e over plain sizes.
 
     Raises:
         SceneError: A process that measures a part failed.
     """
-    started, run = time.perf_counter(), _Run(settings, progress)
+    run = _Run(settings, progress)
     backend = Raycaster(bench_mesh(1, cluttered=False, texture_size=4, num_textures=1)).backend
-    here = machine(renderer=f"{backend.name}, packets of {backend.packet_width}", **_more_versions())
     sizes, copies = _sizes_and_copies(settings, run)
     sizes = dict(sorted(sizes.items(), key=lambda item: (item[1]["cluttered"], item[1]["faces"])))
     navmesh_path_us = _navmesh_path_us(settings.seed, run)
     values = {"sizes": sizes, "browser": copies, "navmesh_path_us": navmesh_path_us, "growth": growth(sizes)}
-    return report_of(
-        "sim",
+    return Findings(
         values,
-        PLAN,
-        quick=quick,
-        machine=here,
-        seconds=time.perf_counter() - started if settings.budget_s is None else since_process_start_s(),
         notes=(*NOTES, f"Renderer: {backend.reason}"),
         left_out=run.left_out,
+        versions={"renderer": f"{backend.name}, packets of {backend.packet_width}", **_more_versions()},
+        seconds=None if settings.budget_s is None else since_process_start_s(),
     )
 
 

@@ -3,28 +3,22 @@
 import shutil
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from human_study.design.plan import PlannedParticipant, StudyPlan, load_plan, save_plan
 from human_study.design.study import StudyBreaks, StudyDesign, StudyMemory, StudyPractice
 from sim.authoring.generation import invent_dataset
-from sim.copies.glb_writer import glb_from_mesh
 from sim.episodes.dataset import PersonalDataset
-from sim.frames import glb_zup_from_world
 from sim.homes.open_home import open_scene
-from sim.mesh import TriangleMesh
 
-from ...bots.run import quantile
-from ...bots.site import HOME, Site, make_pilot
-from ..harness import Progress, Values
-from ..sim.scenes import displacement
-from .crowd import CrewSettings, Crowd, crowd
-from .records import kept
-from .server import Server, held_by
+from ...bots.crowd import Crowd
+from ...bots.figures import quantile
+from ...bots.server import Server
+from ...bots.site import HOME, Person, Site, make_pilot
+from ..harness import Progress, Values, held_by
+from ..sim.scenes import like_scan, write_bench_glb
+from .crew import CrewSettings, kept
 
 BIG_HOME = "WideHome"
 """A name that sorts after the small home's, so that workers open the small one first."""
@@ -34,7 +28,7 @@ class BigHomeSettings(CrewSettings):
     """Size of the big home, and the bots beside it."""
 
     faces: int = 1_000_000
-    """The home on disk has at least as many triangles."""
+    """Number of triangles of the home on disk."""
     bots: int = 20
     """Number of bots that walk in a small home."""
     before_s: float = 30.0
@@ -47,17 +41,7 @@ class BigHomeSettings(CrewSettings):
         return f"keys of {self.bots} bots while somebody opens a home of {self.faces} triangles."
 
 
-@dataclass(frozen=True, slots=True)
-class BigScan:
-    """Size of the scan that was written."""
-
-    faces: int
-    file_mb: float
-    """MB of 10^6 bytes."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Window:
+class _Window(NamedTuple):
     """Start and end of an event, `time.perf_counter()`."""
 
     begin_s: float
@@ -93,25 +77,27 @@ def measure_big_home(settings: BigHomeSettings, *, folder: Path, dataset: Path, 
     scans.mkdir()
     for path in (data / "scenes").glob(f"{HOME}.*"):
         shutil.copy(path, scans)
-    scan = write_big_scan(data, scans, num_faces=settings.faces, seed=settings.seed)
+    scan = scans / f"{BIG_HOME}.glb"
+    num_faces = _write_scan(scan, data, num_faces=settings.faces, seed=settings.seed)
     openers, others = _plan(folder / "study", data, scans, num_others=settings.bots, seed=settings.seed)
     with Server(folder / "study", data, scenes_dir=scans, cache=folder / "cache") as server:
         site = server.start()
-        with crowd(site, others, settings) as bots:
+        people = {person.code: person for person in site.everybody}
+        with settings.crowd(site, [people[code] for code in others]) as bots:
             bots.arrive()
             bots.begin()
             began_s = time.perf_counter()
             time.sleep(settings.before_s)  # the measured time itself: the others act
             before = _Window(began_s, time.perf_counter())
-            first, again = (_opening(site, code, settings, progress) for code in openers)
+            first, again = (_opening(site, people[code], settings, progress) for code in openers)
             bots.halt()
         held = held_by(server.pid)
         found = kept(site.folder, bots)
     acks = {"before": before.acks_ms(bots), "while": first.acks_ms(bots), "again": again.acks_ms(bots)}
     return {
         "participants": settings.bots,
-        "faces": scan.faces,
-        "scan_mb": scan.file_mb,
+        "faces": num_faces,
+        "scan_mb": scan.stat().st_size / 1e6,
         "browser_mb": max(path.stat().st_size for path in (folder / "cache").glob("glb/*.glb")) / 1e6,
         "opening_s": first.end_s - first.begin_s,
         "opening_again_s": again.end_s - again.begin_s,
@@ -128,54 +114,18 @@ def measure_big_home(settings: BigHomeSettings, *, folder: Path, dataset: Path, 
     }
 
 
-def write_big_scan(dataset: Path, scans: Path, *, num_faces: int, seed: int) -> BigScan:
-    """Writes the scan of BIG_HOME into `scans`; its episodes and plan are in the dataset.
-
-    Args:
-        dataset: A dataset with BIG_HOME.
-        scans: Folder of scans.
-        num_faces: Least number of triangles.
-        seed: Seed of the surface's unevenness.
-
-    Raises:
-        DatasetError, SceneError: The dataset does not have the home.
-    """
-    mesh = open_scene(PersonalDataset(dataset), BIG_HOME).mesh
-    while len(mesh.faces) < num_faces:
-        mesh = divided(mesh)
-    uneven = mesh.vertices + displacement(mesh.vertices.astype(np.float64), np.random.default_rng(seed))
-    zup = glb_zup_from_world(uneven).astype(np.float32)
-    path = scans / f"{BIG_HOME}.glb"
-    path.write_bytes(glb_from_mesh(replace(mesh, vertices=zup)))
-    return BigScan(len(mesh.faces), path.stat().st_size / 1e6)
+def _write_scan(path: Path, dataset: Path, *, num_faces: int, seed: int) -> int:
+    """Writes BIG_HOME of a dataset as a scan; returns its number of triangles."""
+    home = open_scene(PersonalDataset(dataset), BIG_HOME).mesh
+    mesh = like_scan(home.vertices, home.faces, home.face_instance, num_faces=num_faces, seed=seed, texture_size=512)
+    write_bench_glb(path, mesh)
+    return len(mesh.faces)
 
 
-def divided(mesh: TriangleMesh) -> TriangleMesh:
-    """The same surface with each triangle divided into four; neighbours stay joined."""
-    corners = mesh.faces.astype(np.int64)
-    ends = np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1)
-    edges, edge_of = np.unique(ends[:, 0] * len(mesh.vertices) + ends[:, 1], return_inverse=True)
-    first, second = edges // len(mesh.vertices), edges % len(mesh.vertices)
-    ab, bc, ca = len(mesh.vertices) + edge_of.reshape(3, -1)
-    a, b, c = corners.T
-    faces = np.concatenate([np.stack(three, axis=1) for three in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
-    rgb = mesh.vertex_rgb
-    return TriangleMesh(
-        np.concatenate([mesh.vertices, (mesh.vertices[first] + mesh.vertices[second]) / 2]).astype(np.float32),
-        faces.astype(np.int32),
-        np.tile(mesh.face_rgb, (4, 1)),
-        np.tile(mesh.face_instance, 4),
-        np.tile(mesh.face_texture, 4),
-        _divided_uv(mesh.face_uv),
-        mesh.textures,
-        None if rgb is None else np.concatenate([rgb, ((rgb[first].astype(int) + rgb[second]) // 2).astype(np.uint8)]),
-    )
-
-
-def _opening(site: Site, code: str, settings: BigHomeSettings, progress: Progress) -> _Window:
+def _opening(site: Site, person: Person, settings: BigHomeSettings, progress: Progress) -> _Window:
     """Times one participant who comes in, looks at the home in 3-D, and then stands in it."""
-    progress(f"{code} opens the big home")
-    with crowd(site, [code], settings) as opener:
+    progress(f"{person.code} opens the big home")
+    with settings.crowd(site, [person]) as opener:
         began_s = time.perf_counter()
         opener.arrive()
         return _Window(began_s, time.perf_counter())
@@ -209,11 +159,3 @@ def _only(person: PlannedParticipant, scene: str) -> PlannedParticipant:
     trials = [trial for trial in person.trials if trial.scene == scene]
     numbered = tuple(trial.model_copy(update={"order_no": number}) for number, trial in enumerate(trials, start=1))
     return person.model_copy(update={"trials": numbered})
-
-
-def _divided_uv(uv: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(4 F, 3, 2) texture coordinates of the corners, in the order of `divided`."""
-    a, b, c = uv[:, 0], uv[:, 1], uv[:, 2]
-    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-    parts = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-    return np.concatenate([np.stack(three, axis=1) for three in parts]).astype(np.float32)

@@ -15,13 +15,14 @@ from urllib.parse import urlsplit
 from human_study.design.study import StudyConfig, load_study
 from sim.errors import MissingDependencyError
 
+from ...bots.crowd import background_loop
+from ...bots.figures import quantile
 from ...bots.forms import right_answers
-from ...bots.run import quantile
+from ...bots.server import Server
 from ...bots.site import make_bot_study
 from ...browser import open_chromium
-from ..harness import Progress, Values, background_loop
-from .crowd import CrewSettings, crowd
-from .server import Server
+from ..harness import Progress, Values
+from .crew import CrewSettings
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -93,19 +94,19 @@ def measure_browser(settings: BrowserSettings, *, folder: Path, dataset: Path, p
     make_bot_study(folder, participants=settings.bots + 3, seed=settings.seed, dataset=dataset)
     with Server(folder / "study", dataset) as server:
         site = server.start()
-        config, (first, second, third, *others) = load_study(site.folder), site.links
+        config, (first, second, third, *others) = load_study(site.folder), site.people(("pan",))
         try:
             progress("Chromium, alone")
-            with walking(site.links[first], config) as page:
+            with walking(first.link, config) as page:
                 alone = key_to_image_ms(page, num_keys=settings.keys)
             progress(f"Chromium, over a line with a round trip of {settings.round_trip_ms:g} ms")
             with (
-                delayed(site.links[second], one_way_s=settings.round_trip_ms / 2e3) as link,
+                delayed(second.link, one_way_s=settings.round_trip_ms / 2e3) as link,
                 walking(link, config) as page,
             ):
                 late = key_to_image_ms(page, num_keys=settings.keys)
             progress(f"Chromium and {settings.bots} bots")
-            with walking(site.links[third], config) as page, crowd(site, others, settings) as bots:
+            with walking(third.link, config) as page, settings.crowd(site, others) as bots:
                 bots.arrive()
                 bots.begin()
                 together = key_to_image_ms(page, num_keys=settings.keys)

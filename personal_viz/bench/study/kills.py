@@ -1,19 +1,25 @@
 """Kills the serving process or a worker with kill -9 at random instants, again and again, while bots walk."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from human_study.store.records import read_study
+from human_study.trial.events import Act, Event, Open
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
+from sim.tasks.pan import PanEnv
 
+from ...bots.crowd import Crowd
+from ...bots.figures import quantile
 from ...bots.records import BotKind
-from ...bots.run import quantile
+from ...bots.server import Server
 from ...study_app.gateway.workers import MOST_FAILURES
+from ...study_app.home.trial_homes import open_trial_home
 from ..harness import Progress, Values
-from .crowd import CrewSettings, Crowd, staffed
-from .records import kept, missing_steps, poses_elsewhere, resumed_elsewhere
-from .server import Server
+from .crew import CrewSettings, kept, missing_steps, resumed_elsewhere, staffed
 
 _WITHIN_S = 0.3
 """Longest time from the awaited key to a kill, seconds."""
@@ -30,7 +36,7 @@ class KillSettings(CrewSettings):
     """The number of acknowledged keys between two kills is drawn from 1 to this number."""
     seed: int = 11
     workers: int | None = None
-    """Number of the server's workers; None = as many as usual."""
+    """Number of the server's workers; None = the usual number."""
 
     @property
     def words(self) -> str:
@@ -71,7 +77,7 @@ def measure_kills(settings: KillSettings, *, folder: Path, dataset: Path, progre
         progress("comparing with the records")
         found = kept(site.folder, bots)
         lost = tally.lost | set(found.missing)
-        resumes, other_steps = resumed_elsewhere(site.folder, bots.bots)
+        resumes, other_steps = resumed_elsewhere(site.folder, bots.logs)
         steps, other_poses = poses_elsewhere(site.folder, dataset)
     return {
         "kills": settings.kills,
@@ -112,7 +118,7 @@ class _Tally:
             self.look(bots)
             return
         self._workers_in_a_row = 0
-        self._server.study.kill()
+        self._server.kill()
         began_s = time.perf_counter()
         self._server.begin()
         self.look(bots)
@@ -122,6 +128,46 @@ class _Tally:
     def look(self, bots: Crowd) -> None:
         """Checks the records as they are now."""
         try:
-            self.lost |= set(missing_steps(self._folder, bots.bots))
+            self.lost |= set(missing_steps(self._folder, bots.logs))
         except StudyError as error:
             self.damage.append(str(error))
+
+
+def poses_elsewhere(folder: Path, dataset: Path) -> tuple[int, tuple[str, ...]]:
+    """Number of replayed steps, and the trials in which a step leads to another pose than the stored one.
+
+    Each trial is replayed from its start in one go: a session that resumed at another pose would not fit.
+    """
+    steps, wrong = 0, []
+    episodes = PersonalDataset(dataset)
+    with read_study(folder) as reader:
+        homes = {scene.name: open_trial_home(episodes, scene, None) for scene in reader.plan.scenes}
+        for code in reader.codes():
+            for status in reader.trials(code):
+                events = [line.event for line in reader.events(status.trial_id)] if status.trial_id else []
+                if not any(isinstance(event, Open) for event in events):
+                    continue
+                home = homes[status.key.scene]
+                env = PanEnv(home.episode(status.key).start, home.navigation, renderer=None)
+                found = first_other_step(events, env)
+                steps += sum(isinstance(event, Act) for event in events)
+                if found is not None:
+                    wrong.append(f"{code}, trial {status.order_no}: step {found} leads elsewhere than stored")
+    return steps, tuple(wrong)
+
+
+def first_other_step(events: Sequence[Event], env: PanEnv) -> int | None:
+    """The first step, from 1, whose pose differs from the stored one in any bit.
+
+    Raises:
+        StudyError: There are steps after the end.
+    """
+    env.reset()
+    for number, act in enumerate((event for event in events if isinstance(event, Act)), start=1):
+        if env.is_over:
+            raise StudyError(f"step {number}: is stored after the trial's end; expected none. Restore a backup.")
+        env.step(act.action)
+        step = env.steps[-1]
+        if (step.position, step.yaw, step.tilt) != (act.position, act.yaw, act.tilt):
+            return number
+    return None

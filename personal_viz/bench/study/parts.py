@@ -1,7 +1,6 @@
 """Runs the parts of the study benchmark: the time of a key, and kills, crowds, restarts and big homes."""
 
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,48 +13,50 @@ from sim.authoring.generation import invent_dataset
 from sim.errors import StudyError
 
 from ...bots.site import HOME
-from ..harness import Plan, Progress, Report, Target, Values, machine, report_of
+from ..harness import Findings, Plan, Progress, Target, Values
 from .big_home import BigHomeSettings, measure_big_home
 from .browser import BrowserSettings, measure_browser
 from .kills import KillSettings, measure_kills
-from .load import LoadSettings, PeopleSettings, measure_load, measure_people
+from .load import LoadSettings, measure_load
 from .restart import RestartSettings, measure_restarts
 from .soak import SoakSettings, measure_soak
 from .store import store_acks_ms
 
-TARGETS = {
-    "store.ack_p95_ms": Target(50.0),
-    "load.ack_p95_ms": Target(50.0),
-    "load.key_to_frame_p95_ms": Target(250.0),
-    "load.lost": Target(0.0),
-    "load.duplicated": Target(0.0),
-    "browser.alone_p50_ms": Target(60.0),
-    "browser.key_to_image_p50_ms": Target(100.0),
-    "browser.key_to_image_p95_ms": Target(200.0),
-    "browser.delayed_p50_over_round_trip_ms": Target(60.0),
-    "kills.lost_after_kill": Target(0.0),
-    "kills.duplicated_after_kill": Target(0.0),
-    "kills.unknown_after_kill": Target(0.0),
-    "kills.chain_failures": Target(0.0),
-    "kills.resumed_elsewhere": Target(0.0),
-    "people.lost": Target(0.0),
-    "people.duplicated": Target(0.0),
-    "big_home.while_ack_p99_ms": Target(150.0),
-    "big_home.lost": Target(0.0),
-    "big_home.duplicated": Target(0.0),
-    "restart.drain_s": Target(10.0),
-    "restart.processes_left": Target(0.0),
-    "restart.lost": Target(0.0),
-    "restart.duplicated": Target(0.0),
-    "restart.resumed_elsewhere": Target(0.0),
-    "soak.lost": Target(0.0),
-    "soak.duplicated": Target(0.0),
-    "soak.fds_growth": Target(16.0),
-    "soak.threads_growth": Target(16.0),
-    "soak.clients_growth": Target(0.0),
-    "soak.clients_left": Target(0.0),
-    "soak.leases_left": Target(0.0),
-}
+PLAN = Plan(
+    targets={
+        "store.ack_p95_ms": Target(50.0),
+        "load.ack_p95_ms": Target(50.0),
+        "load.key_to_frame_p95_ms": Target(250.0),
+        "load.lost": Target(0.0),
+        "load.duplicated": Target(0.0),
+        "browser.alone_p50_ms": Target(60.0),
+        "browser.key_to_image_p50_ms": Target(100.0),
+        "browser.key_to_image_p95_ms": Target(200.0),
+        "browser.delayed_p50_over_round_trip_ms": Target(60.0),
+        "kills.lost_after_kill": Target(0.0),
+        "kills.duplicated_after_kill": Target(0.0),
+        "kills.unknown_after_kill": Target(0.0),
+        "kills.chain_failures": Target(0.0),
+        "kills.resumed_elsewhere": Target(0.0),
+        "people.lost": Target(0.0),
+        "people.duplicated": Target(0.0),
+        "big_home.while_ack_p99_ms": Target(150.0),
+        "big_home.lost": Target(0.0),
+        "big_home.duplicated": Target(0.0),
+        "restart.drain_s": Target(10.0),
+        "restart.processes_left": Target(0.0),
+        "restart.lost": Target(0.0),
+        "restart.duplicated": Target(0.0),
+        "restart.resumed_elsewhere": Target(0.0),
+        "soak.lost": Target(0.0),
+        "soak.duplicated": Target(0.0),
+        "soak.fds_growth": Target(16.0),
+        "soak.threads_growth": Target(16.0),
+        "soak.clients_growth": Target(0.0),
+        "soak.clients_left": Target(0.0),
+        "soak.leases_left": Target(0.0),
+    }
+)
 """Targets of HUMAN_STUDY.md, section 10. Thread pools of the serving process and workers may still add 16 threads and
 file descriptors after the soak's first measurement."""
 _SEED = 5
@@ -84,7 +85,8 @@ class StudySettings(BaseModel):
     load: LoadSettings = LoadSettings()
     browser: BrowserSettings = BrowserSettings()
     kills: KillSettings = KillSettings()
-    people: PeopleSettings = PeopleSettings()
+    people: LoadSettings = LoadSettings(bots=200, seconds=60.0, kinds=("random",), rate=4.0, seed=17)
+    """More keys than two cores can render pictures for."""
     big_home: BigHomeSettings = BigHomeSettings()
     restart: RestartSettings = RestartSettings()
     soak: SoakSettings = SoakSettings()
@@ -96,7 +98,7 @@ QUICK = StudySettings(
     load=LoadSettings(seconds=20.0),
     browser=BrowserSettings(keys=15),
     kills=KillSettings(kills=6, bots=3),
-    people=PeopleSettings(bots=60, seconds=10.0),
+    people=LoadSettings(bots=60, seconds=10.0, kinds=("random",), rate=4.0, seed=17),
     big_home=BigHomeSettings(faces=100_000, bots=5, before_s=8.0),
     restart=RestartSettings(restarts=2, bots=5, acted_keys=10),
     soak=SoakSettings(seconds=30.0, bots=8),
@@ -114,7 +116,7 @@ PARTS: dict[str, Callable[..., Values]] = {
     "load": measure_load,
     "browser": measure_browser,
     "kills": measure_kills,
-    "people": measure_people,
+    "people": measure_load,
     "big-home": measure_big_home,
     "restart": measure_restarts,
     "soak": measure_soak,
@@ -122,18 +124,17 @@ PARTS: dict[str, Callable[..., Values]] = {
 """The parts in the order in which they are measured."""
 
 
-def measure_study(settings: StudySettings, parts: Sequence[str], *, quick: bool, progress: Progress) -> Report:
+def measure(settings: StudySettings, progress: Progress, *, parts: Sequence[str] = ()) -> Findings:
     """Measures some parts, each in its own study, one after the other.
 
     Args:
         settings: Settings of the parts.
-        parts: Names in PARTS; they are measured in its order.
-        quick: Written into the report.
         progress: Gets a line about the present work.
+        parts: Names in PARTS, which are measured in its order; () = all.
 
     Returns:
-        A report with the values of each part by its name; `load_of`, the machine's load average before each part, which
-        earlier parts may have raised; and at the top, the most important figures of the load and browser cases.
+        Values of each part by its name; `load_of`, the machine's load average before each part, which earlier parts may
+        have raised; and at the top, the most important figures of the load and browser cases.
 
     Raises:
         StudyError: A part is unknown, a study cannot be served, or bots cannot come back to it.
@@ -141,11 +142,10 @@ def measure_study(settings: StudySettings, parts: Sequence[str], *, quick: bool,
     unknown = sorted(set(parts) - set(PARTS))
     if unknown:
         raise StudyError(f"--parts {' '.join(unknown)}: is none of the parts; expected some of {', '.join(PARTS)}.")
-    here, began_s = machine(), time.perf_counter()
-    chosen = [part for part in PARTS if part in parts]
+    chosen = [part for part in PARTS if part in (parts or PARTS)]
     found: dict[str, Values] = {}
-    words: dict[str, str] = {}
     load_of: dict[str, float] = {}
+    notes = ["Studies on an invented home, served by their own gateway and workers; all share the cores."]
     with tempfile.TemporaryDirectory(prefix="personal-bench-study-") as name:
         dataset = Path(name) / "dataset"
         for part in chosen:
@@ -157,19 +157,12 @@ def measure_study(settings: StudySettings, parts: Sequence[str], *, quick: bool,
             folder.mkdir()
             key = part.replace("-", "_")
             own = getattr(settings, key)
-            words[part] = own.words
             found[key] = PARTS[part](own, folder=folder, dataset=dataset, progress=progress)
-    notes = ["Studies on an invented home, served by their own gateway and workers; all share the cores."]
-    notes += [f"{part}: {words[part]} Load average before it: {load_of[part]:.2f}." for part in chosen]
-    return report_of(
-        "study",
+            notes.append(f"{part}: {own.words} Load average before it: {load_of[part]:.2f}.")
+    return Findings(
         {**_asked_for(found), **found, "load_of": load_of},
-        Plan(targets={name: target for name, target in TARGETS.items() if name.partition(".")[0] in found}),
-        quick=quick,
-        machine=here,
-        seconds=time.perf_counter() - began_s,
-        notes=notes,
-        left_out=[part for part in PARTS if part not in parts],
+        notes,
+        left_out=[part for part in PARTS if part not in chosen],
         problems=[f"{part}: {line}" for part, values in found.items() for line in values.get("problems", ())],
     )
 

@@ -14,14 +14,14 @@ from human_study.store.records import read_study
 from human_study.trial.events import Act, Reconnect
 from sim.errors import MissingDependencyError
 
+from ...bots.crowd import Crowd
+from ...bots.figures import quantile
 from ...bots.records import BotKind
-from ...bots.run import quantile
-from ...bots.site import Site
+from ...bots.server import Server
+from ...bots.site import Person, Site
 from ..harness import Progress, Values
 from .browser import key_to_image_ms, walking
-from .crowd import CrewSettings, Crowd, staffed
-from .records import kept, resumed_elsewhere
-from .server import Server
+from .crew import CrewSettings, kept, resumed_elsewhere, staffed
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -63,22 +63,22 @@ def measure_restarts(settings: RestartSettings, *, folder: Path, dataset: Path, 
         back by itself (None = there is no browser).
     """
     with staffed(folder, dataset, settings, spare=1) as (server, site, bots):
-        tally, code = _Tally(server), list(site.links)[-1]
-        with _browser(site, code, wanted=settings.with_browser, progress=progress) as person:
+        tally, last = _Tally(server), site.people(("pan",))[-1]
+        with _browser(site, last, wanted=settings.with_browser, progress=progress) as visitor:
             bots.arrive()
             bots.begin()
             for number in range(settings.restarts):
                 end = (signal.SIGTERM, signal.SIGINT)[number % 2]
                 progress(f"restart {number + 1} of {settings.restarts}, by {end.name}")
                 bots.await_acks(settings.acted_keys)
-                person.walk()
-                tally.restart(end, bots, person)
+                visitor.walk()
+                tally.restart(end, bots, visitor)
             bots.await_acks(settings.bots)
             bots.leave()
         found = kept(site.folder, bots)
-        resumes, elsewhere = resumed_elsewhere(site.folder, bots.bots)
+        resumes, elsewhere = resumed_elsewhere(site.folder, bots.logs)
     return {
-        "participants": settings.bots + (person.page is not None),
+        "participants": settings.bots + (visitor.page is not None),
         "restarts": settings.restarts,
         "drain_s": max(tally.drains_s),
         "processes_left": tally.num_left,
@@ -87,9 +87,9 @@ def measure_restarts(settings: RestartSettings, *, folder: Path, dataset: Path, 
         "lost": found.lost,
         "duplicated": found.keys.duplicated,
         "resumes": resumes,
-        "resumed_elsewhere": len(elsewhere) + len(person.problems),
-        "browser_returns": person.num_returns if person.page is not None else None,
-        "problems": (*found.problems, *elsewhere, *person.problems),
+        "resumed_elsewhere": len(elsewhere) + len(visitor.problems),
+        "browser_returns": visitor.num_returns if visitor.page is not None else None,
+        "problems": (*found.problems, *elsewhere, *visitor.problems),
     }
 
 
@@ -103,7 +103,7 @@ class _Tally:
         self.starts_s: list[float] = []
         self.returns_s: list[float] = []
 
-    def restart(self, end: signal.Signals, bots: Crowd, person: "_Person") -> None:
+    def restart(self, end: signal.Signals, bots: Crowd, visitor: "_Visitor") -> None:
         """Ends and restarts the program, and waits for everybody."""
         processes = [psutil.Process(self._server.pid), *self._server.workers]
         connections = [log.num_connections for log in bots.logs]
@@ -113,12 +113,12 @@ class _Tally:
         self._server.start()
         served_s = time.perf_counter()
         bots.await_all_here(connections)
-        person.await_return()
+        visitor.await_return()
         self.starts_s.append(served_s - began_s)
         self.returns_s.append(time.perf_counter() - served_s)
 
 
-class _Person:
+class _Visitor:
     """A participant in a real browser, or nobody."""
 
     def __init__(self, folder: Path, code: str, page: "Page | None") -> None:
@@ -167,12 +167,12 @@ class _Person:
 
 
 @contextlib.contextmanager
-def _browser(site: Site, code: str, *, wanted: bool, progress: Progress) -> Iterator[_Person]:
+def _browser(site: Site, person: Person, *, wanted: bool, progress: Progress) -> Iterator[_Visitor]:
     with contextlib.ExitStack() as stack:
         page = None
         if wanted:
             try:
-                page = stack.enter_context(walking(site.links[code], load_study(site.folder)))
+                page = stack.enter_context(walking(person.link, load_study(site.folder)))
             except MissingDependencyError as error:
                 progress(f"No browser among the participants: {error}")
-        yield _Person(site.folder, code, page)
+        yield _Visitor(site.folder, person.code, page)

@@ -7,10 +7,9 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from ...bots.records import BotKind
-from ..harness import Progress, Values
-from .crowd import CrewSettings, staffed
-from .records import kept
-from .server import Server, held_by
+from ...bots.server import Server
+from ..harness import Progress, Values, held_by
+from .crew import CrewSettings, kept, staffed
 
 _SETTLE_S = 30.0
 """Longest wait until the server has noticed that somebody left, seconds."""

@@ -18,7 +18,7 @@ from ..options import ScenesDir
 from ..output import say
 
 if TYPE_CHECKING:
-    from personal_viz.bots.run import BotFigures
+    from personal_viz.bots.figures import BotFigures
     from personal_viz.bots.site import Site
 
 
@@ -49,7 +49,7 @@ class StudyBots:
     json: bool = False
 
     def run(self) -> int:
-        from personal_viz.bots.run import run_bots
+        from personal_viz.bots.crowd import run_bots
 
         self._require_possible()
         tasks = self._tasks()
@@ -70,7 +70,8 @@ class StudyBots:
     @contextmanager
     def _site(self, tasks: tuple[TaskKind, ...]) -> Iterator[Site]:
         """Yields the server that is already running, or our own until the end of the block."""
-        from personal_viz.bots.site import copy_plan, make_bot_study, running, served
+        from personal_viz.bots.server import Server
+        from personal_viz.bots.site import copy_plan, make_bot_study, running
 
         dataset = self.dataset
         if self.url is not None and self.study is not None and dataset is not None:
@@ -87,8 +88,8 @@ class StudyBots:
                 copy_plan(self.study, folder / "study")
             assert dataset is not None
             say("starting to serve")
-            with served(folder / "study", dataset, self.scenes_dir) as site:
-                yield site
+            with Server(folder / "study", dataset, scenes_dir=self.scenes_dir) as server:
+                yield server.start()
 
     def _tasks(self) -> tuple[TaskKind, ...]:
         from human_study.design.study import load_study

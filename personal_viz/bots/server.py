@@ -1,11 +1,10 @@
-"""Serves a study, kills it, ends it and serves it again at the same address, as a person or a host would."""
+"""Serves a study in a child process, kills it, ends it and serves it again at the same address, as a host would."""
 
 import contextlib
 import os
 import re
 import signal
 import time
-from collections import Counter
 from pathlib import Path
 
 import psutil
@@ -13,9 +12,8 @@ import psutil
 from sim.cache import VARIABLE
 from sim.errors import StudyError
 
-from ...bots.site import Site
-from ...study_app.operator.served import ServedStudy, free_port, serve_command
-from ..harness import peak_mb
+from ..study_app.operator.served import ServedStudy, free_port, serve_command
+from .site import Site
 
 _DASHBOARD = re.compile(r"for you only: (\S+)")
 
@@ -39,7 +37,7 @@ class Server:
             dataset: Dataset of the study.
             scenes_dir: Folder of scans.
             cache: Cache folder of the program; None = the user's own.
-            workers: Number of workers; None = as many as usual.
+            workers: Number of workers; None = the usual number.
         """
         self.log = folder.parent / "serve.log"
         self._folder, self._dataset, self._scenes_dir = folder, dataset, scenes_dir
@@ -57,21 +55,15 @@ class Server:
             self._study.end()
 
     @property
-    def study(self) -> ServedStudy:
-        """The program that was started last."""
-        assert self._study is not None
-        return self._study
-
-    @property
     def pid(self) -> int:
         """Id of the serving process."""
-        return self.study.pid
+        return self._served.pid
 
     @property
     def dashboard(self) -> str:
         """Link of the researcher's page."""
-        found = _DASHBOARD.search(self.study.said)
-        assert found is not None, self.study.said
+        found = _DASHBOARD.search(self._served.said)
+        assert found is not None, self._served.said
         return found.group(1)
 
     @property
@@ -102,10 +94,14 @@ class Server:
             StudyError: The program ended instead; the message has its last lines.
         """
         try:
-            self.study.await_ready()
+            self._served.await_ready()
         except StudyError as error:
             raise StudyError(f"{error} Its last lines: {self.log.read_text().splitlines()[-5:]}") from None
-        return Site(self._folder, self._dataset, self._scenes_dir, self.study.people, self.pid)
+        return Site(self._folder, self._dataset, self._scenes_dir, self._served.people, self.pid)
+
+    def kill(self) -> None:
+        """Kills the serving process with kill -9."""
+        self._served.kill()
 
     def kill_worker(self, number: int) -> bool:
         """Kills one of the present workers with kill -9; returns False if there is none."""
@@ -119,25 +115,20 @@ class Server:
     def end(self, number: signal.Signals) -> float:
         """Tells the program to end, as a host does; returns the seconds until it has ended."""
         began_s = time.perf_counter()
-        self.study.end(number)
+        self._served.end(number)
         return time.perf_counter() - began_s
 
+    @property
+    def _served(self) -> ServedStudy:
+        """The program that was started last."""
+        assert self._study is not None
+        return self._study
 
-def held_by(pid: int) -> dict[str, float]:
-    """Resources that a serving process and its workers hold now; a process that ends meanwhile does not count.
 
-    Returns:
-        Sums: `processes`, `fds` (open file descriptors), `threads`, `clients` (established TCP connections of the
-        workers: viser's clients), `rss_mb` (resident memory, MB of 10^6 bytes; pages that processes share count in
-        each), `peak_mb` (the largest that each of the processes ever had).
-    """
-    held = Counter[str](processes=0, fds=0, threads=0, clients=0)
+def cpu_seconds(pid: int) -> float:
+    """CPU seconds of a process and its children so far; 0 when it is gone."""
     with contextlib.suppress(psutil.NoSuchProcess):
-        serving = psutil.Process(pid)
-        for process in (serving, *serving.children()):
-            with contextlib.suppress(psutil.NoSuchProcess):
-                connections = process.net_connections("tcp") if process.pid != pid else []
-                established = sum(connection.status == psutil.CONN_ESTABLISHED for connection in connections)
-                held.update(processes=1, fds=process.num_fds(), threads=process.num_threads(), clients=established)
-                held.update(rss_mb=process.memory_info().rss / 1e6, peak_mb=peak_mb(process))  # pyright: ignore
-    return dict(held)
+        process = psutil.Process(pid)
+        times = [one.cpu_times() for one in (process, *process.children())]
+        return sum(one.user + one.system for one in times)
+    return 0.0
