@@ -2,8 +2,8 @@
 
 import json as json_format
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
@@ -16,7 +16,6 @@ from .refusals import require_folder, writing
 if TYPE_CHECKING:
     from ..bench.harness import Report
 
-_MODULES = {"sim": "sim.simulator", "recordings": "recordings", "study": "study.parts", "grounding": "grounding"}
 StudyPart = Literal["store", "load", "browser", "kills", "people", "big-home", "restart", "soak"]
 
 
@@ -60,7 +59,7 @@ class Bench:
     def _measured(self) -> "Report":
         from ..bench.harness import run_benchmark
 
-        benchmark = import_module(f"personal_viz.bench.{_MODULES[self.what]}")
+        benchmark = _benchmark(self.what)
         settings = benchmark.QUICK if self.quick else benchmark.FULL
         more = {"parts": self.parts} if self.parts else {}
         return run_benchmark(
@@ -86,6 +85,20 @@ class Bench:
             with writing(path, "--out or --json"):
                 write_whole(path, content)
         return [*files, *(self.json or ())]
+
+
+def _benchmark(what: str) -> ModuleType:
+    """The module of a benchmark, as `bench/harness.py` says."""
+    match what:
+        case "sim":
+            from ..bench.sim import simulator as benchmark
+        case "recordings":
+            from ..bench import recordings as benchmark
+        case "grounding":
+            from ..bench import grounding as benchmark
+        case _:
+            from ..bench.study import parts as benchmark
+    return benchmark
 
 
 def _document(report: "Report") -> str:
