@@ -13,20 +13,8 @@ from sim.compiled import njit
 def few_answers(phrases, queries, rows, rc, width, uses, top_k, nms_r, nhood, tie, shortest):
     """All of Algorithm 1 for few texts in one call: the results of `gated_answers`, then the cosines (P + B, N).
 
-    A map pushes the interpreter out of the processor's caches, so each further call from Python is slow.
-
-    Args:
-        phrases: (P, E) float32, any length.
-        queries: (B, E) float32, any length.
-        rows: (N, E) float32 unit rows.
-        rc: As in `gated_answers`.
-        width: As in `gated_answers`.
-        uses: As in `gated_answers`.
-        top_k: As in `gated_answers`.
-        nms_r: As in `gated_answers`.
-        nhood: As in `gated_answers`.
-        tie: As in `gated_answers`.
-        shortest: float32, as in `few_cosines`.
+    A map pushes the interpreter out of the processor's caches, so each further call from Python is slow. Takes phrases
+    (P, E), queries (B, E) and `shortest` as `few_cosines` does, and the rest as `gated_answers` does.
     """
     cosines = np.empty((len(phrases) + len(queries), len(rows)), np.float32)
     few_cosines(np.concatenate((phrases, queries)), rows, shortest, cosines)

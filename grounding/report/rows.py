@@ -1,7 +1,7 @@
 """Sorts POG runs into tables and rows: one table per kind of map, one row per method, seeds averaged by episode."""
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -172,9 +172,9 @@ def _order(row: MethodTrials) -> tuple[bool, int, str]:
     return row.is_human, _METHODS.index(row.who) if row.who in _METHODS else len(_METHODS), row.name
 
 
-def _scored_answers(runs: Sequence[Run]) -> dict[EpisodeKey, list[Answer]]:
-    """The answers to each episode, without those that failed technically."""
-    answers: dict[EpisodeKey, list[Answer]] = defaultdict(list)
+def _scored_answers(runs: Sequence[Run]) -> dict[EpisodeKey, list[tuple[Answer, AnswerMeasures]]]:
+    """The answers to each episode with their measures, without those that failed technically."""
+    answers: dict[EpisodeKey, list[tuple[Answer, AnswerMeasures]]] = defaultdict(list)
     seen: dict[tuple[EpisodeKey, str | int | None], str] = {}
     for run in runs:
         for answer in run.answers:
@@ -185,25 +185,32 @@ def _scored_answers(runs: Sequence[Run]) -> dict[EpisodeKey, list[Answer]]:
                     "trial once. Give each run once; runs of one method need different seeds."
                 )
             seen[trial] = run.info.run_id
-            if answer.measures is None and answer.reason != "technical":
+            if answer.reason == "technical":
+                continue
+            if answer.measures is None:
                 raise RunFileError(
                     f"{run.info.run_id}: holds no measures for {answer.key}; expected a scored answer. Write the run "
                     "again with personal-viz ground or study export."
                 )
-            if answer.measures is not None and answer.reason != "technical":
-                answers[answer.key].append(answer)
+            answers[answer.key].append((answer, answer.measures))
     if not answers:
         raise RunFileError(f"{runs[0].info.run_id}: all trials failed technically; expected an answer. Leave it out.")
     return answers
 
 
 def _trials(variant: MapVariant, name: str, runs: Sequence[Run]) -> MethodTrials:
-    answers = _scored_answers(runs)
-    keys = sorted(answers, key=lambda key: (SPLITS.index(key.split), key.scene, _number(key.episode_id)))
+    scored = _scored_answers(runs)
+    keys = sorted(scored, key=lambda key: (SPLITS.index(key.split), key.scene, _number(key.episode_id)))
+    answers = [answer for key in keys for answer, _ in scored[key]]
+    measures = [[item for _, item in scored[key]] for key in keys]
+    is_ranked = any(answer.scores for answer in answers)
+    has_three = is_ranked and all(item.planar_distances is not None for found in measures for item in found)
+
+    def means(of: Callable[[AnswerMeasures], bool | NDArray[np.bool_]]) -> NDArray[np.float64]:
+        """(N, ...) the mean over each episode's trials."""
+        return np.array([np.mean(np.array([of(item) for item in found]), axis=0) for found in measures])
+
     info = runs[0].info
-    scored = [[_measures(answer) for answer in answers[key]] for key in keys]
-    is_ranked = any(answer.scores for found in answers.values() for answer in found)
-    has_three = is_ranked and all(item.planar_distances is not None for found in scored for item in found)
     return MethodTrials(
         name=name,
         who=info.who,
@@ -211,14 +218,12 @@ def _trials(variant: MapVariant, name: str, runs: Sequence[Run]) -> MethodTrials
         variant=variant,
         runs=tuple(run.info for run in sorted(runs, key=lambda run: run.info.run_id)),
         keys=tuple(keys),
-        within=_within([[(item.planar_distance,) for item in found] for found in scored]),
-        top3_within=_within([[item.planar_distances or () for item in found] for found in scored])
-        if has_three
-        else None,
-        success=_shares([[item.success for item in found] for found in scored]),
-        top3=_shares([[item.top3_success for item in found] for found in scored]) if is_ranked else None,
-        num_trials=sum(len(found) for found in answers.values()),
-        num_fallbacks=sum(answer.phrases_fell_back for found in answers.values() for answer in found),
+        within=means(lambda item: _within((item.planar_distance,))),
+        top3_within=means(lambda item: _within(item.planar_distances or ())) if has_three else None,
+        success=means(lambda item: item.success),
+        top3=means(lambda item: item.top3_success) if is_ranked else None,
+        num_trials=len(answers),
+        num_fallbacks=sum(answer.phrases_fell_back for answer in answers),
     )
 
 
@@ -226,16 +231,6 @@ def _number(episode_id: str) -> tuple[int, str]:
     return (int(episode_id), "") if episode_id.isdigit() else (-1, episode_id)
 
 
-def _shares(trials: Sequence[Sequence[bool]]) -> NDArray[np.float64]:
-    return np.array([sum(found) / len(found) for found in trials], np.float64)
-
-
-def _measures(answer: Answer) -> AnswerMeasures:
-    assert answer.measures is not None
-    return answer.measures
-
-
-def _within(trials: Sequence[Sequence[Sequence[float | None]]]) -> NDArray[np.float64]:
-    """(N, R) share of each episode's trials whose nearest point is within each of RADII; None = too far."""
-    nearest = [[min((d for d in points if d is not None), default=np.inf) for points in found] for found in trials]
-    return np.array([(np.asarray(found)[:, None] <= RADII).mean(axis=0) for found in nearest])
+def _within(distances: Iterable[float | None]) -> NDArray[np.bool_]:
+    """(R,) whether the nearest of the distances is within each of RADII; None = too far."""
+    return min((distance for distance in distances if distance is not None), default=np.inf) <= RADII
