@@ -38,7 +38,7 @@ def busy_study(folder: Path, *, num_homes: int = 4) -> StudyStore:
 
 
 def do_trials(store: StudyStore, code: str, count: int, *, reason: str = "giveup") -> None:
-    """So many of the participant's next trials, all ended alike."""
+    """Does `count` of the participant's next trials, all with the same end."""
     for _ in range(count):
         place = store.next_trial(code)
         assert place is not None

@@ -1,4 +1,4 @@
-"""A worker without viser, started by tests: says where it listens, answers each message with who sent it and its pid.
+"""A worker without viser, started by tests: it answers each message with the sender's code and its own pid.
 
 Its last argument says how it behaves: `good`; `broken`, which cannot start; `fragile`, which ends once it is ready;
 `deaf`, which goes on when the gateway is gone; `slow`, which says that it is there only when the file `go` is.
@@ -34,7 +34,7 @@ def main() -> None:
             connection.send(f"{code} {os.getpid()}")
 
     def is_there(connection: ServerConnection, request: Request) -> Response | None:
-        """What viser says to who asks for no websocket."""
+        """The answer to a request that is no websocket, as viser gives it."""
         if request.headers.get("Upgrade") == "websocket":
             is_gateway = request.headers.get(SECRET_HEADER) == f"secret of {os.getpid()}"
             return None if is_gateway else connection.respond(403, "FORBIDDEN")

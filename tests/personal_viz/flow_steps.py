@@ -1,4 +1,4 @@
-"""What a person does in the browser on the way through a study, and what is stored of it."""
+"""The steps of a person in the browser on the way through a study, and the records of them."""
 
 import math
 import re
@@ -32,7 +32,7 @@ def start(page: Page, link: str) -> None:
 
 
 def record(study: PlannedStudy, code: str) -> tuple[ParticipantRecord, list[StoredTrial]]:
-    """What is stored of a participant; the hash chains are checked too."""
+    """The records of a participant; the hash chains are checked too."""
     with read_study(study.folder) as reader:
         reader.check()
         return reader.participant(code), list(reader.trials(code))

@@ -44,9 +44,9 @@ class PlannedStudy:
     """Participant to personal link."""
     process: subprocess.Popen[str]
     said: str
-    """What it printed up to and with the links."""
+    """The output up to the links and including them."""
     visited: set[str] = field(default_factory=set)
-    """Whom `newcomer` has named."""
+    """Participants whom `newcomer` has named."""
 
     def newcomer(self, task: TaskKind) -> str:
         """The code of a participant of this task whom no test has been, for tests that share a study."""
@@ -90,11 +90,11 @@ def served(
     """Serves a planned study until the end of the block, where the program hears a signal if it still runs.
 
     Args:
-        folder: Of the study.
-        dataset: Of its episodes.
-        more: Further options; one worker is usual.
-        port: 0 takes a free one.
-        ended_by: The signal.
+        folder: The study's folder.
+        dataset: The dataset of its episodes.
+        more: Further options; without `--workers` there is one worker.
+        port: Port to listen on; 0 takes a free one.
+        ended_by: The signal at the end.
     """
     with served_by(serve_command(folder, dataset, *more, port=port, workers=None if "--workers" in more else 1)) as one:
         assert one.links, one.said

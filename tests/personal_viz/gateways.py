@@ -34,7 +34,7 @@ KEY_PRESS: dict[str, Any] = {"type": "CommandTriggerMessage", "uuid": "c-1"}
 
 
 def pack(message: object) -> bytes:
-    """As a browser sends it."""
+    """A message in viser's encoding."""
     return msgspec.msgpack.encode(message)
 
 
@@ -48,11 +48,11 @@ class FewPeople:
     """A store with as many places as tokens."""
 
     tokens: dict[str, str]
-    """Token to code."""
+    """Codes of participants by token."""
     claimed: dict[str, str | None] = field(default_factory=dict)
-    """Code to hash."""
+    """Hashes of claimed places by code."""
     is_full: bool = False
-    """Whether the disk is."""
+    """Whether the disk is full."""
 
     def code_of_token(self, token: str) -> str | None:
         """Participant of a token."""
@@ -73,7 +73,7 @@ class FewPeople:
 
 
 def few_people() -> FewPeople:
-    """Three of them."""
+    """A store with three places."""
     return FewPeople({"good": "p01", "fine": "p02", "nice": "p03"})
 
 
@@ -97,7 +97,7 @@ class OnePort:
     port: int | None
 
     def seat(self, code: str) -> AbstractContextManager[WorkerDoor | None]:
-        """The same for everybody."""
+        """The only door."""
         return contextlib.nullcontext(None if self.port is None else WorkerDoor(self.port, "any"))
 
 
@@ -142,7 +142,7 @@ class EchoViser:
         self._thread.join(10)
 
     def wait_until(self, wanted: Callable[[], bool]) -> None:
-        """Until something received makes it true."""
+        """Waits until a received message makes the condition true."""
         with self._changed:
             assert self._changed.wait_for(wanted, 20)
 
@@ -287,7 +287,7 @@ def raw(port: int, data: bytes) -> bytes:
 
 
 def wait_until(wanted: Callable[[], object], *, patience_s: float = 60) -> None:
-    """Until it is true."""
+    """Waits until the condition is true."""
     deadline_s = time.monotonic() + patience_s
     while not wanted():
         assert time.monotonic() < deadline_s

@@ -133,7 +133,7 @@ def test_codes_of_the_platform_are_read_and_checked(tmp_path: Path) -> None:
         load_recruit_codes(tmp_path)
 
 
-def test_without_a_platform_whoever_finished_gets_a_code_that_only_the_study_can_make() -> None:
+def test_without_a_platform_a_person_who_finished_gets_a_code_that_only_the_study_can_make() -> None:
     codes = [end_code(RecruitCodes(), key, code, "finished") for key in (KEY, b"other") for code in ("p01", "p02")]
     assert len({found.code for found in codes}) == 4
     assert all(found.code is not None and len(found.code) == 8 and found.url is None for found in codes)

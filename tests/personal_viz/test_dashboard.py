@@ -1,4 +1,4 @@
-"""The researcher's page: who may see it, what is on it, what never is, and that participants cannot reach it."""
+"""The researcher's page: it needs a token, shows places but never outcomes, and participants cannot reach it."""
 
 import json
 import re
@@ -110,7 +110,7 @@ def test_nothing_but_entering_changes_anything(busy: Path, method: str) -> None:
         assert client.request(method, "/progress", headers={"Origin": ORIGIN}).status_code == 405
 
 
-def test_who_is_where_is_on_the_page(busy: Path) -> None:
+def test_the_page_shows_the_place_of_everybody(busy: Path) -> None:
     with let_in(busy) as client:
         found = client.get("/progress").json()
     people = found["progress"]["people"]

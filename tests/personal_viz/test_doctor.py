@@ -138,7 +138,7 @@ def test_plain_http_of_the_laboratory_can_be_looked_at_too(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     "url", ["study.example.org", "ftp://study.example.org", "https://", "https://a:b@c", "http://["]
 )
-def test_what_is_no_address_is_refused(url: str) -> None:
+def test_a_text_that_is_no_address_is_refused(url: str) -> None:
     with pytest.raises(StudyError, match="is not the address of a study"):
         examine(url)
 

@@ -29,11 +29,11 @@ class Clocks:
         self.since_boot_ns += int(seconds * S)
 
     def boot(self, *, since_s: float) -> None:
-        """The machine was started again, so long ago."""
+        """The machine was started again `since_s` seconds ago."""
         self.boot_id, self.since_boot_ns = f"boot at {self.wall_ns}", int(since_s * S)
 
     def read_text(self) -> str:
-        """As the system's file with the boot's name."""
+        """The content of the system's file with the boot's name."""
         if self.boot_id is None:
             raise FileNotFoundError
         return self.boot_id + "\n"

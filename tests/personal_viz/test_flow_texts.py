@@ -1,4 +1,4 @@
-"""What the pages around the trials say: texts, questions, cards, and the messages of the page's script."""
+"""Pages around the trials: texts, questions, cards, and the messages of the page's script."""
 
 import base64
 import io
@@ -114,7 +114,7 @@ def test_people_see_a_picture_of_every_condition_that_they_will_meet(
     assert len({alt for _, alt in found}) == len(found)
 
 
-def test_who_never_sees_a_home_in_3d_is_not_told_how_to_turn_it() -> None:
+def test_people_who_never_see_a_home_in_3d_are_not_told_how_to_turn_it() -> None:
     words = " ".join("".join(instruction_texts(config(), "pog", ("map_2d",))).split())
     assert "**Turn**" not in words
     assert "without its ceiling" not in words
@@ -184,7 +184,7 @@ def test_progress_is_said_in_words_and_to_screen_readers() -> None:
 
 
 def letter(*said: dict, seat: str = "s") -> str:
-    """What the hidden input holds."""
+    """The text of the hidden input."""
     return json.dumps({"seat": seat, "said": [{"n": 1, "t_cli_ms": 5.5, **message} for message in said]})
 
 

@@ -1,4 +1,4 @@
-"""The gateway's routes: who is let in, as whom, with which cookies and headers."""
+"""The gateway's routes: admission, sessions, cookies and headers."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Which messages of a browser reach viser, field by field, and how many."""
+"""The browser's messages that reach viser: their fields and their number."""
 
 import dataclasses
 import math
@@ -32,7 +32,7 @@ CLICK = {
 
 
 @pytest.mark.parametrize("message", [CAMERA, CLICK, PRESS, KEY_PRESS])
-def test_what_viser_gets_is_what_the_browser_said(message: dict) -> None:
+def test_viser_gets_the_browsers_message_unchanged(message: dict) -> None:
     passed = browser_message(pack(message))
     assert passed is not None
     assert msgspec.msgpack.decode(viser_bytes(passed)) == message

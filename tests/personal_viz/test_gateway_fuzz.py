@@ -1,4 +1,4 @@
-"""Whatever an outsider sends, over HTTP or as a participant's browser, no traceback comes of it."""
+"""Nothing that an outsider sends, over HTTP or as a participant's browser, causes a traceback."""
 
 import gc
 import itertools
@@ -149,7 +149,7 @@ def no_traceback(capfd: pytest.CaptureFixture[str]) -> Iterator[None]:
 
 
 def hostile_messages(uuids: dict[str, list[str]], seat: str) -> Iterator[dict[str, Any]]:
-    """What a browser might send that is not ours."""
+    """Messages that a foreign client might send."""
     for vector in VECTORS:
         for name in ("position", "look_at", "up_direction", "wxyz"):
             yield {**CAMERA, name: [*vector, 0.0] if name == "wxyz" and isinstance(vector, list) else vector}
@@ -180,7 +180,7 @@ def hostile_messages(uuids: dict[str, list[str]], seat: str) -> Iterator[dict[st
 
 
 def uuids_of(client: WireClient) -> dict[str, list[str]]:
-    """Of the buttons, fields and commands that a browser was sent, but for those that end a trial."""
+    """Ids of the buttons, fields and commands that a browser received, except those that end a trial."""
     found: dict[str, list[str]] = {"text": [], "other": []}
     for message in client.messages:
         label = str(message.get("props", {}).get("label", "")) + str(message.get("props", {}).get("name", ""))
@@ -190,7 +190,7 @@ def uuids_of(client: WireClient) -> dict[str, list[str]]:
 
 
 def seat_of(client: WireClient) -> str:
-    """By which the page's script says whose it is: the first word of its `begin`."""
+    """The id by which the page's script names its connection: the first argument of its `begin`."""
     return (
         next(text for m in client.messages for text in texts_of(m) if "begin(" in text)
         .split("begin(&quot;")[1]
@@ -227,7 +227,7 @@ def test_no_message_of_a_browser_makes_a_traceback(home: Home, no_traceback: Non
 
 
 def hostile_requests(address: str) -> Iterator[bytes]:
-    """What a program that means harm might send."""
+    """Requests that a hostile program might send."""
     seeded = random.Random(0)
     yield from hostile_pages(address, seeded)
     yield from hostile_handshakes(address)

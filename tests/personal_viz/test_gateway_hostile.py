@@ -152,7 +152,7 @@ def test_one_session_has_few_connections(gateway: Running) -> None:
     assert refused.value.response.status_code == 403
 
 
-def test_people_over_the_limit_wait_and_who_is_in_comes_back(tmp_path: Path) -> None:
+def test_people_over_the_limit_wait_and_those_inside_come_back(tmp_path: Path) -> None:
     with running(tmp_path, options=ServeOptions(port=0, max_people=1)) as gateway:
         early = enter(gateway.address, "fine")
         with connected(gateway, "good"):

@@ -1,4 +1,4 @@
-"""Whose address counts, and how many tries it has."""
+"""Client addresses, and the number of tries that each has."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What may be served, to whom; and what links look like."""
+"""Options of serving: unsafe ones are refused, and links begin with the right name."""
 
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,7 @@ def test_an_approved_study_on_loopback_may_be_served() -> None:
         ({"per_address": 0}, "--per-address 0: expected at least 1"),
     ],
 )
-def test_what_would_be_unsafe_is_refused_with_the_flag_that_is_missing(options: dict[str, Any], found: str) -> None:
+def test_unsafe_options_are_refused_with_the_missing_flag(options: dict[str, Any], found: str) -> None:
     with pytest.raises(StudyError, match=found):
         require_may_serve(ServeOptions(**options), small_config(**APPROVED), ["invented"])
 

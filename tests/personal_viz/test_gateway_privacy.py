@@ -1,5 +1,5 @@
-"""HUMAN_STUDY.md, section 10, test 22: planted ids, addresses and user agents are in no file of the study but the one
-for paying, and there only when the study file asks."""
+"""HUMAN_STUDY.md, section 10, test 22: planted ids, addresses and user agents are in no file of the study except the
+file for paying people, and there only when the study file asks for them."""
 
 import json
 from pathlib import Path

@@ -53,7 +53,7 @@ def test_a_page_of_another_version_is_refused_with_words_of_its_own(second: Runn
     assert second.told == []
 
 
-def test_who_has_no_ticket_does_not_learn_the_version(second: Running) -> None:
+def test_without_a_ticket_nobody_learns_the_version(second: Running) -> None:
     url, headers = enter(second.address, "good")
     for address, own in ((url.replace("/ws/", "/ws/x"), headers), (url, {"Origin": second.address})):
         for version in ("first", "second"):

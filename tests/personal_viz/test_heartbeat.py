@@ -1,4 +1,4 @@
-"""Whether a worker's event loop goes round: asked of viser itself, of nobody, and of one that stands still."""
+"""The question whether a worker's event loop runs, asked of viser itself, of a closed port and of a blocked loop."""
 
 import resource
 import socket

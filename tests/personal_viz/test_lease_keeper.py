@@ -1,4 +1,4 @@
-"""People who leave in the middle of a served study: who loses what is left, and who does not."""
+"""People who leave in the middle of a served study: when others get their trials, and when not."""
 
 import contextlib
 import time
@@ -52,7 +52,7 @@ class Clock:
     now_s: float = 0.0
 
     def __call__(self) -> float:
-        """Its time."""
+        """The present time, seconds."""
         return self.now_s
 
 
@@ -67,7 +67,7 @@ def is_out(store: StudyStore, code: str) -> bool:
     return has_dropped_out(store.participant(code).stages)
 
 
-def test_who_leaves_in_the_middle_gives_the_rest_to_others_once(tmp_path: Path) -> None:
+def test_a_person_who_leaves_in_the_middle_gives_the_rest_to_others_once(tmp_path: Path) -> None:
     with started(tmp_path, **HOUSE_ONCE) as store:
         keeper, clock, told = kept(store)
         with keeper.present("p01"):
@@ -98,7 +98,7 @@ def test_a_living_tab_keeps_everything_however_long(tmp_path: Path) -> None:
         assert not is_out(store, "p01")
 
 
-def test_who_never_came_and_who_has_finished_lose_nothing(tmp_path: Path) -> None:
+def test_people_who_never_came_or_have_finished_lose_nothing(tmp_path: Path) -> None:
     with started(tmp_path, **HOUSE_ONCE) as store:
         keeper, clock, told = kept(store)
         store.enter_stage("p02", "finished")
@@ -133,7 +133,7 @@ def test_a_restart_takes_nobodys_place_away(tmp_path: Path) -> None:
         assert is_out(store, "p01")
 
 
-def test_who_was_asked_to_come_back_later_has_that_long_more(tmp_path: Path) -> None:
+def test_a_person_who_was_asked_to_come_back_later_has_that_much_more_time(tmp_path: Path) -> None:
     with started(tmp_path, **HOUSE_ONCE, breaks={"sitting_max": 1, "sitting_gap_s": 3600.0}) as store:
         keeper, clock, _ = kept(store)
         store.enter_stage("p01", "arrived")
@@ -171,7 +171,7 @@ def test_a_wall_clock_that_jumps_takes_nobodys_place_away(tmp_path: Path, monkey
             assert not is_out(store, "p01")
 
 
-def test_who_comes_back_and_leaves_again_is_counted_anew(tmp_path: Path) -> None:
+def test_a_second_absence_is_counted_anew(tmp_path: Path) -> None:
     with started(tmp_path, **HOUSE_ONCE) as store:
         keeper, clock, told = kept(store)
         store.enter_stage("p01", "arrived")
@@ -207,7 +207,7 @@ def awaiting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[StudySt
 
 
 @given(STEPS, st.floats(0, 2000))
-def test_only_who_has_no_tab_and_left_long_ago_is_out(
+def test_only_people_without_a_tab_who_left_long_ago_are_out(
     awaiting: tuple[StudyStore, list[str]], steps: list[tuple[str, str, float]], later_s: float
 ) -> None:
     store, dropped = awaiting
@@ -283,7 +283,7 @@ def test_the_thread_ends_with_the_block_and_leaves_a_last_copy(tmp_path: Path) -
             assert study_progress(reader, now_ns=0).disk.num_backups == 1
 
 
-def test_what_fails_in_a_round_stops_neither_the_rest_of_it_nor_the_next_one(
+def test_a_failure_stops_neither_the_rest_of_a_round_nor_the_next_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with started(tmp_path, **HOUSE_ONCE) as store:

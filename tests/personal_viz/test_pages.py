@@ -1,4 +1,4 @@
-"""The pages of a study that are HTML forms: who gets which, what each answer stores, and that it is stored once."""
+"""The pages of a study that are HTML forms: when each is shown, and what each answer stores, once."""
 
 import html
 import re
@@ -53,7 +53,7 @@ class Taking:
     keeper: LeaseKeeper
 
     def page(self, **query: str) -> str:
-        """What is shown, once redirects within the pages are followed; '' = viser comes next."""
+        """The page that is shown; '' = viser comes next."""
         reply = self.client.get(self.address, params=query, follow_redirects=False)
         if reply.status_code == 303:
             assert reply.headers["location"].startswith("/view/?websocket=")
@@ -77,11 +77,11 @@ class Taking:
         return self.client.post(self.address, data=fields, headers=headers, follow_redirects=False)
 
     def stages(self) -> list[str]:
-        """What is stored."""
+        """Names of the stored stages."""
         return [entry.stage for entry in self.store.participant(CODE).stages]
 
     def last_detail(self) -> dict[str, Any]:
-        """Of the newest stage."""
+        """The detail of the newest stage."""
         return self.store.participant(CODE).stages[-1].detail
 
 
@@ -150,7 +150,7 @@ def do_trial(store: StudyStore) -> None:
 
 
 def enter(who: Taking, *stages: Stage) -> None:
-    """Has been there already."""
+    """Stores stages that the participant has reached."""
     for stage in stages:
         who.store.enter_stage(CODE, stage)
 
@@ -262,7 +262,7 @@ def test_a_computer_that_cannot_show_the_study_is_noted_once_for_each_kind(takin
     assert who.last_detail()["buttons"]
 
 
-def test_who_came_from_a_platform_can_go_back_to_it(taking: Callable[..., Taking]) -> None:
+def test_a_person_from_a_platform_can_go_back_to_it(taking: Callable[..., Taking]) -> None:
     who = taking(recruit={"kind": "prolific"}, end=EndCode("SCREEN1", "https://app.prolific.com/x?cc=SCREEN1"))
     who.send(**{**DEVICE, "width": "800", "choice": "leave"})
     assert who.stages() == ["arrived", "device_failed", "screened_out"] or who.stages() == ["arrived", "screened_out"]
@@ -327,7 +327,7 @@ def test_a_break_and_the_end_of_a_sitting_are_stored_when_they_begin_and_when_th
     assert who.last_detail()["sitting"]
 
 
-def test_who_has_done_everything_is_thanked_with_a_code(taking: Callable[..., Taking]) -> None:
+def test_a_person_who_has_done_everything_gets_a_code(taking: Callable[..., Taking]) -> None:
     who = taking(flow=())
     for _ in range(3):
         assert who.page() == ""
@@ -369,7 +369,7 @@ def test_a_full_disk_says_so_and_loses_nothing(taking: Callable[..., Taking], mo
     assert who.stages() == ["arrived", "consented"]
 
 
-def test_who_dropped_out_goes_on_where_the_way_was_left(taking: Callable[..., Taking]) -> None:
+def test_a_person_who_dropped_out_goes_on_at_the_same_place(taking: Callable[..., Taking]) -> None:
     who = taking(flow=("consent",))
     enter(who, "arrived", "dropped_out")
     assert who.place() == "consent"

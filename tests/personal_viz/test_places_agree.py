@@ -1,4 +1,4 @@
-"""Whatever happens to a participant, pages, dashboard, `study status` and leases see the same place."""
+"""Pages, dashboard, `study status` and leases see a participant at the same place, whatever happens."""
 
 import contextlib
 import json
@@ -70,7 +70,7 @@ def started(folder: Path, flow: Sequence[FlowStep]) -> Iterator[tuple[StudyStore
 
 
 def act(store: StudyStore, name: str, journey: Journey) -> None:
-    """Something that happens to a participant who is there; what cannot happen at this place does not."""
+    """Something that happens to the participant; nothing, if it cannot happen at this place."""
     is_at_trials = journey.place in ("practice", "trial")
     match name:
         case "go on":
@@ -145,7 +145,7 @@ def has_left(store: StudyStore, away_s: float) -> bool:
 @pytest.mark.slow
 @given(flow=st.sampled_from(FLOWS), names=st.lists(ACTS, max_size=24), is_shown=st.booleans())
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-def test_all_who_ask_where_a_participant_is_hear_the_same(
+def test_everything_that_asks_for_a_participants_place_hears_the_same(
     flow: tuple[FlowStep, ...], names: list[str], is_shown: bool
 ) -> None:
     with tempfile.TemporaryDirectory() as name, started(Path(name), flow) as (store, link):

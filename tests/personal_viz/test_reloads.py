@@ -30,7 +30,7 @@ from .gateways import wait_until
 from .wire import WireClient
 
 CODE = "p02"
-"""Of the participant who walks."""
+"""The participant who walks."""
 NUM_RELOADS = 100
 
 

@@ -40,7 +40,7 @@ def kept(begun: Path) -> Iterator[Path]:
 
 
 def line_of(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    """What the program says to a study that it refuses: one line."""
+    """The one line by which the program refuses a study."""
     monkeypatch.setattr(sys, "argv", ["personal-viz", "study", *arguments])
     with pytest.raises(SystemExit) as ended:
         main()

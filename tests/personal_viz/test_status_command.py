@@ -33,7 +33,7 @@ def person(place: Place, state: State = "active", *, trial_no: int | None = None
     return PersonProgress("p01", "pan", place, state, 2, 10, trial_no, trial_no, is_in_trial, 5.0, 0, 0, 0)
 
 
-def test_the_tables_say_who_is_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_tables_show_the_place_of_everybody(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study_with_trials(tmp_path)
     assert StudyStatus(study=tmp_path, json=False, watch=False).run() == 0
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
@@ -47,7 +47,7 @@ def test_the_tables_say_who_is_where(tmp_path: Path, capsys: pytest.CaptureFixtu
     ]
 
 
-def test_who_may_need_somebody_comes_first_and_who_never_came_last(tmp_path: Path) -> None:
+def test_people_who_may_need_help_come_first_and_those_who_never_came_last(tmp_path: Path) -> None:
     busy_study(tmp_path).close()
     found = progress_now(tmp_path)
     people = [dataclasses.replace(one, state="stuck") if one.code == "p06" else one for one in found.people]

@@ -261,7 +261,7 @@ def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys
         ({"participant": "p01", "undo": True}, "rule disturbed leaves nothing out here"),
     ],
 )
-def test_what_cannot_be_excluded_is_said(study: Path, changes: dict[str, object], message: str) -> None:
+def test_impossible_exclusions_are_refused(study: Path, changes: dict[str, object], message: str) -> None:
     arguments = {"study": study, "trial": None, "participant": None, "rule": "disturbed", "reason": "x", "undo": False}
     with pytest.raises(StudyError, match=message.replace("(", r"\(").replace("!", r"\!")):
         StudyExclude(**(arguments | changes)).run()  # type: ignore[arg-type]

@@ -22,7 +22,7 @@ from .gateways import wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 CODE = "p01"
-"""Who walks."""
+"""The participant who walks."""
 
 
 def dashboard(program: PlannedStudy) -> str:

@@ -205,7 +205,7 @@ def test_an_observer_that_is_far_behind_is_left_and_that_is_said(capsys: pytest.
     ]
 
 
-def test_what_an_older_tab_says_late_is_not_told(capsys: pytest.CaptureFixture) -> None:
+def test_late_reports_of_an_older_tab_are_not_told(capsys: pytest.CaptureFixture) -> None:
     notes = Notes()
     watches = Watches(notes, make_env=make_env)
     trial, observation = MemoryLink("pan").trial, make_env(episode()).reset()

@@ -45,7 +45,7 @@ def pool_of(
 
 
 def pids(folder: Path) -> list[int]:
-    """Of all workers that were ever started."""
+    """Process ids of all workers that were ever started."""
     return [int(path.stem) for path in folder.glob("*.pid")]
 
 
@@ -86,7 +86,7 @@ def test_people_are_shared_out_evenly_and_stay_where_they_are(two: tuple[WorkerP
     assert pool.num_people() == 0
 
 
-def test_who_comes_back_finds_the_worker_of_before_when_it_is_as_free(two: tuple[WorkerPool, Path]) -> None:
+def test_a_person_who_comes_back_gets_the_same_worker_if_it_is_as_free(two: tuple[WorkerPool, Path]) -> None:
     pool, _ = two
     with pool.seat("p11"), pool.seat("p12") as second:
         pass

@@ -45,7 +45,7 @@ def self_signed(folder: Path, *, days: int = 90) -> tuple[Path, Path]:
 
 @dataclass(frozen=True)
 class Settings:
-    """What the proxy does; the defaults are those of docs/deploy.md."""
+    """Settings of the proxy; the defaults are those of docs/deploy.md."""
 
     passes_upgrade: bool = True
     passes_host: bool = True
