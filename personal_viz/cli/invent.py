@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.errors import DatasetError
 from sim.types import SPLITS
 
 
@@ -19,8 +18,9 @@ class Invent:
         from sim.authoring.generation import dataset_files, write_files
         from sim.homes.plan import HomePlan
 
-        if self.homes < 1:
-            raise DatasetError(f"invent: homes is {self.homes!r}; expected at least 1. Give another --homes.")
+        from .refusals import check_options
+
+        check_options(self)
         for home_seed in range(self.seed, self.seed + self.homes):
             name = f"Invented{home_seed}"
             files = dataset_files(name, seed=home_seed)

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from pydantic import ValidationError
 
 
-_LEAST = {"limit": 1, "jobs": 1, "batch": 1, "failures": 0, "seed": 0, "sample_seed": 0}
+_LEAST = {
+    **dict.fromkeys(("limit", "jobs", "batch", "homes", "width", "height", "max_steps"), 1),
+    **dict.fromkeys(("failures", "seed", "sample_seed"), 0),
+}
 """Smallest allowed value of an option, by field of a verb."""
 
 

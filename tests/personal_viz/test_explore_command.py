@@ -67,7 +67,7 @@ def test_a_dataset_or_a_number_of_homes_is_needed(tmp_path: Path) -> None:
         Explore(out=tmp_path).run()
     with pytest.raises(PersonalVizError, match=r"--homes is 0; expected a whole number from 1"):
         Explore(homes=0, out=tmp_path).run()
-    with pytest.raises(PersonalVizError, match="whole numbers from 1"):
+    with pytest.raises(PersonalVizError, match=r"--width is 0; expected a whole number from 1"):
         Explore(homes=1, width=0, out=tmp_path).run()
 
 

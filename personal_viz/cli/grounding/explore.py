@@ -68,7 +68,10 @@ class Explore:
         from ..refusals import check_options
 
         check_options(self)
-        self._check()
+        if (self.dataset is None) == (self.homes is None):
+            raise PersonalVizError(
+                "explore: found both or none of --dataset and --homes; expected one. Give one of them."
+            )
         names, kind = self._homes()
         todo = self._jobs(names)
         with watching(self.rerun, todo, with_pixels=self.with_pixels) as watched:
@@ -89,22 +92,6 @@ class Explore:
             _print_report(found, document)
             print(f"Written to {self.out}; coverage over steps: {self.out / _PLOT}")
         return 0
-
-    def _check(self) -> None:
-        """Refuses options with which no exploration can be made."""
-        if self.homes is not None and self.homes < 1:
-            raise PersonalVizError(
-                f"--homes is {self.homes}; expected a whole number from 1. Give how many, or --dataset instead."
-            )
-        if (self.dataset is None) == (self.homes is None):
-            raise PersonalVizError(
-                "explore: found both or none of --dataset and --homes; expected one. Give one of them."
-            )
-        if min(self.width, self.height, self.max_steps) < 1:
-            raise PersonalVizError(
-                f"explore: --width {self.width}, --height {self.height}, --max-steps {self.max_steps}; expected whole "
-                "numbers from 1. Leave them out for the defaults."
-            )
 
     def _homes(self) -> tuple[list[str], SceneKind]:
         """Names of the homes, and their kind."""
