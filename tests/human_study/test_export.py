@@ -213,8 +213,8 @@ def test_exclusions_take_trials_out_of_the_run_folders_and_stay_in_the_tables(fo
         assert (found["odd"]["order_no"], found["odd"]["is_planned"]) == (None, False)
         assert "'=1+1 telephone" in (folder / "out" / "exclusions.csv").read_text()
         store.undo_exclusion(exclusion)
-    (folder,) = export_study(folder / "study", folder / "out")
-    assert len(read_run(folder).episodes) == 1
+    (run,) = export_study(folder / "study", folder / "out")
+    assert len(read_run(run).episodes) == 1
     found = {row["rule_id"]: row["is_undone"] for row in rows_of(folder / "out", "exclusions")}
     assert found == {"disturbed": True, "odd": False}
 

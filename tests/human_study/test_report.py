@@ -2,9 +2,7 @@
 
 import csv
 import io
-import json
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import pytest
 
@@ -13,8 +11,7 @@ from human_study.report.render import csv_text, latex, markdown
 from human_study.report.report import StudyReport, study_report
 from human_study.report.rows import require_totals
 from human_study.report.statistics import wilson_interval
-from personal_viz.cli.study.report import StudyReportVerb
-from sim.errors import PersonalVizError, RunFileError, StudyError
+from sim.errors import RunFileError, StudyError
 from sim.tasks.metrics import metric_rows
 from sim.tasks.run_files import (
     Answer,
@@ -22,7 +19,6 @@ from sim.tasks.run_files import (
     Run,
     RunInfo,
 )
-from sim.tasks.run_writer import RunWriter
 from sim.types import SPLITS, EndReason, EpisodeKey, Split
 
 from .report_examples import pan_episode
@@ -275,23 +271,3 @@ def test_the_report_has_paper_strict_and_the_share_far_from_view_beside_paper_an
     assert all(f"**{line}**" in text for line in report.warnings)
     assert "Warning: " in latex(report)
     assert study_report(runs).warnings == ()
-
-
-@pytest.mark.slow
-def test_the_command_writes_all_files(runs: list[Run], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for run in runs:
-        writer = RunWriter(tmp_path / "runs" / run.info.run_id, run.info)
-        for episode in run.episodes:
-            writer.add_episode(episode)
-    assert StudyReportVerb(runs=[tmp_path / "runs"], out=tmp_path / "out", rule="paper", json=True).run() == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert printed == json.loads((tmp_path / "out" / "report.json").read_text())
-    assert {"low", "high", "k", "n", "method"} <= set(printed["rows"][0])
-    names = {path.name for path in (tmp_path / "out").iterdir()}
-    texts = {"report.md", "report.html", "report.csv", "report.tex", "report.json", "pan-trials.csv", "pan-glmm.R"}
-    pictures = {"pan-people.svg", "pan-episodes.svg", "pan-effort.svg"}
-    assert names >= texts | pictures
-    assert len({name for name in names if name.startswith("overlay-pan-")}) == len(names - texts - pictures) == 4
-    (tmp_path / "file").write_text("x")
-    with pytest.raises(PersonalVizError, match=r"file: cannot be written \(.*expected a folder"):
-        StudyReportVerb(runs=[tmp_path / "runs"], out=tmp_path / "file", rule="paper", json=False).run()

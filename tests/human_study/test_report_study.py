@@ -15,7 +15,7 @@ from human_study.report.report import StudyReport, study_report
 from human_study.report.source import StudyRecords, read_source
 from human_study.report.trials import trial_groups
 from personal_viz.cli.study.report import StudyReportVerb
-from sim.errors import RunFileError, StudyError
+from sim.errors import PersonalVizError, RunFileError, StudyError
 
 from .report_examples import (
     KEYS,
@@ -160,17 +160,17 @@ def test_without_records_a_trial_that_was_given_up_has_no_time_of_its_end(rows: 
         assert found == time_s if time_s is not None else np.isnan(found)
 
 
-def test_pages_in_the_background_are_a_line_and_leave_nothing_out(rows: list[TrialRow]) -> None:
-    flagged = [row.model_copy(update={"is_long_hidden": row.order_no == 5}) for row in rows]
+def test_pages_in_the_background_are_a_line_and_leave_nothing_out(rows: list[TrialRow], found: StudyReport) -> None:
+    flagged = made([row.model_copy(update={"is_long_hidden": row.order_no == 5}) for row in rows])
     people = {row.participant for row in rows}
-    found = study_report(people_runs(flagged, CONFIG), records=StudyRecords(CONFIG, tuple(flagged)))
-    assert found.hidden is not None
+    assert flagged.hidden is not None
     done = [row for row in rows if row.end_reason == "stop" and row.phase == "main"]
-    assert (found.hidden.limit_s, found.hidden.num_trials, found.hidden.num_people) == (60.0, len(done), len(people))
-    line = f"more than 60 s: {found.hidden.num_flagged} of {len(done)} counted trials, of {len(people)} people"
-    assert line in markdown(found)
-    assert found.rows == study_report(people_runs(rows, CONFIG), records=StudyRecords(CONFIG, tuple(rows))).rows
-    assert "Page in the background" not in markdown(found.model_copy(update={"hidden": None}))
+    hidden = flagged.hidden
+    assert (hidden.limit_s, hidden.num_trials, hidden.num_people) == (60.0, len(done), len(people))
+    line = f"more than 60 s: {hidden.num_flagged} of {len(done)} counted trials, of {len(people)} people"
+    assert line in markdown(flagged)
+    assert flagged.rows == found.rows
+    assert "Page in the background" not in markdown(flagged.model_copy(update={"hidden": None}))
 
 
 def test_the_memory_effect_is_found_within_people_and_is_primary(found: StudyReport, rows: list[TrialRow]) -> None:
@@ -318,44 +318,50 @@ def test_an_export_folder_is_read_whole_and_twice_is_refused(tmp_path: Path, row
         read_source([export])
 
 
-def test_the_command_gives_the_same_bytes_twice(
+def test_the_command_writes_all_files_with_the_same_bytes_twice(
     tmp_path: Path, rows: list[TrialRow], capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_export(tmp_path / "export", rows, CONFIG)
     write_runs(tmp_path / "agents", AGENTS)
-    for out in ("one", "two"):
-        folders = [tmp_path / "export", tmp_path / "agents"]
-        assert StudyReportVerb(runs=folders, out=tmp_path / out, rule=None, json=False, overlays=True).run() == 0
-    capsys.readouterr()
+    folders = [tmp_path / "export", tmp_path / "agents"]
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(PersonalVizError, match=r"file: cannot be written \(.*expected a folder"):
+        StudyReportVerb(runs=folders, out=tmp_path / "file").run()
+    for out, json_too in (("one", True), ("two", False)):
+        assert StudyReportVerb(runs=folders, out=tmp_path / out, json=json_too, overlays=True).run() == 0
+        printed = capsys.readouterr().out
+        if json_too:
+            assert printed == (tmp_path / out / "report.json").read_text()
     files = {path.name: path.read_bytes() for path in (tmp_path / "one").iterdir()}
     assert files == {path.name: path.read_bytes() for path in (tmp_path / "two").iterdir()}
-    assert {"flow.svg", "pan-order.svg", "report.html"} <= set(files)
-    assert sum(name.startswith("overlay-pan-") for name in files) == len(KEYS)
-    assert json.loads(files["report.json"])["study"] == "example"
+    pictures = {"flow.svg", "pan-order.svg", "pan-people.svg", "pan-episodes.svg", "pan-effort.svg"}
+    texts = {f"report.{end}" for end in ("md", "html", "csv", "tex", "json")} | {"pan-trials.csv", "pan-glmm.R"}
+    overlays = set(files) - pictures - texts
+    assert set(files) >= pictures | texts
+    assert len({name for name in overlays if name.startswith("overlay-pan-")}) == len(overlays) == len(KEYS)
+    document = json.loads(files["report.json"])
+    assert document["study"] == "example"
+    assert {"low", "high", "k", "n", "method"} <= set(document["rows"][0])
     page = files["report.html"].decode()
-    assert page.count("<svg") == sum(name.endswith(".svg") for name in files)
+    assert page.count("<svg") == len(pictures | overlays)
     for outside in ("http://", "https://", "<script", "src="):
         assert outside not in page.replace("http://www.w3.org/", "").replace("https://matplotlib.org/", "").replace(
             "http://purl.org/", ""
         ).replace("http://creativecommons.org/", "")
 
 
-def test_pilots_and_other_homes_are_labelled(rows: list[TrialRow]) -> None:
-    pilot = made(rows, is_pilot=True)
-    assert "Pilot: served without an ethics id" in markdown(pilot)
-    assert "Pilot: served without an ethics id" in html_text(pilot, {})
-    assert "no human baseline" not in markdown(pilot)
-
-
-def test_a_study_that_still_runs_is_labelled(rows: list[TrialRow], found: StudyReport) -> None:
-    assert found.num_open == 0
-    assert "Interim" not in markdown(found)
+def test_pilots_and_studies_that_still_run_are_labelled(rows: list[TrialRow], found: StudyReport) -> None:
+    assert (found.num_open, found.is_pilot) == (0, False)
+    for label in ("Interim", "Pilot:", "no human baseline"):
+        assert label not in markdown(found)
     blank = dict.fromkeys(("end_reason", "success", "spl", "softspl", "dtg", "planar_distance", "head_hash"))
     waiting = trial_row("p01", 15, KEYS[0], "none", success=False, steps=1, attempt=0).model_copy(update=blank)
-    running = made([*rows, waiting])
+    running = made([*rows, waiting], is_pilot=True)
     assert running.num_open == 1
-    assert "Interim: 1 counted trials are not done" in markdown(running)
     assert [row.n for row in running.rows] == [row.n for row in found.rows]
+    for text in (markdown(running), html_text(running, {})):
+        assert "Interim: 1 counted trials are not done" in text
+        assert "Pilot: served without an ethics id" in text
 
 
 def test_people_of_two_studies_are_refused(rows: list[TrialRow]) -> None:
