@@ -4,8 +4,6 @@ import dataclasses
 import io
 import json
 import re
-import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,18 +12,15 @@ from rich.console import Console
 
 from human_study.journey import Place
 from human_study.store.progress import PersonProgress, State
+from personal_viz.cli.study import status
 from personal_viz.cli.study.status import MIN_WIDTH, StudyStatus, page, progress_now
 from personal_viz.study_app.operator.progress_view import place_words
-from personal_viz.study_app.operator.served import hear_ctrl_c
 from sim.errors import StudyError
 from tests.human_study.finished import study_with_trials
 from tests.human_study.small_world import CANARY
 from tests.human_study.stores import KEY, opened
 
 from .busy_studies import busy_study
-
-SHOW = "import sys; from pathlib import Path; from personal_viz.cli.study.status import StudyStatus; "
-SHOW += "sys.exit(StudyStatus(Path(sys.argv[1]), json=True, watch=True).run())"
 
 
 def person(place: Place, state: State = "active", *, trial_no: int | None = None, is_in_trial: bool = False):
@@ -81,27 +76,25 @@ def test_a_study_that_is_open_elsewhere_can_be_looked_at(tmp_path: Path, capsys:
     assert json.loads(capsys.readouterr().out)["people"][1]["is_in_trial"]
 
 
-def test_watching_shows_what_is_new_until_ctrl_c(tmp_path: Path) -> None:
+def test_watching_shows_what_is_new_until_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store, _ = opened(tmp_path)
+    seen: list[int] = []
+
+    class Terminal(io.StringIO):
+        def write(self, text: str) -> int:
+            if text.strip():
+                seen.append(json.loads(text)["people"][1]["num_reconnects"])
+                if seen == [0]:
+                    store.open_trial("p02", 1)
+                if seen[-1] == 1:
+                    raise KeyboardInterrupt
+            return len(text)
+
+    monkeypatch.setattr(status, "EVERY_S", 0.0)
+    monkeypatch.setattr(sys, "stdout", Terminal())
     with store:
-        process = subprocess.Popen(
-            [sys.executable, "-c", SHOW, str(tmp_path)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            preexec_fn=hear_ctrl_c,
-        )
-        try:
-            assert process.stdout is not None
-            assert json.loads(process.stdout.readline())["people"][1]["num_reconnects"] == 0
-            store.open_trial("p02", 1)
-            assert any(json.loads(line)["people"][1]["num_reconnects"] == 1 for line in process.stdout)
-            process.send_signal(signal.SIGINT)
-            _, errors = process.communicate(timeout=30)
-        finally:
-            process.kill()
-            process.wait()
-    assert (process.returncode, errors) == (0, "")
+        assert StudyStatus(study=tmp_path, json=True, watch=True).run() == 0
+    assert (seen[0], seen[-1]) == (0, 1)
 
 
 def test_a_folder_without_a_study_is_one_line(tmp_path: Path) -> None:

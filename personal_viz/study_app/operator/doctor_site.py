@@ -66,13 +66,8 @@ def ask(
 ) -> Reply:
     """The reply to one request over an open connection; `headers` include Host."""
     began_s, at_s = time.monotonic(), time.time()
-    connection.putrequest("GET" if body is None else "POST", path, skip_host=True, skip_accept_encoding=True)
-    for name, value in headers.items():
-        connection.putheader(name, value)
-    if body is not None:
-        connection.putheader("Content-Type", "application/json")
-        connection.putheader("Content-Length", str(len(body)))
-    connection.endheaders(body)
+    kind = {} if body is None else {"Content-Type": "application/json"}
+    connection.request("GET" if body is None else "POST", path, body, {**kind, **headers})
     with connection.getresponse() as response:
         content = response.read(MAX_REPLY_BYTES)
         found = {name.lower(): value for name, value in response.getheaders()}
