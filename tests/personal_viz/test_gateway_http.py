@@ -9,8 +9,8 @@ from starlette.types import Message, Receive, Scope, Send
 from uvicorn.server import ServerState
 
 from personal_viz.study_app.gateway import http as gateway_http
-from personal_viz.study_app.gateway.http import Guard, PromptProtocol, host_name, uvicorn_server
-from personal_viz.study_app.gateway.options import ServeOptions
+from personal_viz.study_app.gateway.http import Guard, PromptProtocol, uvicorn_server
+from personal_viz.study_app.gateway.options import ServeOptions, host_name
 
 
 def scope_from(peer: str, *, forwarded_for: str = "", kind: str = "http") -> Scope:

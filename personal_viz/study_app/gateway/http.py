@@ -2,12 +2,10 @@
 
 import asyncio
 import contextlib
-import re
 import socket
 import threading
 from collections.abc import Awaitable, Callable, Iterable, Iterator, MutableMapping
 from typing import Any
-from urllib.parse import urlsplit
 
 import h11
 import uvicorn
@@ -23,7 +21,7 @@ from sim.errors import StudyError
 
 from .filter import MAX_MESSAGE_BYTES
 from .limits import LOOPBACK, Holds, client_address
-from .options import ServeOptions
+from .options import ServeOptions, host_name
 
 MAX_HEADER_BYTES = 16 * 1024
 MAX_BODY_BYTES = 64 * 1024
@@ -44,7 +42,6 @@ _HEADERS = {
     "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
 }
 _HANDSHAKE = (b"connection", b"upgrade")
-_HOST = re.compile(r"\A[A-Za-z0-9.:\[\]-]{1,255}\Z")
 _HSTS = "max-age=86400"
 """One day: long enough for a sitting, short enough to take a study's name back to plain HTTP."""
 
@@ -248,16 +245,6 @@ def _refusal(scope: Scope, names: frozenset[str]) -> tuple[int, str] | None:
     if any(not value.isdigit() or int(value) > MAX_BODY_BYTES for value in lengths):
         return 413, "body too large"
     return None
-
-
-def host_name(host: str) -> str:
-    """The name in a Host header, lower case, without port; empty when the header holds no name."""
-    if _HOST.match(host) is None:
-        return ""
-    try:
-        return urlsplit(f"//{host}").hostname or ""
-    except ValueError:
-        return ""
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, status: int, text: str) -> None:

@@ -2,6 +2,7 @@
 
 import ipaddress
 import os
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +16,7 @@ from .heartbeat import Heartbeat
 
 LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
 MOST_DEFAULT_WORKERS = 4
+_HOST = re.compile(r"\A[A-Za-z0-9.:\[\]-]{1,255}\Z")
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +85,16 @@ class ServeOptions:
         return f"{scheme}://{host}" + ("" if (scheme, port) in {("https", 443), ("http", 80)} else f":{port}")
 
 
+def host_name(host: str) -> str:
+    """The name in a Host header, lower case, without port; empty when the header holds no name."""
+    if _HOST.match(host) is None:
+        return ""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
+
+
 def require_may_serve(options: ServeOptions, config: StudyConfig, kinds: Iterable[SceneKind]) -> None:
     """Refuses options that would be unsafe or not allowed.
 
@@ -146,7 +158,7 @@ def _require_addresses(options: ServeOptions) -> None:
             "--public: found no name for browsers to call; expected --host, for example --host study.example.org."
         )
     for host in options.hosts:
-        if _name(host) == "" or "/" in host or "@" in host:
+        if _name(host) == "":
             raise StudyError(f"--host {host}: is not a host name; expected one such as study.example.org.")
 
 
@@ -156,13 +168,8 @@ def _require_port(flag: str, port: int) -> None:
 
 
 def _name(host: str) -> str:
-    """The host name in a Host header or option, lower case, without port; empty when there is none."""
-    if host.count(":") > 1 and not host.startswith("["):
-        return host.lower()  # a bare IPv6 address
-    try:
-        return urlsplit(f"//{host}").hostname or ""
-    except ValueError:
-        return ""
+    """The host name in an option, which may be a bare IPv6 address; otherwise as `host_name`."""
+    return host.lower() if host.count(":") > 1 and not host.startswith("[") else host_name(host)
 
 
 def _ip(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
