@@ -1,7 +1,7 @@
 """The messages of one browser, and the queue from which its visitor's thread takes them.
 
 Most messages are words, because our own HTML can send nothing else: `hover NODE`, `object INDEX`, `episode NUMBER`,
-`step BY`, `slide STEP`, and so on; `Visitor` knows them all.
+`step BY`, `slide STEP` and so on. `Visitor` obeys them.
 """
 
 import queue
@@ -13,7 +13,7 @@ from .library import OpenHome, Wanted
 
 
 class HomeOpened(NamedTuple):
-    """A home that was asked for is there, or cannot be opened, or is no longer wanted by whoever asked first."""
+    """A home that was asked for is open, has failed to open, or was given up by another visitor."""
 
     scene: str
     home: "Future[OpenHome]"

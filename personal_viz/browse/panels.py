@@ -1,12 +1,11 @@
-"""The panels of `personal-viz browse`: list left, episode right, a walk along a run in the corner. Widgets to messages.
+"""The panels of `personal-viz browse`: the list left, the episode right, a walk along a run in the corner.
 
 Nothing is computed here: each widget puts a message on the visitor's queue, and the visitor sets what is shown.
 
-viser tells nothing about its HTML elements, but it does about text inputs: hovering and clicking become text messages
-in a hidden input. The script `channel.js` listens on the whole page for elements with `data-hover` and `data-click`,
-and types into the input; at most ten messages a second leave, of which clicks are never dropped. It also marks graph
-nodes under the mouse at once, without waiting for the server, and keeps the arrow keys that move a slider from turning
-viser's camera.
+viser reports nothing about its HTML elements, but it reports changes of text inputs. So the script `channel.js` listens
+for the mouse on elements with `data-hover` and `data-click`, and types into a hidden input, at most ten messages a
+second; clicks are never dropped. The script also marks graph nodes under the mouse at once, without waiting for the
+server, and keeps the arrow keys that move a slider from turning viser's camera.
 """
 
 import html

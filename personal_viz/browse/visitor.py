@@ -1,4 +1,4 @@
-"""One browser that looks through the library: messages in, panels and 3-D out. A thread of its own.
+"""One browser that looks through the library: messages in, panels and 3-D out, on a thread of its own.
 
 viser's callbacks only put messages on the queue; files, links and rendering are never on viser's event loop. Texts go
 to the browser before the home is touched, so that walking through episodes does not wait for 3-D.

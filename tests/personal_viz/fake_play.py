@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import queue
+import threading
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -11,7 +12,7 @@ import pytest
 from human_study.design.study import Condition
 from human_study.store.store import SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
-from human_study.trial.events import Event, event_to_json
+from human_study.trial.events import Event, event_from_json, event_to_json
 from human_study.trial.views import LookView, PanView, PogView, RateView
 from personal_viz.study_app.home.frames import Frames, RenderThreads
 from personal_viz.study_app.home.homes import Home
@@ -26,7 +27,7 @@ from sim.episodes.schema import Episode
 from sim.render.renderer import Hits
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import ClickRay, Vector3
-from sim.types import Camera, Frame, TaskKind
+from sim.types import Camera, EpisodeKey, Frame, TaskKind
 
 from ..human_study.small_world import PoseColours, SquareRoom, episode, study
 
@@ -58,38 +59,63 @@ class Clock:
 class MemoryLink:
     """The store of one trial."""
 
-    def __init__(self, task: TaskKind, condition: Condition | None = None, *, code: str = "p02") -> None:
+    def __init__(
+        self,
+        task: TaskKind,
+        condition: Condition | None = None,
+        *,
+        code: str = "p02",
+        key: EpisodeKey | None = None,
+    ) -> None:
         chosen = condition or ("none" if task == "pan" else "map_open")
-        self.trial = Trial("t1", code, 1, "main", task, chosen, episode().key, 1, 0, 0.0)
+        self.trial = Trial("t1", code, 1, "main", task, chosen, key or episode().key, 1, 0, 0.0)
         self.stored: list[Event] = []
         self.outcome: Any = None
         self.calls: list[str] = []
+        self.changed = threading.Condition()
 
     def open_trial(self) -> Trial:
         """As the store's; older epochs cannot write after it."""
         self.trial = dataclasses.replace(self.trial, epoch=self.trial.epoch + 1)
         return self.trial
 
-    def events(self, trial_id: str) -> list[Event]:
-        return list(self.stored)
+    def events(self, trial_id: str = "t1") -> list[Event]:
+        """The stored events as they are read from disk."""
+        return [event_from_json(line) for line in self.lines()]
 
     def append_many(self, trial_id: str, epoch: int, events: Sequence[Event]) -> None:
         assert events
-        if epoch != self.trial.epoch:
-            raise SupersededError("another tab has the trial")
-        if self.outcome is not None:
-            raise TrialEndedError("it is over")
-        self.stored += events
-        self.calls.append("store " + " ".join(event.kind for event in events))
+        with self.changed:
+            if epoch != self.trial.epoch:
+                raise SupersededError("another tab has the trial")
+            if self.outcome is not None:
+                raise TrialEndedError("it is over")
+            self.stored += events
+            self.calls.append("store " + " ".join(event.kind for event in events))
+            self.changed.notify_all()
 
     def finish_trial(self, trial_id: str, outcome: Any) -> None:
-        assert self.outcome is None
-        self.outcome = outcome
-        self.calls.append("finish")
+        with self.changed:
+            assert self.outcome is None
+            self.outcome = outcome
+            self.calls.append("finish")
+            self.changed.notify_all()
 
     def lines(self) -> list[str]:
         """The stored events as they are on disk."""
         return [event_to_json(event) for event in self.stored]
+
+    def wait_for(self, kind: str, *, count: int = 1) -> list[Event]:
+        """All events, once there are `count` of this kind."""
+        with self.changed:
+            assert self.changed.wait_for(lambda: sum(e.kind == kind for e in self.stored) >= count, timeout=60)
+        return self.events()
+
+    def wait_for_outcome(self) -> Any:
+        """The trial's outcome, once it is stored."""
+        with self.changed:
+            assert self.changed.wait_for(lambda: self.outcome is not None, timeout=60)
+        return self.outcome
 
 
 class ScriptedPage:

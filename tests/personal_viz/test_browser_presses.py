@@ -11,9 +11,9 @@ from human_study.trial.events import Shown
 from personal_viz.study_app.home.homes import Home
 from personal_viz.study_app.screens import play as play_module
 
-from .fake_play import EmptySurface, meshless_home
+from .fake_play import EmptySurface, MemoryLink, meshless_home
 from .flow_steps import HOLD_MS
-from .stage import MemoryLink, Stage, staged
+from .stage import Stage, staged
 
 pytestmark = pytest.mark.browser
 
@@ -73,7 +73,7 @@ def rectangles(page: Page) -> list[tuple[float, float, float, float]]:
 
 def events_of(link: MemoryLink, *kinds: str) -> int:
     """How many are stored."""
-    return sum(event.kind in kinds for event in link.events(""))
+    return sum(event.kind in kinds for event in link.events())
 
 
 def press_twice(page: Page, stage: Stage, number: int) -> None:
@@ -129,7 +129,7 @@ def end_twice(page: Page, stage: Stage, label: str, kind: Literal["stop", "giveu
     page.wait_for_timeout(550)  # a person's pace: of a double click on "Give up" the second press does not count
     page.mouse.click(*before[number].middle, delay=HOLD_MS)
     stage.link.wait_for_outcome()
-    assert stage.link.events("")[-1].kind == kind
+    assert stage.link.events()[-1].kind == kind
     assert page.evaluate(_MET_TWICE), label
     go_on(page)
 
@@ -140,7 +140,7 @@ def confirm_twice(page: Page, stage: Stage) -> None:
     stage.link.wait_for("click")
     page.get_by_role("button", name="Confirm the mark").dblclick()
     stage.link.wait_for_outcome()
-    assert stage.link.events("")[-1].kind == "confirm"
+    assert stage.link.events()[-1].kind == "confirm"
     go_on(page)
 
 
@@ -206,5 +206,5 @@ def test_a_blocked_step_says_so_and_bumps_the_picture_and_moves_nothing(home: Ho
         assert picture.evaluate(moving) == "none"
         page.keyboard.press("a", delay=HOLD_MS)  # that a picture was shown is stored with the next step
         expect(picture).to_have_attribute("data-step", "9")
-        events = stage.link.events("")
+        events = stage.link.events()
     assert [event.step for event in events if isinstance(event, Shown) and event.blocked] == [4, 5, 8]

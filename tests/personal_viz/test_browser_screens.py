@@ -67,7 +67,7 @@ def test_a_walk_begins_after_a_look_at_the_map(home: Home, browser: BrowserConte
         expect(page.get_by_role("heading", name="How sure are you?")).to_be_visible()
         page.keyboard.press("4", delay=HOLD_MS)
         expect(page.get_by_role("heading", name="Saved")).to_be_visible()
-        events = stage.link.events("")
+        events = stage.link.events()
         assert isinstance(stage.link.outcome, EpisodeEnd)
         assert stage.link.outcome.reason == "stop"
     expected = "open map_on storey map_off shown key act shown key stop_armed key act stop confidence"
@@ -98,7 +98,7 @@ def test_the_papers_order_shows_the_home_first_and_its_texts_after_that(home: Ho
         page.wait_for_timeout(600)  # a double click is one press
         page.get_by_role("button", name="Give up this search").click()
         expect(page.get_by_role("heading", name="Saved")).to_be_visible()
-        events = stage.link.events("")
+        events = stage.link.events()
     assert kinds(events) == ["open", "map_on", "map_off", "giveup_armed", "giveup"]
     assert end_reason(events) == "giveup"
 
@@ -108,7 +108,7 @@ def resting_camera(page: Page, stage: Stage, is_there: Callable[[Cam], bool]) ->
     last, num_equal = None, 0
     for _ in range(240):
         page.wait_for_timeout(250)
-        cams = [event for event in stage.link.events("") if isinstance(event, Cam)]
+        cams = [event for event in stage.link.events() if isinstance(event, Cam)]
         num_equal = num_equal + 1 if cams and cams[-1] == last and is_there(cams[-1]) else 0
         if num_equal == 4:
             return cams[-1]
@@ -186,7 +186,7 @@ def test_a_mark_can_be_made_moved_and_confirmed_without_a_mouse(home: Home, brow
         expect(button).to_be_focused()
         button.press("Enter", delay=HOLD_MS)
         outcome = stage.link.wait_for_outcome()
-        hits = [event.hit for event in stage.link.events("") if isinstance(event, Clicked)]
+        hits = [event.hit for event in stage.link.events() if isinstance(event, Clicked)]
     assert isinstance(outcome, Answer)
     assert all(hit is not None for hit in hits)
     assert outcome.candidates == (hits[-1],)
@@ -224,7 +224,7 @@ def test_looking_up_and_down_by_key_and_button_is_stored_and_verified(home: Home
             pictures.append(picture.get_attribute("src"))
         stop(page)
         outcome = stage.link.wait_for_outcome()
-        events = stage.link.events("")
+        events = stage.link.events()
     acts = [event for event in events if isinstance(event, Act)]
     assert [act.action for act in acts] == [
         Action.LOOK_UP,
