@@ -10,6 +10,7 @@ import time
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import cast
 
 import viser
 
@@ -20,6 +21,7 @@ from human_study.store.record_types import has_reached, last_detail
 from human_study.store.store import SupersededError, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.texts.participants import leave_text, practice_text
+from sim.types import Action
 
 from ..gateway.device import IN_3D
 from ..home.homes import Home, HomeLibrary
@@ -28,12 +30,6 @@ from ..store_link import StoreLink
 from .cards import BROKEN, LOST_PICTURE, PAUSED, TAKEN_OVER, Card, begin_card, card_after, welcome_back_card
 from .page import GoneError, Page, WithdrawnError
 from .play import TrialPlay
-
-_KEYS: dict[str, tuple[KeyAction, ...]] = {
-    "paper4": ("forward", "left", "right", "stop"),
-    "paper6": ("forward", "left", "right", "look_up", "look_down", "stop"),
-}
-"""Actions for which PAN participants have keys, by the study's set of actions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,11 +100,13 @@ class Seat:
     def _begin(self) -> None:
         """Starts the page's script with the participant's own keys, and shows the tools."""
         person, page = self._person(), self._page
-        actions = _KEYS[self._study.config.actions] if person.task == "pan" else ()
+        config = self._study.config
+        used = sorted(config.action_set if person.task == "pan" else (), key=lambda action: action is Action.STOP)
+        actions: list[KeyAction] = [cast(KeyAction, action.value) for action in used]
         messages = PageMessages(page.client, page.heard, actions=actions)
         page.own_keys = last_detail(person.stages, "keys_changed")
         messages.begin(page.own_keys)
-        page.tools(has_keys=bool(actions), on_leave=leave_text(self._study.config))
+        page.tools(has_keys=bool(actions), on_leave=leave_text(config))
 
     def _until_stored(self, work: Callable[[], None]) -> None:
         """Does the work. While the store cannot write, the page waits; then all is rebuilt from the stored records."""
