@@ -16,6 +16,7 @@ from ..options import ScenesDir
 
 if TYPE_CHECKING:
     from human_study.design.plan import StudyPlan
+    from human_study.design.study import StudyConfig
     from human_study.report.power import PowerAssumptions
 
 
@@ -68,22 +69,7 @@ class StudyPlanVerb:
                 "changes after that: give a new study another folder."
             )
         made = plan_study(self.study, self.dataset, self.scenes_dir, pilot=self.pilot)
-        config = load_study(self.study)
-        per_person = Counter(sum(trial.phase == "main" for trial in person.trials) for person in made.participants)
-        spare = per_person.pop(0, 0)
-        num_trials = sum(number * people for number, people in per_person.items())
-        keys = {trial.key for person in made.participants for trial in person.trials if trial.phase == "main"}
-        homes = how_many(len(made.scenes), "home")
-        print(f"{config.study}: {how_many(len(keys), 'episode')} in {homes}, design {config.design.kind}")
-        sizes = ", ".join(f"{people} people x {number} trials" for number, people in sorted(per_person.items()))
-        print(f"  {num_trials} counted trials: {sizes}" + (f"; {spare} spare people" if spare else ""))
-        for change in made.changes:
-            print(f"  Other than asked: {change}.")
-        print(f"  most meetings of one person with one home: {_most_visits(made)}")
-        kinds = Counter(scene.kind for scene in made.scenes)
-        print("  homes: " + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())))
-        if set(kinds) != {"scan"}:
-            print("  Not a human baseline for PersONAL: that is claimed on scans only.")
+        _print_plan(made, load_study(self.study))
         next_verb = f"personal-viz study serve {self.study} --dataset {self.dataset}"
         print(f"Written to {self.study / PLAN_FILE}. Next: {next_verb}")
         return 0
@@ -117,15 +103,22 @@ class StudyPlanVerb:
         return 0
 
 
-def _most_visits(made: StudyPlan) -> int:
-    return max(
-        (
-            count
-            for person in made.participants
-            for count in Counter(trial.scene for trial in person.trials if trial.phase == "main").values()
-        ),
-        default=0,
-    )
+def _print_plan(made: StudyPlan, config: StudyConfig) -> None:
+    counted = [(person.code, trial) for person in made.participants for trial in person.trials if trial.phase == "main"]
+    per_person = Counter(Counter(code for code, _ in counted).values())
+    visits = Counter((code, trial.scene) for code, trial in counted)
+    kinds = Counter(scene.kind for scene in made.scenes)
+    episodes = how_many(len({trial.key for _, trial in counted}), "episode")
+    print(f"{config.study}: {episodes} in {how_many(len(made.scenes), 'home')}, design {config.design.kind}")
+    sizes = ", ".join(f"{people} people x {number} trials" for number, people in sorted(per_person.items()))
+    spare = len(made.participants) - per_person.total()
+    print(f"  {len(counted)} counted trials: {sizes}" + (f"; {spare} spare people" if spare else ""))
+    for change in made.changes:
+        print(f"  Other than asked: {change}.")
+    print(f"  most meetings of one person with one home: {max(visits.values(), default=0)}")
+    print("  homes: " + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())))
+    if set(kinds) != {"scan"}:
+        print("  Not a human baseline for PersONAL: that is claimed on scans only.")
 
 
 def _assumptions(**fields: float | tuple[float, ...]) -> PowerAssumptions:
