@@ -5,12 +5,7 @@ from importlib import import_module
 
 
 def loader_of(package: str, places: Mapping[str, tuple[str, str]]) -> Callable[[str], object]:
-    """The `__getattr__` of a package (PEP 562).
-
-    Args:
-        package: Its name, for the error.
-        places: Each public name to its module and its name there.
-    """
+    """The `__getattr__` (PEP 562) of this package; `places` maps each public name to its module and its name there."""
 
     def load(name: str) -> object:
         """The object of this public name; AttributeError for any other."""

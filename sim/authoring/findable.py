@@ -73,14 +73,7 @@ class FindVerdict:
 def find_verdicts(
     episodes: Sequence[Episode], plan: HomePlan, scene: Scene, *, renderer: Renderer
 ) -> tuple[FindVerdict, ...]:
-    """The verdict on each episode of one scene, in order.
-
-    Args:
-        episodes: All episodes of the plan's scene.
-        plan: The home.
-        scene: The scene made from the plan.
-        renderer: Renderer of the scene's mesh.
-    """
+    """The verdict on each of a scene's episodes, in order; the scene is made from the plan."""
     sights: dict[str, Sight] = {}
     for goal in (goal for episode in episodes for goal in episode.targets):
         if goal.object_name not in sights:
@@ -91,11 +84,7 @@ def find_verdicts(
 def find_verdict(episode: Episode, plan: HomePlan, scene: Scene, *, sights: Mapping[str, Sight]) -> FindVerdict:
     """The verdict on one episode; of several right objects the one that is easiest to find is judged.
 
-    Args:
-        episode: An episode of the plan's scene.
-        plan: The home.
-        scene: The scene made from the plan; its objects' ids are those in `sights`.
-        sights: Sights of the episode's targets, by `object_name`.
+    The scene is made from the plan; `sights` holds those of the episode's targets by `object_name`.
     """
     verdicts = [_verdict(episode, goal, plan, scene, sights[goal.object_name]) for goal in episode.targets]
     return min(verdicts, key=lambda verdict: (not verdict.findable, len(verdict.alike), -verdict.pixels))

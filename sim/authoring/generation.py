@@ -52,16 +52,12 @@ def invent_dataset(out: Path, *, name: str, seed: int) -> None:
 
 
 def dataset_files(name: str, *, seed: int, episodes_per_split: int = EPISODES_PER_SPLIT) -> dict[str, bytes]:
-    """A whole dataset of one invented home: path below the dataset's folder to content.
+    """A whole dataset of one invented home (`invent_plan`), with 1 to 300 episodes per split: path below the dataset's
+    folder to content.
 
     `scenes/<name>.plan.json`; for `--scenes-dir <out>/scenes`, in HM3D's form (z-up), `scenes/<name>.glb`,
     `scenes/<name>.semantic.glb` and `scenes/<name>.semantic.txt`; and for each split `<split>/content/<name>.json.gz`
     and the index `<split>/<split>.json.gz`, which is the same for all homes.
-
-    Args:
-        name: Name of the home, which is a scene's name.
-        seed: Seed of the home (`invent_plan`).
-        episodes_per_split: Number of episodes, 1 to 300.
 
     Raises:
         SceneError: The seed gives no home.

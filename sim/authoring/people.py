@@ -54,12 +54,8 @@ def draw_ownership(split: Split, conflicts: NDArray[np.bool_], *, rng: np.random
     """Pairs of owner and object that keep the split's rule; people and objects are numbered from 0 without gaps.
 
     Rules (paper): easy, everybody owns one object and every object has one owner; medium, every object has one owner
-    and somebody owns several; hard, somebody owns several and some object has several owners.
-
-    Args:
-        split: The split whose rule holds.
-        conflicts: (M, M) symmetric; True where one person may not own both, because a query could mean either.
-        rng: Draws sizes and edges.
+    and somebody owns several; hard, somebody owns several and some object has several owners. `conflicts` (M, M) is
+    True where one person may not own both, because a query could mean either.
 
     Raises:
         DatasetError: The rule cannot be met with these objects.

@@ -80,14 +80,10 @@ class _Start(NamedTuple):
 def draw_search(
     home: FurnishedHome, split: Split, index: int, *, asked: set[str], rng: np.random.Generator
 ) -> EpisodeRecord:
-    """One episode, the `index`-th of its split; storeys take turns.
+    """One episode, the `index`-th (from 0) of its split; storeys take turns.
 
-    Args:
-        home: The home.
-        split: Gives the rule of ownership and the window of distances.
-        index: Place in the split, from 0.
-        asked: Targets of earlier searches in the home; other objects are preferred. Not changed.
-        rng: Draws everything.
+    The split gives the rule of ownership and the window of distances; objects that earlier searches `asked` for come
+    last.
 
     Raises:
         DatasetError: No graph or no start was found.

@@ -20,12 +20,7 @@ def browser_glb(scene: Scene, floor_y: float, *, srgb_colours: bool = False) -> 
     """One storey of a scene as binary glTF 2.0: world axes (y up), unlit, the same bytes for the same scene.
 
     It has at most MAX_FACES triangles, MAX_BYTES bytes and the texels that `atlased` allows. It is made once and kept
-    in the cache folder.
-
-    Args:
-        scene: Any home.
-        floor_y: One of the scene's storey heights, metres.
-        srgb_colours: Whether vertex colours are written in Rerun's form; see `glb_from_mesh`.
+    in the cache folder. `floor_y` is one of the scene's storey heights (metres); `srgb_colours` as in `glb_from_mesh`.
 
     Raises:
         SceneError: No face of the scene is on that storey.

@@ -49,11 +49,7 @@ class StoreyCut(NamedTuple):
 
 
 def storey_mesh(scene: Scene, floor_y: float) -> TriangleMesh:
-    """The cut storey of a scene at full resolution.
-
-    Args:
-        scene: Any home.
-        floor_y: One of the scene's storey heights, metres.
+    """The storey of a scene with this storey height (metres), cut, at full resolution.
 
     Raises:
         SceneError: No face of the scene is on that storey.
@@ -70,17 +66,11 @@ def storey_mesh(scene: Scene, floor_y: float) -> TriangleMesh:
 
 
 def storey_cut(scene: Scene, floor_y: float) -> StoreyCut:
-    """The heights at which a storey is cut: under its lowest ceiling, over all of its floors.
+    """The heights at which the storey of this height (metres) is cut: under its lowest ceiling, over all of its floors.
 
     Ceilings are searched over the walkable places of the storey. A ceiling or floor needs 1 m2 at one height to count:
-    a split level, a platform and a slope do, while a stair's steps, lamps and door heads do not.
-
-    Args:
-        scene: Any home.
-        floor_y: One of the scene's storey heights, metres.
-
-    Returns:
-        CUT_HEIGHT above and CUT_BELOW below the floor where the storey has no walkable place or no ceiling.
+    a split level, a platform and a slope do, while a stair's steps, lamps and door heads do not. Without any walkable
+    place or ceiling the cuts are CUT_HEIGHT above and CUT_BELOW below the floor.
     """
     x, y, z = _floor_cells(scene.navigation, floor_y)
     if not len(y):

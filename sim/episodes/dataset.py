@@ -160,11 +160,7 @@ class PersonalDataset:
 
 
 def key_from_text(text: str, *, where: str = "episode") -> EpisodeKey:
-    """The key that `SPLIT/SCENE/ID` names.
-
-    Args:
-        text: As a person types it.
-        where: Name of the option or field that holds the text, for the error.
+    """The key that `SPLIT/SCENE/ID` names, as a person types it; `where` names the option or field in the error.
 
     Raises:
         DatasetError: The text is something else.

@@ -51,16 +51,9 @@ class Described:
 
 
 def described_object(record: EpisodeRecord, *, caption: str, category: str, owner: str | None) -> Described | None:
-    """The words of the episode's description about the object with this caption.
+    """The words of the episode's description about the object with this caption, category and owner (None = any owner).
 
-    Args:
-        record: The episode.
-        caption: The object's own caption.
-        category: The object's category.
-        owner: The object's owner; None = any owner.
-
-    Returns:
-        None where the description does not mention the object.
+    None where the description does not mention the object.
     """
     edges = [edge for edge in _edges(record.extracted_summary) if owner in (None, edge.owner)]
     wanted = _content(caption)

@@ -111,14 +111,9 @@ def write_run_folder(run: Run, folder: Path) -> None:
 
 
 def write_tum_files(run: Run, folder: Path) -> list[Path]:
-    """One file `<split>-<scene>-<id>[-<participant>].tum` per PAN episode; a repeated name gets `-2`, `-3`...
+    """One file `<split>-<scene>-<id>[-<participant>].tum` per PAN episode, in order; a repeated name gets `-2`, `-3`...
 
-    Args:
-        run: The run; its answers have no trajectory and are not written.
-        folder: Folder of the files.
-
-    Returns:
-        The files, in the order of the run.
+    Answers have no trajectory and are not written.
 
     Raises:
         OSError: The folder cannot be written.

@@ -49,11 +49,6 @@ def scene_kind(dataset: PersonalDataset, scene: str, scenes_dir: Path | None) ->
     An invented home is still invented when its mesh is read from a file, and a scan with a corrected plan of its
     schematic home beside it is still a scan.
 
-    Args:
-        dataset: Its folder may hold the scene's plan.
-        scene: Scene name, as in the content files.
-        scenes_dir: Folder of scans; None = a plan, or else a schematic home.
-
     Raises:
         SceneError: The plan is damaged or of another home.
     """

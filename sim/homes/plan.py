@@ -334,9 +334,7 @@ def plan_bytes(plan: HomePlan) -> bytes:
 def stored_plan(key: str, make: Callable[[], HomePlan]) -> HomePlan:
     """The plan that `make` gives, made once and kept in the cache folder.
 
-    Args:
-        key: Everything that the plan depends on besides `HOMES_VERSION` and the numerical libraries.
-        make: Makes the plan.
+    `key` holds everything that the plan depends on besides `HOMES_VERSION` and the numerical libraries.
     """
     versions = f"{HOMES_VERSION} {np.__version__} {scipy.__version__}"
     return HomePlan.model_validate_json(cached_bytes("plan", f"{key} {versions}", lambda: plan_bytes(make())))

@@ -72,9 +72,7 @@ class LabelledRenderer:
 def raycaster_of(scene: Scene, *, threads: int | None = None) -> "Raycaster":
     """The plain renderer of a scene: texels as Habitat reads them for scans, mip levels where textures repeat.
 
-    Args:
-        scene: The scene to render.
-        threads: As for `Raycaster`; they change no pixel.
+    `threads` are those of `Raycaster`; they change no pixel.
     """
     from sim.render.raycast import Raycaster
 
@@ -85,11 +83,7 @@ def raycaster_of(scene: Scene, *, threads: int | None = None) -> "Raycaster":
 def renderer_of(scene: Scene, *, threads: int | None = None) -> Renderer:
     """The renderer of the pictures for people and agents: with words in schematic homes, without in all others.
 
-    Without `threads`, all calls for a scene give the same renderer.
-
-    Args:
-        scene: The scene to render.
-        threads: As for `Raycaster`; they change no pixel.
+    Without `threads` (see `Raycaster`; they change no pixel), all calls for a scene give the same renderer.
     """
     if threads is None and scene in _RENDERERS:
         return _RENDERERS[scene]

@@ -28,9 +28,7 @@ class SeenArea:
     def __init__(self, free: NDArray[np.bool_], grid: GridSpec) -> None:
         """Starts with nothing seen.
 
-        Args:
-            free: (rows, cols) cells where the robot's centre can be; used only by views without depth.
-            grid: Grid of the cells in the world.
+        `free` (rows, cols) on the grid is where the robot's centre can be; only views without depth use it.
         """
         self._free = free
         self._grid = grid

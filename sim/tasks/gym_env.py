@@ -283,12 +283,8 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
 def lab_depth(
     depth_m: NDArray[np.float32], depth_range: tuple[float, float], *, normalize: bool
 ) -> NDArray[np.float32]:
-    """Depth as habitat-lab's sensor gives it.
-
-    Args:
-        depth_m: (H, W) planar metres, 0 = no return.
-        depth_range: Range to which depth is clipped, metres; no return becomes the nearest.
-        normalize: Whether the range is mapped to 0-1.
+    """Depth (H, W) as habitat-lab's sensor gives it: clipped to the range (metres), no return (0) as the nearest, and
+    mapped to 0-1 if `normalize`.
 
     Returns:
         (H, W, 1).

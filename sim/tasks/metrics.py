@@ -81,11 +81,8 @@ class MetricRow(BaseModel):
 
 
 def metrics(folders: Sequence[Path | str], *, rule: SuccessRule = "paper") -> list[MetricRow]:
-    """Rows per who, task, condition and split of run folders, then a total row for each.
-
-    Args:
-        folders: Run folders, or folders one level above some.
-        rule: Success rule of the PAN rows.
+    """Rows per who, task, condition and split of run folders, or of the folders one level below, then a total row for
+    each; `rule` is the success rule of the PAN rows.
 
     Raises:
         RunFileError: A folder holds no run, or runs are damaged or cannot be pooled (`metric_rows`).

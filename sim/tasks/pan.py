@@ -63,13 +63,8 @@ class PanEnv:
         camera: Camera = Camera(),  # noqa: B008 - frozen value
         pictures: bool = True,
     ) -> Self:
-        """The environment of one episode in its home, drawn by the home's renderer.
-
-        Args:
-            home: The home of the episode (`open_home`).
-            episode: Only its start is used.
-            camera: Intrinsics and mounting height.
-            pictures: Whether observations hold `rgb` and `depth_m`.
+        """The environment of one episode in its home (`open_home`), drawn by the home's renderer, or without `pictures`
+        not at all; only the episode's start is used.
 
         Raises:
             SceneError: The episode takes place in another home.
@@ -122,11 +117,7 @@ class PanEnv:
         return self.observe()
 
     def step(self, action: Action, *, t_s: float = 0.0) -> Observation:
-        """Takes one action.
-
-        Args:
-            action: The action.
-            t_s: Seconds since the episode's start, stored with the step.
+        """Takes one action; `t_s`, seconds since the episode's start, is stored with the step.
 
         Raises:
             TaskStateError: The episode is over.

@@ -13,11 +13,7 @@ class PogScene:
     """The cut storeys of one scene, each with a renderer that finds the point under a click."""
 
     def __init__(self, scene: Scene, *, make_renderer: Callable[[TriangleMesh], Renderer]) -> None:
-        """Cuts every storey once.
-
-        Args:
-            scene: The home.
-            make_renderer: Builds a renderer of a mesh (`sim.render.raycast.Raycaster`).
+        """Cuts every storey once; `make_renderer` builds a renderer of a mesh, such as `sim.render.raycast.Raycaster`.
 
         Raises:
             SceneError: A storey has no faces.
@@ -28,12 +24,8 @@ class PogScene:
     def hit(
         self, storey: int, origin: Sequence[float], direction: Sequence[float]
     ) -> tuple[float, float, float] | None:
-        """World point at which a ray first meets the storey; None when it meets nothing.
-
-        Args:
-            storey: Index into `storeys`.
-            origin: (3,) world metres.
-            direction: (3,), any length.
+        """World point at which a ray (origin in metres, direction of any length) first meets the storey with this index
+        into `storeys`; None when it meets nothing.
         """
         hits = self._renderers[storey].cast(np.array([origin], float), np.array([direction], float))
         if not np.isfinite(hits.range_m[0]):

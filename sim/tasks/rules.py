@@ -38,13 +38,8 @@ def score_run(
 ) -> Measures:
     """Every rule's figures for one finished run.
 
-    Args:
-        episode: The episode, with its targets.
-        poses: Start and the pose after each step, world frame; at least one.
-        stopped: Whether the last action was STOP.
-        navigation: Geodesic distances on the scene.
-        collisions: Number of forwards that a wall shortened.
-        scene_digest: Digest of the scene on which the distances are computed.
+    `poses` are the start and the pose after each step, world frame; `stopped` says whether the last action was STOP;
+    `collisions` counts the forwards that a wall shortened; `scene_digest` is that of the scene of `navigation`.
     """
     positions = np.array([pose.position for pose in poses])
     path_m = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
@@ -63,12 +58,8 @@ def score_run(
 def score_answer(
     episode: Episode, candidates: Sequence[Vector3], *, storeys: Sequence[tuple[float, float]]
 ) -> AnswerMeasures:
-    """Distances of ranked POG answers to the nearest valid target on their own storey.
-
-    Args:
-        episode: The episode, with its targets.
-        candidates: World points, best first; empty = no answer.
-        storeys: (lowest, highest) floor of each storey of the scene, from `scene_storeys`.
+    """Distances of ranked POG answers (world points, best first; none = no answer) to the nearest valid target on their
+    own storey; `storeys` are those of `scene_storeys`.
     """
     planar = [_planar_on_storey(point, episode.targets, storeys) for point in candidates[:3]]
     known = tuple(distance if math.isfinite(distance) else None for distance in planar)
@@ -113,13 +104,8 @@ def reaches_target(
 
 
 def reaches_goal(position: Sequence[float], episode: Episode, *, distance: float, rule: SuccessRule) -> bool:
-    """Whether STOP here succeeds under the rule.
-
-    Args:
-        position: The robot's feet, world metres.
-        episode: The episode, with its targets.
-        distance: Geodesic metres from here to `success_region` of the rule.
-        rule: Any success rule.
+    """Whether STOP at this place of the robot's feet succeeds under a rule; `distance` is the geodesic one to its
+    `success_region`.
     """
     if rule == "habitat":
         return distance < HABITAT_DISTANCE

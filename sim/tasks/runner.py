@@ -109,15 +109,10 @@ def play(
     camera: Camera = Camera(),  # noqa: B008 - frozen value
     pictures: bool = True,
 ) -> EpisodeRun:
-    """One episode played by an agent, scored under every rule.
+    """One episode played by an agent in the episode's home (`open_home`), scored under every rule.
 
-    Args:
-        agent: The agent; it gets the description and the query, never the goal.
-        episode: The episode.
-        home: The episode's home (`open_home`).
-        seed: Seed of the agent's random numbers.
-        camera: The robot's camera.
-        pictures: Whether the agent's observations hold `rgb` and `depth_m`.
+    The agent gets the description and the query, never the goal; its observations hold `rgb` and `depth_m` unless
+    `pictures` is False. `seed` is that of its random numbers.
 
     Raises:
         SceneError: The episode takes place in another home.
@@ -129,14 +124,9 @@ def play(
 
 
 def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int, watch: Watch | None = None) -> None:
-    """Steps `env` with the agent's actions until the episode is over.
+    """Resets `env` and steps it with the agent's actions until the episode is over.
 
-    Args:
-        agent: The agent.
-        env: The environment; it is reset first.
-        task: The agent's task.
-        seed: Seed of the agent's random numbers.
-        watch: Gets each step. It never changes the agent's observations or actions.
+    `seed` is that of the agent's random numbers; `watch` gets each step, and never changes observations or actions.
 
     Raises:
         AgentError: The agent raised, or returned something that is not one of the task's actions.
@@ -224,13 +214,11 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
 def run_agent(
     jobs: Sequence[AgentJob], writer: RunWriter, *, processes: int, on_episode: Callable[[], None] = lambda: None
 ) -> None:
-    """Runs every job and appends finished runs to `writer` in order; episodes that it already holds are skipped.
+    """Runs every job, one per scene, and appends finished runs to `writer` in order; episodes that it already holds are
+    skipped.
 
-    Args:
-        jobs: One per scene.
-        writer: Stores the finished runs.
-        processes: Worker processes; 1 runs here. Runs and their order do not depend on it.
-        on_episode: Called after each episode is on disk.
+    Runs and their order do not depend on the number of processes; 1 runs here. `on_episode` is called when an episode
+    is on disk.
 
     Raises:
         PersonalVizError: An episode could not be run; all episodes before it are on disk. Or its observer failed; then

@@ -79,12 +79,9 @@ def with_own_facts(run: EpisodeRun, episode: Episode) -> EpisodeRun:
 
 
 def check_steps(wheres: Sequence[str], run: EpisodeRun, *, rounding: float = POSITION_TOLERANCE) -> None:
-    """Refuses a run that no robot of the paper could have made.
+    """Refuses a run that no robot of the paper could have made, but for `rounding` (metres) in any step.
 
-    Args:
-        wheres: `file:line` of start, each step and end.
-        run: The run.
-        rounding: Metres of rounding allowed in any step.
+    `wheres` is the `file:line` of the start, each step and the end.
 
     Raises:
         RunFileError: A step is impossible; the message names its place from `wheres`.
@@ -111,14 +108,10 @@ def check_steps(wheres: Sequence[str], run: EpisodeRun, *, rounding: float = POS
 def check_free_motion(
     wheres: Sequence[str], run: EpisodeRun, *, max_move: float, max_turn: float, max_steps: int
 ) -> None:
-    """Refuses a run of a robot with other actions that moves or turns faster than was declared.
+    """Refuses a run of a robot with other actions that moves (metres) or turns (radians) more than was declared from
+    pose to pose, or takes more steps.
 
-    Args:
-        wheres: `file:line` of start, each step and end.
-        run: The run.
-        max_move: Most metres from pose to pose.
-        max_turn: Most radians of turn from pose to pose.
-        max_steps: The robot's budget.
+    `wheres` is the `file:line` of the start, each step and the end.
 
     Raises:
         RunFileError: A step is impossible; the message names its place from `wheres`.

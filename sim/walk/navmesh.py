@@ -184,11 +184,8 @@ class NavMesh:
 
 
 def load_navmesh(path: Path, *, mesh: "TriangleMesh | None" = None) -> NavMesh:
-    """The navigation map of a `.navmesh` file.
-
-    Args:
-        path: The file, version 1 or 2.
-        mesh: The scan in the world frame; used to tell roofs from storeys.
+    """The navigation map of a `.navmesh` file of version 1 or 2; the scan `mesh` (world frame) tells roofs from
+    storeys.
 
     Raises:
         SceneError: The file is missing, damaged, of another kind, or holds no floor.

@@ -137,13 +137,7 @@ def add_ceiling_lamp(builder: QuadBuilder, place: Points) -> tuple[float, float,
 
 
 def add_railing(builder: QuadBuilder, feet: Points, *, height: float = _RAIL_HEIGHT) -> None:
-    """Adds posts on a line of points and a rail over them.
-
-    Args:
-        builder: Takes the quads.
-        feet: (N, 3) world metres, in order.
-        height: Height of the rail's top over the feet, metres.
-    """
+    """Adds posts on a line of points (N, 3) and a rail whose top is `height` metres over them."""
     places = _spaced(feet)
     for a, b in itertools.pairwise(places):
         along = b - a

@@ -41,12 +41,9 @@ def detail_of(material: Material, shape: Shape, metres: Metres, *, is_floor: boo
 
 
 def noise(rng: np.random.Generator, shape: Shape, size: tuple[float, float]) -> NDArray[np.float64]:
-    """Smooth noise (h, w) that repeats; mean 0, deviation 1.
+    """Smooth noise of this shape that repeats; mean 0, deviation 1.
 
-    Args:
-        rng: Source of the noise.
-        shape: Rows and columns.
-        size: Standard deviations of the blur down and across, texels.
+    `size` has the standard deviations of the blur down and across, in texels.
     """
     down, across = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])
     passed = np.exp(-2 * np.pi**2 * ((size[0] * down) ** 2 + (size[1] * across) ** 2))

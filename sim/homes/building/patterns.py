@@ -28,13 +28,9 @@ _FLOWERS = (
 
 @lru_cache(maxsize=64)
 def pattern_weights(pattern: Pattern, shape: Shape, metres: Metres, *, is_tiled: bool = False) -> Weights:
-    """The share of the second colour in each texel; all 0 for `plain`.
+    """The share of the second colour in each texel of an image of this shape; all 0 for `plain`.
 
-    Args:
-        pattern: Kind of the pattern.
-        shape: Rows and columns of the image.
-        metres: Width and height that the image covers.
-        is_tiled: Whether squares must be as large as the tiles.
+    The image covers `metres` (width, height); where `is_tiled`, squares are as large as the tiles.
     """
     y, x = ((np.arange(count) + 0.5) / count for count in shape)
     if is_tiled and pattern == "checked":
@@ -132,12 +128,9 @@ _Image = NDArray[np.float64]
 
 
 def painted(rgb: Rgb, rgb2: Rgb, *, seed: int) -> NDArray[np.uint8]:
-    """A painting (h, w, 3); the same colours and seed give the same painting.
+    """A painting (h, w, 3), mainly of `rgb`; equal colours and seeds give equal paintings.
 
-    Args:
-        rgb: Main colour.
-        rgb2: Other colour.
-        seed: Chooses the motif and the places of things in it.
+    The seed chooses the motif and the places of things in it.
     """
     rng = np.random.default_rng(seed)
     paint = (_landscape, _portrait, _abstract)[seed % 3]

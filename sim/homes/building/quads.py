@@ -69,10 +69,8 @@ class QuadBuilder:
         self._batches.append(_Batch(quads, smooth, places, finish, instance))
 
     def mesh(self, *, lamps: Sequence[tuple[float, float, float]] = ()) -> TriangleMesh:
-        """Everything added so far as triangles with one texture per finish, and light.
-
-        Args:
-            lamps: World places of light bulbs; surfaces near them that face them are lighter and warmer.
+        """Everything added so far as triangles with one texture per finish, and light; surfaces that face a bulb of
+        `lamps` (world places) nearby are lighter and warmer.
 
         Returns:
             Large quads are split where light changes. `vertex_rgb` is the light on textured faces and the lit colour
@@ -143,12 +141,8 @@ def add_shapes(builder: QuadBuilder, spot: Spot, finish: Finish, *shapes: Shape,
 
 
 def add_piece(builder: QuadBuilder, piece: Furniture, *, instance: int) -> None:
-    """Adds a piece at its place: its middle at `piece.centre`, its front turned from +z by `piece.yaw` about +y.
-
-    Args:
-        builder: Gets one batch of quads for each of the piece's finishes.
-        piece: The piece, with its place, size and look.
-        instance: Object id of all its quads.
+    """Adds a piece with this object id at its place: its middle at `piece.centre`, its front turned from +z by
+    `piece.yaw`.
     """
     by_finish: dict[Finish, list[Shape]] = {}
     for part in parts_of(piece):

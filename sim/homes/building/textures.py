@@ -67,9 +67,7 @@ class Texture:
 def texture_of(finish: Finish, *, is_floor: bool = False) -> Texture | None:
     """The image of a surface seen from near; None = the surface is smooth and of one colour.
 
-    Args:
-        finish: Material, pattern and colours.
-        is_floor: Whether people walk on it, so that wood is laid in planks and stone in slabs.
+    Where people walk on it (`is_floor`), wood is laid in planks and stone in slabs.
 
     Returns:
         An image of 64 to 256 pixels a side. Its mean is the finish's colour; with a pattern it is between the finish's

@@ -87,13 +87,7 @@ class SpareStorey:
     """One storey while things are added to it."""
 
     def __init__(self, storey: EmptyStorey, pieces: list[Furniture], seen: list[Furniture]) -> None:
-        """Takes the space of the existing pieces.
-
-        Args:
-            storey: The empty storey.
-            pieces: All standing, lying and hanging pieces.
-            seen: Those of the pieces that must stay visible.
-        """
+        """Takes the space of all pieces, standing, lying or hanging; those in `seen` must stay visible."""
         self.storey = storey
         self._boxes = np.array([piece.box for piece in pieces]).reshape(-1, 6)
         targets = np.array([piece.box for piece in seen]).reshape(-1, 6)
@@ -178,12 +172,7 @@ class SpareRoom:
     """Random places in one room."""
 
     def __init__(self, storey: SpareStorey, number: int) -> None:
-        """Finds the room's walls.
-
-        Args:
-            storey: The room's storey.
-            number: Index into the plan's rooms.
-        """
+        """Finds the walls of the room with this index into the plan's rooms."""
         self.storey = storey
         empty = storey.storey
         self._mine = mine = (empty.room == number) & empty.inside

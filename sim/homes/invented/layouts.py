@@ -49,12 +49,7 @@ class Home(NamedTuple):
 
 
 def draw_home(num_storeys: int, rng: np.random.Generator) -> Home:
-    """A home, usually of 5 to 9 rooms; its kind, sizes and orientation are drawn.
-
-    Args:
-        num_storeys: 1 or 2.
-        rng: Draws everything.
-    """
+    """A home of one or two storeys, usually of 5 to 9 rooms; its kind, sizes and orientation are drawn."""
     home = _one_storey(rng) if num_storeys == 1 else _two_storeys(rng)
     return turned(home, mirror_x=rng.random() < 0.5, mirror_z=rng.random() < 0.5, swap=rng.random() < 0.5)
 

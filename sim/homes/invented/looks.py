@@ -21,13 +21,7 @@ class Look(NamedTuple):
 
 
 def described(category: str, words: str, size: str = "") -> str:
-    """The piece in words, without article: "small plant with a blue ceramic pot".
-
-    Args:
-        category: The piece's category.
-        words: Words of its look.
-        size: "small", "large" or "".
-    """
+    """A piece of this look and size ("" = usual) in words, no article: "small plant with a blue ceramic pot"."""
     if category in ("lamp", "table lamp"):
         text = f"{category} with {with_article(words)} shade"
     elif category in ("plant", "decorative plant"):

@@ -116,15 +116,8 @@ def build_partition(
     stair: Stair | None,
     rng: np.random.Generator,
 ) -> Partition:
-    """The storey's walls.
-
-    Args:
-        layout: The storey's rooms.
-        names: Names of the rooms; bathrooms have narrow windows.
-        doors: Pairs of rooms that a door joins.
-        storey: Index of the storey.
-        stair: The stair; no door or window is beside it.
-        rng: Draws the places of doors.
+    """The storey's walls, with a door between each of these pairs of rooms; bathrooms have narrow windows, and nothing
+    opens beside the stair.
     """
     wanted = {frozenset(door) for door in doors}
     is_open = {frozenset(pair) for pair in layout.open_pairs}
