@@ -50,27 +50,25 @@ def _called(piece: Furniture) -> str:
 
 def _carried(piece: Furniture, others: list[Furniture]) -> str:
     """ "on the oak desk"; for rugs, the thing that stands on them."""
-    bottom = piece.centre[1] - piece.size[1] / 2
     for other in others:
-        low, high = other.centre[1] - other.size[1] / 2, other.centre[1] + other.size[1] / 2
         is_inside = other.rect.holds(piece.centre[0], piece.centre[2])
-        if is_inside and other.size[1] > 0.1 and low + 0.1 < bottom <= high + _TOUCH:
+        if is_inside and other.size[1] > 0.1 and other.bottom_y + 0.1 < piece.bottom_y <= other.top_y + _TOUCH:
             return f"on {_called(other)}"
     if piece.size[1] > 0.1:
         return ""
-    above = [o for o in others if o.size[1] > 0.1 and piece.rect.holds_rect(o.rect) and _stands_by(o, piece)]
+    upright = [o for o in others if o.size[1] > 0.1 and abs(o.bottom_y - piece.bottom_y) < 0.05]
+    above = [o for o in upright if piece.rect.holds_rect(o.rect)]
     return f"located under {_called(min(above, key=lambda o: o.name))}" if above else ""
 
 
 def _hung(piece: Furniture, others: list[Furniture], plan: HomePlan) -> str:
     """ "located above the red couch" for a piece that hangs on a wall."""
-    bottom = piece.centre[1] - piece.size[1] / 2
-    if bottom < plan.storeys[_room_of(piece, plan).storey].floor_y + _ABOVE:
+    if piece.bottom_y < plan.storeys[_room_of(piece, plan).storey].floor_y + _ABOVE:
         return ""
     below = [
         other
         for other in others
-        if other.centre[1] + other.size[1] / 2 <= bottom
+        if other.top_y <= piece.bottom_y
         and other.size[1] > 0.1
         and piece.rect.gap(other.rect) < 0.15
         and other.rect.grown(0.3).holds(piece.centre[0], piece.centre[2])
@@ -100,11 +98,6 @@ def _at_window(piece: Furniture, plan: HomePlan) -> str:
             if room.rect.grown(0.01).holds(x, z) and piece.rect.gap(pane) <= _NEAR_WINDOW:
                 return "near the window"
     return ""
-
-
-def _stands_by(other: Furniture, rug: Furniture) -> bool:
-    """Whether a piece stands on the same floor as the rug."""
-    return abs((other.centre[1] - other.size[1] / 2) - (rug.centre[1] - rug.size[1] / 2)) < 0.05
 
 
 def _room_of(piece: Furniture, plan: HomePlan) -> Room:

@@ -55,7 +55,7 @@ def storey_mesh(scene: Scene, floor_y: float) -> TriangleMesh:
         SceneError: No face of the scene is on that storey.
     """
     heights = storey_cut(scene, floor_y)
-    mesh = cut_storey(scene.mesh, floor_y, cut_y=heights.top_y, bottom_y=heights.bottom_y)
+    mesh = cut_storey(scene.mesh, bottom_y=heights.bottom_y, top_y=heights.top_y)
     if not len(mesh.faces):
         known = ", ".join(f"{height:.2f}" for height in scene.navigation.storey_heights)
         raise SceneError(
@@ -88,22 +88,12 @@ def storey_cut(scene: Scene, floor_y: float) -> StoreyCut:
     return StoreyCut(lowest - CUT_BELOW, max(top, highest + _OVER_FLOOR))
 
 
-def cut_storey(
-    mesh: TriangleMesh, floor_y: float, *, cut_y: float | None = None, bottom_y: float | None = None
-) -> TriangleMesh:
+def cut_storey(mesh: TriangleMesh, *, bottom_y: float, top_y: float) -> TriangleMesh:
     """The part of a mesh between two heights; triangles are clipped there, with their textures, colours and ids.
 
-    Args:
-        mesh: World frame.
-        floor_y: Height of the storey's floor, metres.
-        cut_y: Upper height; None = CUT_HEIGHT above the floor.
-        bottom_y: Lower height; None = CUT_BELOW below the floor.
-
-    Returns:
-        A mesh without unused vertices; it may have no faces. Neighbours that shared an edge share its new vertex.
+    It has no unused vertices, and may have no faces. Neighbours that shared an edge share its new vertex.
     """
-    top = np.float32(floor_y + CUT_HEIGHT if cut_y is None else cut_y)
-    bottom = np.float32(floor_y - CUT_BELOW if bottom_y is None else bottom_y)
+    top, bottom = np.float32(top_y), np.float32(bottom_y)
     y = mesh.vertices[mesh.faces, 1]
     near = mesh.select((y.min(axis=1) <= top) & (y.max(axis=1) >= bottom))
     return _compact(_clipped(_clipped(near, top, side=1), bottom, side=-1))

@@ -228,6 +228,16 @@ class Furniture(BaseModel):
         return Rect(x - half_x, z - half_z, x + half_x, z + half_z)
 
     @property
+    def bottom_y(self) -> float:
+        """World height of its lower end, metres."""
+        return self.centre[1] - self.size[1] / 2
+
+    @property
+    def top_y(self) -> float:
+        """World height of its upper end, metres."""
+        return self.centre[1] + self.size[1] / 2
+
+    @property
     def world_size(self) -> tuple[float, float, float]:
         """Extents along world x, y, z in metres."""
         rect = self.rect
@@ -236,8 +246,8 @@ class Furniture(BaseModel):
     @property
     def box(self) -> NDArray[np.float64]:
         """The box (6,): lowest, then highest corner in the world."""
-        rect, y, half = self.rect, self.centre[1], self.size[1] / 2
-        return np.array([rect.x0, y - half, rect.z0, rect.x1, y + half, rect.z1])
+        rect = self.rect
+        return np.array([rect.x0, self.bottom_y, rect.z0, rect.x1, self.top_y, rect.z1])
 
 
 class HomePlan(BaseModel):

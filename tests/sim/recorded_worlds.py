@@ -48,13 +48,3 @@ def objects_of(recorded: Recorded) -> dict[str, Found]:
     """The recovered objects of a one-storey scene, by name."""
     pieces, mountings = recovered_pieces(recorded, GROUND)
     return {piece.name: Found(piece, mountings[piece.name]) for piece in pieces}
-
-
-def bottom(piece: Furniture) -> float:
-    """Height of a piece's lower end."""
-    return piece.centre[1] - piece.size[1] / 2
-
-
-def top(piece: Furniture) -> float:
-    """Height of a piece's upper end."""
-    return piece.centre[1] + piece.size[1] / 2

@@ -114,8 +114,8 @@ def test_nothing_stands_in_another_thing_and_everything_has_what_carries_it(requ
         below = full.furniture[: len(plan.furniture)] + added(plan, full)
         carried = any(
             other.rect.holds(piece.centre[0], piece.centre[2])
-            and other.centre[1] - other.size[1] / 2 < bottom - 0.05
-            and bottom <= other.centre[1] + other.size[1] / 2 + 0.01
+            and other.bottom_y < bottom - 0.05
+            and bottom <= other.top_y + 0.01
             for other in below
             if other is not piece
         )
@@ -131,7 +131,7 @@ def test_a_schematic_homes_floor_is_as_it_was_and_nothing_stands_on_it(schematic
     maps = [scene_from_plan(plan).navigation for plan in (schematic, full)]
     digests = {navigation.digest for navigation in maps if isinstance(navigation, FloorGrid)}
     assert len(digests) == 1
-    low = [piece for piece in added(schematic, full) if piece.centre[1] - piece.size[1] / 2 < 0.3]
+    low = [piece for piece in added(schematic, full) if piece.bottom_y < 0.3]
     assert len(low) >= 5
     for piece in low:  # walkable are 3 x 3 m; the robot's sides reach 0.18 m farther, measured from cell to cell
         x0, z0, x1, z1 = piece.rect

@@ -48,11 +48,11 @@ def triangle(corners: list[list[float]]) -> TriangleMesh:
 
 
 def test_a_face_through_the_plane_ends_there() -> None:
-    cut = cut_storey(triangle([[0, 0, 0], [2, 0, 0], [0, 2, 0]]), 0.0, cut_y=1.0)
+    cut = cut_storey(triangle([[0, 0, 0], [2, 0, 0], [0, 2, 0]]), bottom_y=-1.0, top_y=1.0)
     assert len(cut.faces) == 2
     assert area(cut) == pytest.approx(1.5)
     assert sorted(cut.vertices.tolist()) == [[0, 0, 0], [0, 1, 0], [1, 1, 0], [2, 0, 0]]
-    tip = cut_storey(triangle([[0, 0, 0], [2, 3, 0], [0, 3, 0]]), 0.0, cut_y=1.5)
+    tip = cut_storey(triangle([[0, 0, 0], [2, 3, 0], [0, 3, 0]]), bottom_y=-1.0, top_y=1.5)
     assert len(tip.faces) == 1
     assert area(tip) == pytest.approx(3 / 4)
 
@@ -63,8 +63,8 @@ coordinate = st.floats(-2, 2, allow_nan=False, width=32)
 @given(st.lists(st.lists(coordinate, min_size=3, max_size=3), min_size=3, max_size=3), coordinate)
 def test_both_sides_of_a_plane_make_the_whole_and_carry_its_coordinates(corners: list, height: float) -> None:
     whole = triangle(corners)
-    low = cut_storey(whole, 0.0, cut_y=height, bottom_y=-9.0)
-    high = cut_storey(whole, 0.0, cut_y=9.0, bottom_y=height)
+    low = cut_storey(whole, bottom_y=-9.0, top_y=height)
+    high = cut_storey(whole, bottom_y=height, top_y=9.0)
     flat_there = (whole.vertices[:, 1] == height).all()
     assert area(low) + area(high) == pytest.approx((1 + flat_there) * area(whole), abs=1e-4)
     for part in (low, high):
@@ -83,13 +83,13 @@ def test_colours_of_vertices_and_ids_of_faces_are_cut_along() -> None:
     ids = IdImages((np.ones((2, 2), np.uint16),), np.array([0], np.int16), whole.face_uv * 3)
     rgb = np.array([[0, 0, 0], [0, 0, 0], [200, 100, 50]], np.uint8)
     coloured = replace(whole, face_texture=np.array([VERTEX_COLOURS], np.int16), vertex_rgb=rgb, ids=ids)
-    cut = cut_storey(coloured, 0.0, cut_y=0.5)
+    cut = cut_storey(coloured, bottom_y=-1.0, top_y=0.5)
     assert cut.vertex_rgb is not None
     assert cut.ids is not None
     np.testing.assert_array_equal(cut.vertex_rgb[cut.vertices[:, 1] == 0.5], [[50, 25, 12]] * 2)
     np.testing.assert_array_equal(cut.vertex_rgb[cut.vertices[:, 1] == 0], [[0, 0, 0]] * 2)
     np.testing.assert_allclose(cut.ids.face_uv, cut.face_uv * 3, atol=1e-6)
-    lit = cut_storey(replace(coloured, face_texture=whole.face_texture), 0.0, cut_y=0.5)
+    lit = cut_storey(replace(coloured, face_texture=whole.face_texture), bottom_y=-1.0, top_y=0.5)
     assert lit.face_texture.tolist() == [0, 0]
     np.testing.assert_array_equal(lit.vertex_rgb, cut.vertex_rgb)
     np.testing.assert_array_equal(cut.face_instance, [7, 7])
@@ -98,9 +98,8 @@ def test_colours_of_vertices_and_ids_of_faces_are_cut_along() -> None:
 def test_neighbours_stay_joined_along_the_cut() -> None:
     mesh = mesh_of(*box((0, 0, 0), (1, 2, 1)))
     keys, joined = np.unique(mesh.vertices, axis=0, return_inverse=True)
-    cut = cut_storey(
-        replace(mesh, vertices=keys, faces=joined.reshape(-1)[mesh.faces].astype(np.int32)), 0.0, cut_y=1.3
-    )
+    welded = replace(mesh, vertices=keys, faces=joined.reshape(-1)[mesh.faces].astype(np.int32))
+    cut = cut_storey(welded, bottom_y=-1.0, top_y=1.3)
     edges = np.sort(cut.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     pairs, count = np.unique(edges, axis=0, return_counts=True)
     open_edges = pairs[count == 1]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.copies.cut import cut_storey
+from sim.copies.cut import CUT_BELOW, cut_storey
 from sim.frames import T_world_camera, forward_from_yaw
 from sim.homes.building.house import mesh_from_plan
 from sim.homes.building.walls import SKIRTING
@@ -99,7 +99,7 @@ def test_a_chair_is_seen_with_its_instance_and_colour() -> None:
 
 def test_a_storey_cut_leaves_no_wall_above_the_cut_and_no_ceiling() -> None:
     mesh, _ = mesh_from_plan(two_rooms())
-    cut = cut_storey(mesh, 0.0)
+    cut = cut_storey(mesh, bottom_y=-CUT_BELOW, top_y=CUT_HEIGHT)
     tops = cut.vertices[cut.faces][..., 1].max(axis=1)
     furniture_or_frame = 2.06  # a window's or door's frame may reach over the cut
     assert tops.max() <= furniture_or_frame

@@ -17,7 +17,7 @@ from sim.homes.recovered.recorded import recorded_facts
 from sim.homes.recovered.unhidden import made_way, unhidden
 from sim.types import AGENT_RADIUS, CAMERA_HEIGHT
 
-from .recorded_worlds import bottom, objects_of, recorded_goal, recorded_of, top
+from .recorded_worlds import objects_of, recorded_goal, recorded_of
 
 NO_POINTS = np.zeros((0, 2))
 SOUTH = [(0.25 * k, 0.0, 1.2) for k in range(-2, 3)]
@@ -85,7 +85,7 @@ def test_a_vase_above_a_table_stands_on_it() -> None:
     found = objects_of(recorded_of(table, vase))
     assert set(found) == {"table_1", "vase_2"}
     assert found["vase_2"].mounting == "on"
-    assert bottom(found["vase_2"].piece) == pytest.approx(0.74)
+    assert found["vase_2"].piece.bottom_y == pytest.approx(0.74)
     assert found["vase_2"].piece.centre == (0.1, 0.93, 0.05)
 
 
@@ -94,8 +94,8 @@ def test_a_vase_in_the_air_gets_a_table_that_no_episode_names() -> None:
     support = found.pop("console table_3").piece
     assert support.role == "clutter"
     assert support.caption == ""
-    assert top(support) == pytest.approx(bottom(found["vase_2"].piece))
-    assert bottom(support) == pytest.approx(0.0)
+    assert support.top_y == pytest.approx(found["vase_2"].piece.bottom_y)
+    assert support.bottom_y == pytest.approx(0.0)
     assert support.rect.holds(0.1, 0.05)
 
 
@@ -103,7 +103,7 @@ def test_a_lamp_high_up_hangs_from_the_ceiling_and_a_low_vase_stands_on_the_floo
     lamp, vase = recorded_goal("lamp_1", (0.0, 2.1, 0.0), SOUTH), recorded_goal("vase_2", (2.0, 0.2, 0.0), SOUTH)
     found = objects_of(recorded_of(lamp, vase))
     assert found["lamp_1"].mounting == "ceiling"
-    assert (found["vase_2"].mounting, bottom(found["vase_2"].piece)) == ("floor", pytest.approx(0.0))
+    assert (found["vase_2"].mounting, found["vase_2"].piece.bottom_y) == ("floor", pytest.approx(0.0))
 
 
 def test_places_on_top_of_a_bed_do_not_shrink_it_and_are_not_its_floor() -> None:
@@ -111,14 +111,14 @@ def test_places_on_top_of_a_bed_do_not_shrink_it_and_are_not_its_floor() -> None
     around = [(x, 0.0, z) for x in (-1.3, 1.3) for z in (-0.5, 0.0, 0.5)]
     bed = objects_of(recorded_of(recorded_goal("bed_1", (0.0, 0.45, 0.0), on_top + around)))["bed_1"].piece
     assert bed.size[1] == pytest.approx(0.9)
-    assert top(bed) > 0.66
+    assert bed.top_y > 0.66
     assert min(bed.size[0], bed.size[2]) > 1.2
 
 
 def test_a_tub_reaches_above_the_places_on_it() -> None:
     places = [(0.1, 0.35, 0.1), *((x, 0.0, 1.2) for x in (-0.5, -0.25, 0.0, 0.25, 0.5))]
     tub = objects_of(recorded_of(recorded_goal("bathtub_1", (0.0, 0.16, 0.0), places)))["bathtub_1"].piece
-    assert top(tub) == pytest.approx(0.35 + 0.06)
+    assert tub.top_y == pytest.approx(0.35 + 0.06)
     assert tub.centre[1] == 0.16
 
 
@@ -135,7 +135,7 @@ def test_places_on_the_floor_keep_clear_of_every_box() -> None:
 def test_a_rug_shows_above_the_floor_wherever_its_centre_is(y: float) -> None:
     rug = objects_of(recorded_of(recorded_goal("rug_1", (0.0, y, 0.0), SOUTH)))["rug_1"].piece
     assert rug.centre[1] == y
-    assert 0.003 < top(rug) < 0.12
+    assert 0.003 < rug.top_y < 0.12
 
 
 def test_colours_come_from_the_caption() -> None:
@@ -193,7 +193,7 @@ def test_every_goal_of_a_real_home_is_at_its_recorded_centre_and_seen(dataset_ro
         if look_of(item.category).family == "flat" or min(item.size[0], item.size[2]) < 0.081:
             continue
         near_floor = np.abs(recorded.places[:, 1] - goals[item.name].floor_y) < 0.2
-        reached = (recorded.places[:, 1] + CAMERA_HEIGHT > bottom(item)) & (recorded.places[:, 1] < top(item) - 0.1)
+        reached = (recorded.places[:, 1] + CAMERA_HEIGHT > item.bottom_y) & (recorded.places[:, 1] < item.top_y - 0.1)
         rect = item.rect.grown(AGENT_RADIUS - 0.02)
         inside = [rect.holds(x, z) for x, _, z in recorded.places[near_floor & reached]]
         assert not any(inside), item.name

@@ -281,5 +281,4 @@ def _storeys_of(plan: HomePlan) -> list[int]:
     """Storey of each piece of a plan: the storey of its room, else the highest storey below it."""
     of_room = {room.name: room.storey for room in plan.rooms}
     floors = [(storey.floor_y, storey.floor_y) for storey in plan.storeys]
-    feet = [piece.centre[1] - piece.size[1] / 2 for piece in plan.furniture]
-    return [of_room.get(piece.room, storey_of(y, floors)) for piece, y in zip(plan.furniture, feet, strict=True)]
+    return [of_room.get(piece.room, storey_of(piece.bottom_y, floors)) for piece in plan.furniture]

@@ -126,7 +126,7 @@ class SpareStorey:
     def _occupy(self, piece: Furniture) -> None:
         """Takes the floor below a piece, unless it hangs above."""
         cells = self._cells(piece.rect)
-        if cells is not None and not piece.centre[1] - piece.size[1] / 2 > np.nanmax(self.storey.floor_y[cells]) + 0.3:
+        if cells is not None and not piece.bottom_y > np.nanmax(self.storey.floor_y[cells]) + 0.3:
             self.free[cells] = False
             self.num_changes += 1
 

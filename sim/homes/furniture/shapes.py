@@ -333,9 +333,9 @@ class Draft:
         """An empty draft for a section of the piece, built about its own middle; `put` sets it in its place."""
         return Draft(size, finish or self.finish, self.words, self.rng)
 
-    def put(self, section: "Draft", *, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> None:
-        """Adds the parts of a section, moved by (x, y, z) metres."""
-        self.parts += [Part(part.shape.moved(x, y, z), part.finish) for part in section.parts]
+    def put(self, section: "Draft", *, x: float = 0.0, y: float = 0.0) -> None:
+        """Adds the parts of a section, moved by (x, y, 0) metres."""
+        self.parts += [Part(part.shape.moved(x, y), part.finish) for part in section.parts]
 
 
 Builder = Callable[[Draft, float, float, float], None]

@@ -193,7 +193,7 @@ def _reached_floor(plan: HomePlan, storey: int) -> ReachedFloor | None:
     floor_y = plan.storeys[storey].floor_y
     names = {room.name for room in rooms}
     for piece in plan.furniture:
-        low = piece.centre[1] - piece.size[1] / 2 - floor_y
+        low = piece.bottom_y - floor_y
         if piece.room in names and piece.size[1] > _FLAT and low < _OVERHEAD:
             free[piece.rect.cells(grid, slack=_ROUNDING)] = False
     for stair in plan.stairs:

@@ -149,16 +149,15 @@ def _is_whole(rooms: Sequence[Room], pieces: Sequence[Furniture]) -> bool:
 def _is_supported(piece: Furniture, others: list[Furniture], plan: HomePlan) -> bool:
     """Whether a piece stands on the floor, hangs on a wall, or lies on another piece."""
     room = next(room for room in plan.rooms if room.name == piece.room)
-    bottom = piece.centre[1] - piece.size[1] / 2
-    if bottom < plan.storeys[room.storey].floor_y + 0.02:
+    if piece.bottom_y < plan.storeys[room.storey].floor_y + 0.02:
         return True
     assert room.rect is not None
     if not room.rect.grown(-0.1).holds_rect(piece.rect):  # at a wall
         return True
     return any(
         other.rect.holds(piece.centre[0], piece.centre[2])
-        and other.centre[1] - other.size[1] / 2 < bottom - 0.01
-        and bottom <= other.centre[1] + other.size[1] / 2 + 0.03
+        and other.bottom_y < piece.bottom_y - 0.01
+        and piece.bottom_y <= other.top_y + 0.03
         for other in others
         if other is not piece
     )

@@ -95,7 +95,7 @@ def _marks(
     marks = _Open(*(np.zeros((len(floor_y), *grid.shape), bool) for _ in range(4)))
     for piece in pieces:
         goal = recorded.goals.get(piece.name)
-        own_y = piece.centre[1] - piece.size[1] / 2 if goal is None else goal.floor_y
+        own_y = piece.bottom_y if goal is None else goal.floor_y
         k = int(np.abs(floor_y - own_y).argmin())
         if goal is not None:
             _mark_sights(marks, k, original_places(goal), np.array(goal.position), floor_y[k], grid)

@@ -120,11 +120,7 @@ def _with_ceilings(storeys: tuple[Storey, ...], standing: Sequence[Furniture]) -
     """The storeys, with walls as high as the pieces that stand there but below the next storey."""
     found = []
     for k, storey in enumerate(storeys):
-        tops = [
-            piece.centre[1] + piece.size[1] / 2 - storey.floor_y
-            for piece in standing
-            if abs(piece.centre[1] - piece.size[1] / 2 - storey.floor_y) < 0.5
-        ]
+        tops = [piece.top_y - storey.floor_y for piece in standing if abs(piece.bottom_y - storey.floor_y) < 0.5]
         ceiling = min(max([_CEILING, *(top + _ABOVE_TOP for top in tops)]), _HIGHEST)
         gap = storeys[k + 1].floor_y - storey.floor_y if k + 1 < len(storeys) else math.inf
         if gap > _BESIDE:

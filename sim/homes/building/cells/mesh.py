@@ -90,11 +90,7 @@ def _on_furniture(storey: StoreyCells) -> NDArray[np.bool_]:
 
 def _under_pieces(storey: StoreyCells) -> tuple[Numbers, Numbers]:
     """Rows and columns of the cells under the middles of the pieces that stand on the storey's floor."""
-    pieces = [
-        piece.centre[::2]
-        for piece in storey.plan.furniture
-        if abs(piece.centre[1] - piece.size[1] / 2 - storey.floor_y) < _LOW_BLOCK
-    ]
+    pieces = [piece.centre[::2] for piece in storey.plan.furniture if abs(piece.bottom_y - storey.floor_y) < _LOW_BLOCK]
     rows, cols = storey.grid.rc_from_xz(np.array(pieces).reshape(-1, 2)).T
     return rows, cols
 

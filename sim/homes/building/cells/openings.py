@@ -67,10 +67,7 @@ def _is_taken(storey: StoreyCells, middle: Points, along: Points, out: Points) -
     zone = Rect(*(middle - reach).tolist(), *(middle + reach).tolist())
     low, high = storey.floor_y + _SILL - 0.05, storey.floor_y + _SILL + _WINDOW[1]
     return any(
-        piece.rect.overlaps(zone)
-        and piece.centre[1] + piece.size[1] / 2 > low
-        and piece.centre[1] - piece.size[1] / 2 < high
-        for piece in storey.plan.furniture
+        piece.rect.overlaps(zone) and piece.top_y > low and piece.bottom_y < high for piece in storey.plan.furniture
     )
 
 
