@@ -39,9 +39,7 @@ def dataset_id(info: RunInfo) -> str:
 def write_minari_dataset(run: Run, folder: Path) -> None:
     """Writes `data/metadata.json` and, per PAN episode, `data/<index>/part-0.arrow` and `metadata.json`.
 
-    Args:
-        run: The run; its answers have no steps and are not written.
-        folder: The dataset's folder.
+    Answers have no steps and are not written.
 
     Raises:
         OSError: The folder cannot be written.

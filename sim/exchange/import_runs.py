@@ -82,12 +82,7 @@ def import_runs(
 
 
 def check_file(path: Path, *, dataset: PersonalDataset, reading: PoseReading | None = None) -> Iterator[CheckedRun]:
-    """Each complete run of a file, after all its steps were checked.
-
-    Args:
-        path: A steps file, or a pose file (CSV, TUM, JSON, npz).
-        dataset: The episodes that were played.
-        reading: The declared conventions of pose files.
+    """Each complete run of a steps file or a pose file (CSV, TUM, JSON, npz), after all its steps were checked.
 
     Raises:
         RunFileError: A line is damaged or a step is impossible; the message begins with `file:line`.

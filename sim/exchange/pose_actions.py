@@ -42,12 +42,7 @@ def run_from_poses(
 ) -> tuple[tuple[str, ...], EpisodeRun]:
     """`file:line` of the start, each step and the end, and the run of the poses, unchecked.
 
-    Args:
-        table: The rows.
-        reading: Their declared conventions.
-        poses: World pose of each row.
-        key: The episode.
-        start: The episode's start pose, for files whose first row is after the first action.
+    `start` is the episode's start pose, for files whose first row is after the first action.
 
     Raises:
         RunFileError: An action is unknown or missing, no action leads from one pose to the next, or it is unknown

@@ -114,10 +114,7 @@ def undeclared_frame(path: Path) -> RunFileError:
 def poses_from_table(table: PoseTable, reading: PoseReading, start: Pose) -> tuple[Pose, ...]:
     """The robot's pose of each row, world frame.
 
-    Args:
-        table: The rows.
-        reading: Their declared conventions.
-        start: The episode's start pose: the origin of frames without another one, and the height of 2-D positions.
+    `start` is the episode's start pose: the origin of frames without another one, and the height of 2-D positions.
 
     Raises:
         RunFileError: A value is missing or not finite, columns are missing, a convention is missing, or a rotation is

@@ -42,10 +42,7 @@ def is_basis(data: Bytes) -> bool:
 def basis_size(data: Bytes, *, path: Path, what: str) -> tuple[int, int]:
     """(width, height) of the largest level, from the header alone.
 
-    Args:
-        data: (N,) the image's file.
-        path: The scene file, for errors.
-        what: The image's name, for errors.
+    `path` and `what` name the scene file and the image in errors.
 
     Raises:
         SceneError: The header is damaged, or the file is not one image with its mip levels.
@@ -74,13 +71,8 @@ def basis_rgb(data: Bytes, size: tuple[int, int], *, path: Path, what: str) -> N
     """The largest level (height, width, 3) of a Basis image, top row first; made once and kept in the cache folder.
 
     A `.basis` file has its bottom row first, as HM3D's have; like Habitat, we ignore its flag. A KTX2 file has its top
-    row first unless its `KTXorientation` says that y points up.
-
-    Args:
-        data: (N,) the image's file.
-        size: The image's (width, height) from `basis_size`, which checks the file.
-        path: The scene file, for errors.
-        what: The image's name, for errors.
+    row first unless its `KTXorientation` says that y points up. `size` is that of `basis_size`, which checks the file;
+    `path` and `what` name the scene file and the image in errors.
 
     Raises:
         SceneError: The content is damaged.

@@ -54,13 +54,7 @@ class GltfFile:
     """An open file; `read_gltf` makes it."""
 
     def __init__(self, path: Path, document: Document, binary: Bytes | None) -> None:
-        """An open file.
-
-        Args:
-            path: The file, for errors.
-            document: Its JSON part.
-            binary: Its binary part, None without.
-        """
+        """An open file; `binary` is its binary part, None without."""
         self.path = path
         self.document = document
         self._buffers: dict[int, Bytes] = {}
@@ -68,12 +62,8 @@ class GltfFile:
         self._sparse: dict[int, NDArray] = {}
 
     def get(self, kind: str, index: int, *, of: str) -> Any:
-        """Element `index` of one of the document's lists.
-
-        Args:
-            kind: Field of `Document`, e.g. `accessors`.
-            index: The index in the file.
-            of: The part of the file that names the element, for the error.
+        """Element `index` of a list of the document, e.g. `accessors`; `of` is the part of the file that names it, for
+        the error.
 
         Raises:
             SceneError: The list is shorter.
@@ -108,9 +98,7 @@ class GltfFile:
     def elements(self, index: int, *, of: str) -> NDArray:
         """The values (count, width) of an accessor in the file's own type; a view of the file where possible.
 
-        Args:
-            index: Index of the accessor.
-            of: The part of the file that names it, for the error.
+        `of` is the part of the file that names the accessor, for the error.
 
         Raises:
             SceneError: The accessor reaches outside its buffer view, or its types are not those of glTF.

@@ -106,11 +106,7 @@ class TextureSet:
     """Collects the textures that parts of a mesh use, and decodes each once."""
 
     def __init__(self, file: GltfFile) -> None:
-        """Starts empty.
-
-        Args:
-            file: The file with the images.
-        """
+        """Starts empty."""
         self._file = file
         self._images: dict[int, EncodedImage] = {}
         self._sources: dict[object, int] = {}

@@ -45,10 +45,7 @@ class EncodedImage(NamedTuple):
 def measured(data: Bytes, *, path: Path, what: str) -> EncodedImage:
     """An image's kind and size, from its first bytes.
 
-    Args:
-        data: (N,) the image's file.
-        path: The scene file, for errors.
-        what: The image's name, for errors.
+    `path` and `what` name the scene file and the image in errors.
 
     Raises:
         SceneError: The kind is unknown, the header is damaged, or the image has more than 16384 texels a side or takes
@@ -75,10 +72,7 @@ def measured(data: Bytes, *, path: Path, what: str) -> EncodedImage:
 def decoded(image: EncodedImage, *, path: Path, what: str) -> NDArray[np.uint8]:
     """The texels (height, width, 3) of an image, top row first, alpha dropped. Runs without the interpreter lock.
 
-    Args:
-        image: Result of `measured`.
-        path: The scene file, for errors.
-        what: The image's name, for errors.
+    `path` and `what` name the scene file and the image in errors.
 
     Raises:
         SceneError: The content is damaged.

@@ -11,11 +11,7 @@ SUFFIXES = (".glb", ".gltf", ".ply", ".obj")
 
 
 def load_mesh(path: Path, *, up: Literal["z", "y"] = "z") -> TriangleMesh:
-    """The triangles of a scene file in the world frame.
-
-    Args:
-        path: `.glb`, `.gltf`, `.ply` or `.obj`; files that it names are in its folder.
-        up: The file's up axis.
+    """The triangles of a `.glb`, `.gltf`, `.ply` or `.obj` file with this up axis, in the world frame.
 
     Raises:
         SceneError: The file is missing, damaged, too large, without faces, or of another kind.

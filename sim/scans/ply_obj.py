@@ -53,9 +53,7 @@ class _Part(NamedTuple):
 def load_ply_or_obj(path: Path, *, up: Literal["z", "y"]) -> TriangleMesh:
     """The triangles of a `.ply` or `.obj` file in the world frame; colours as in `load_glb`.
 
-    Args:
-        path: The file; the materials and images that it names are in its folder.
-        up: The file's up axis.
+    The materials and images that it names are in its folder.
 
     Raises:
         SceneError: The file is missing, damaged, too large, without faces, or names missing files.

@@ -31,11 +31,8 @@ def refused(path: Path, found: str, expected: str, *, advice: str = COPY_AGAIN) 
 
 
 def mapped(path: Path, *, what: str) -> Bytes:
-    """The bytes of a file (N,), read-only, read from disk where they are used.
-
-    Args:
-        path: A regular file; anything else could block or never end.
-        what: The expected kind of file, for the error.
+    """The bytes of a regular file (N,), read-only, read from disk where they are used; `what` is its expected kind, for
+    errors.
 
     Raises:
         SceneError: The file is missing, cannot be read, or is no regular file.

@@ -27,13 +27,8 @@ class Sights:
         is_open: NDArray[np.bool_],
         grid: GridSpec,
     ) -> None:
-        """Draws lines to the middle of every object and towards its six sides.
-
-        Args:
-            boxes: (K, 6) boxes of the objects: lowest, then highest corner.
-            places: (N, 3) feet of the robot.
-            is_open: (rows, cols) cells through which lines pass.
-            grid: Grid of `is_open`.
+        """Draws lines from places (N, 3) of the feet to the middle of every box (K, 6) and towards its six sides,
+        through open cells of the grid.
         """
         found = [_lines_to(box, places, is_open, grid) for box in boxes]
         self._lines = np.concatenate([np.zeros((0, 7)), *(lines for lines, _ in found)])

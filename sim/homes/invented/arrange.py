@@ -74,14 +74,8 @@ def furnish_room(
 ) -> list[Furniture]:
     """Pieces for a room by its kind (name); groups that find no place are left out.
 
-    The pieces are named `<category>_0`; `invent` numbers them later.
-
-    Args:
-        room: A room with a rectangle.
-        floor_y: Height of its floor, metres.
-        space: The empty room; it is filled here.
-        used: The home's used looks so far; new ones are added.
-        rng: Draws kinds, finishes and places.
+    The pieces are named `<category>_0`; `invent` numbers them later. The room has a rectangle; `space` is filled and
+    `used` looks are added here.
     """
     found: list[Furniture] = []
     placed: list[_Piece] = []

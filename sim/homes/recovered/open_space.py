@@ -60,12 +60,8 @@ def step_cells(
 ) -> Cells:
     """Cells that are open but not floor, with the heights of their steps.
 
-    Args:
-        recorded: Gives the view points of the objects.
-        pieces: The recovered objects; one that hangs on a wall keeps a wall behind it where no line of sight passes.
-        mountings: The mounting of each of them, by name.
-        storeys: Levels of the plan.
-        grid: The grid with its walkable cells.
+    A piece that hangs on a wall, by its mounting, keeps a wall behind it where no line of sight passes; `grid` has its
+    walkable cells.
     """
     floor_y = np.array([storey.floor_y for storey in storeys])
     marks = _marks(recorded, pieces, mountings, floor_y, grid)

@@ -44,11 +44,6 @@ def recover_plan(dataset: PersonalDataset, scene: str, *, splits: tuple[Split, .
     The first call takes seconds, later ones milliseconds: plans are kept in the cache folder, by the content of the
     scene's files and `HOMES_VERSION`.
 
-    Args:
-        dataset: Released or other PersONAL episodes.
-        scene: Name of the scene.
-        splits: Splits whose files are read; other files are not read.
-
     Raises:
         DatasetError: The scene is unknown or its files are damaged.
         SceneError: The files hold no place to stand.

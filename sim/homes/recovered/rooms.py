@@ -93,11 +93,8 @@ def recovered_rooms(
 ) -> RecoveredRooms:
     """The rooms of a home; each open cell (walkable, under the robot's body, or plinth) is in a room of its storey.
 
-    Args:
-        texts: Counts of the rooms that texts give each object, by `object_name` (`room_texts`).
-        goals: All objects.
-        storeys: Levels of the plan.
-        grid: The grid with its walkable cells and plinths.
+    `texts` counts the rooms that texts give each object, by `object_name` (`room_texts`); `grid` has its walkable cells
+    and plinths.
     """
     masks = open_cells(grid, storeys)
     floor_y = np.array([storey.floor_y for storey in storeys])

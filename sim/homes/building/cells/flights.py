@@ -86,10 +86,7 @@ def _smoothed(heights: Heights) -> Heights:
 def add_steps(builder: QuadBuilder, grid: GridSpec, surfaces: Heights) -> None:
     """Treads of all flights, and risers wherever one surface is a step above another.
 
-    Args:
-        builder: Takes the quads.
-        grid: Place of the images.
-        surfaces: (2 * S - 1, rows, cols) heights of drawn floors and steps: even layers are storeys, odd ones flights.
+    `surfaces` (2 * S - 1, rows, cols) are heights of drawn floors and steps: even layers are storeys, odd ones flights.
     """
     for layer, surface in enumerate(surfaces):
         if layer % 2:

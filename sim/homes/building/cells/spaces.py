@@ -101,12 +101,7 @@ def ceiling_heights(storeys: tuple[Storey, ...]) -> list[float]:
 
 
 def storey_spaces(plan: HomePlan, floors: Heights) -> list[StoreySpace]:
-    """The inside of every storey.
-
-    Args:
-        plan: A home with cells.
-        floors: (2 * S - 1, rows, cols) padded `floor_layers`.
-    """
+    """The inside of every storey of a home with cells; `floors` are its padded `floor_layers`."""
     assert plan.cells is not None
     plinth = padded(plinth_layers(plan.cells, plan.storeys), np.nan)
     return [
