@@ -119,9 +119,11 @@ _OPTIONAL_EPISODE_FIELDS = ("start_room", "shortest_paths")
 def _types_of_optional_fields(survey: Survey) -> dict[str, dict[str, set[Split]]]:
     """For each field that may be null: the types found, and in which splits."""
     found: dict[str, dict[str, set[Split]]] = {}
-    goals = ((entry.goal, entry.split, _OPTIONAL_GOAL_FIELDS) for entry in survey.goal_entries)
-    episodes = ((episode.record, episode.key.split, _OPTIONAL_EPISODE_FIELDS) for episode in survey.records)
-    for item, split, fields in (*goals, *episodes):
+    items: list[tuple[object, Split, tuple[str, ...]]] = [
+        (entry.goal, entry.split, _OPTIONAL_GOAL_FIELDS) for entry in survey.goal_entries
+    ]
+    items.extend((episode.record, episode.key.split, _OPTIONAL_EPISODE_FIELDS) for episode in survey.records)
+    for item, split, fields in items:
         for field in fields:
             found.setdefault(field, {}).setdefault(type(getattr(item, field)).__name__, set()).add(split)
     return found
