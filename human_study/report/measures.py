@@ -97,7 +97,7 @@ def row_figures(row: TrialRow, *, same_rule: bool) -> dict[str, float | None] | 
     """Figures of a trial that has only a row, or the reason why it does not count."""
     if not same_rule:
         return "excluded; its row is under another success rule"
-    return "never scored" if row.success is None else _figures(row.task, dict(row)) | row_times(row)
+    return "never scored" if row.success is None else _figures(row.task, dict(row))
 
 
 def row_times(row: TrialRow) -> dict[str, float | None]:

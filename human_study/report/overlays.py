@@ -32,7 +32,7 @@ _SHAPES = (
     "m0 5.8 l5.5 -9.8 h-11 z",
 )
 """Circle, square, triangle, diamond, triangle upside down; path data from the mark's middle."""
-_TEMPLATE = Path(__file__).with_name("overlay.svg.j2")
+_TEMPLATE = Path(__file__).parent / "templates" / "overlay.svg.j2"
 
 
 class _Trial(Protocol):

@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
+from scipy.special import expit, logit
 
 from sim.errors import StudyError
 
@@ -245,10 +246,10 @@ class _Model:
         own = self._rng.normal(size=len(ease))
         alike = self._assumptions.agent_alike
         theirs = _centre(base - gap, spread) + spread * (math.sqrt(alike) * ease + math.sqrt(1 - alike) * own)
-        agent = self._rng.random(len(ease)) < _share(theirs)
+        agent = self._rng.random(len(ease)) < expit(theirs)
         skill = self._person_sd * self._rng.normal(size=self._design.num_people)
         ours = _centre(base, self._spread) + skill[self._people] + spread * ease[self._episodes]
-        hits = (self._rng.random(len(ours)) < _share(ours)).astype(np.float64)
+        hits = (self._rng.random(len(ours)) < expit(ours)).astype(np.float64)
         return _excludes_zero(mean_interval(Trials(hits - agent[self._episodes], *self._strata(1))))
 
     def finds_memory(self) -> bool:
@@ -259,7 +260,7 @@ class _Model:
         centres = np.array([_centre(base, self._spread), _centre(base + gap, self._spread)])
         skill = self._person_sd * self._rng.normal(size=self._design.num_people)
         ease = self._assumptions.episode_sd * self._rng.normal(size=int(episodes.max()) + 1)
-        chance = _share(centres[has_map] + skill[people] + ease[episodes])
+        chance = expit(centres[has_map] + skill[people] + ease[episodes])
         effect = within.effect((self._rng.random(len(chance)) < chance).astype(np.float64))
         return effect.p is not None and effect.p < 0.05
 
@@ -269,7 +270,7 @@ class _Model:
         skill = self._person_sd * self._rng.normal(size=self._design.num_people)
         ease = self._assumptions.episode_sd * self._rng.normal(size=(len(rates), size))
         chance = [
-            _share(_centre(rate, self._spread) + skill[self._people] + ease[split, self._episodes])
+            expit(_centre(rate, self._spread) + skill[self._people] + ease[split, self._episodes])
             for split, rate in enumerate(rates)
         ]
         whole = np.concatenate(chance)
@@ -304,19 +305,15 @@ def _excludes_zero(interval: Interval | None) -> bool:
     return interval is not None and (interval.low > 0 or interval.high < 0)
 
 
-def _share(logit: NDArray[np.float64]) -> NDArray[np.float64]:
-    return 1 / (1 + np.exp(-logit))
-
-
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(40)
 
 
 @functools.cache
 def _centre(rate: float, spread: float) -> float:
     """Logit around which draws of this spread succeed at this rate, by the usual approximation, then one step."""
-    centre = float(np.log(rate / (1 - rate))) * math.sqrt(1 + spread**2 / 2.9)
+    centre = float(logit(rate)) * math.sqrt(1 + spread**2 / 2.9)
     for _ in range(4):
-        share = _share(centre + spread * _NODES)
+        share = expit(centre + spread * _NODES)
         mean, slope = (_WEIGHTS @ part / _WEIGHTS.sum() for part in (share, share * (1 - share)))
         centre -= float((mean - rate) / slope)
     return centre

@@ -158,31 +158,27 @@ def trial_groups(
     trials: list[dict[str, Any]] = []
     left_out: Counter[tuple[str, TaskKind, str]] = Counter()
 
-    def count(names: Mapping[str, Any], figures: dict[str, float | None] | str) -> None:
+    def count(names: Mapping[str, Any], figures: Mapping[str, float | None] | str, told: Mapping[str, Any]) -> None:
         if isinstance(figures, str):
             left_out[names["who"], names["task"], figures] += 1
         else:
-            trials.append({**names, **figures})
+            trials.append({**names, **figures, **told})
 
     results = _results(rows)
-    alone = dict(results)
+    alone, study = dict(results), "study"
     for run in runs:
-        info = run.info
+        is_human = run.info.who_kind == "human"
+        study = str(run.info.config.get("study") or study) if is_human else study
         for item in (*run.episodes, *run.answers):
-            names = _names_of(run, item)
-            at = (names["code"], names["task"], info.condition, item.key)
-            row, place = results.get(at, (None, None)) if info.who_kind == "human" else (None, None)
-            figures = run_figures(item, rule)
+            at, names = _names_of(run, item)
+            row, told = results.get(at, (None, {})) if is_human else (None, {})
             if row is not None:
                 alone.pop(at, None)
-                figures = figures if isinstance(figures, str) else figures | row_times(row)
-            count({**names, **_told(row, place)}, figures)
-    study = next((str(found) for run in runs if (found := _study_of(run))), "study")
-    for (_, task, condition, key), (row, place) in alone.items():
+            count(names, run_figures(item, rule), told)
+    for (_, task, condition, key), (row, told) in alone.items():
         names = {"task": task, "scene_kind": row.scene_kind, "who": "human", "kind": "human", "condition": condition}
         names |= {"key": key, "participant": f"{study}/{row.participant}", "end": row.end_reason}
-        same_rule = task == "pog" or rule == row_rule
-        count({**names, **_told(row, place)}, row_figures(row, same_rule=same_rule))
+        count(names, row_figures(row, same_rule=task == "pog" or rule == row_rule), told)
     for row in rows:
         if row.phase == "main" and row.end_reason in NOT_A_RESULT:
             left_out["human", row.task, "technical failure" if row.end_reason == "technical" else "abandoned"] += 1
@@ -225,55 +221,47 @@ def _order_of_rows(group: TrialGroup) -> tuple:
 
 
 _At = tuple[str, TaskKind, str, EpisodeKey]
+"""(code of the person, task, condition, episode) of a trial."""
 
 
-def _results(rows: Sequence[TrialRow]) -> dict[_At, tuple[TrialRow, int]]:
-    """Rows of counted phases that ended with a result, and the place of each in its person's order of these rows.
+def _results(rows: Sequence[TrialRow]) -> dict[_At, tuple[TrialRow, dict[str, Any]]]:
+    """Rows of counted phases that ended with a result, and what each tells beside the figures of its run.
 
-    The keys also name trials of runs.
+    Only the last attempt counts. `place` is the place among the person's counted trials.
     """
-    last: dict[_At, TrialRow] = {}
-    for row in sorted(rows, key=lambda row: (row.participant, row.order_no, row.attempt)):
-        if row.is_result:
-            last[row.participant, row.task, run_condition(row.condition), row.key] = row
+    in_order = sorted(
+        (row for row in rows if row.is_result), key=lambda row: (row.participant, row.order_no, row.attempt)
+    )
+    last = {(row.participant, row.task, run_condition(row.condition), row.key): row for row in in_order}
     done: Counter[str] = Counter()
     found = {}
     for at, row in sorted(last.items(), key=lambda item: (item[1].participant, item[1].order_no, item[1].attempt)):
         done[row.participant] += 1
-        found[at] = (row, done[row.participant])
+        told = {
+            "place": done[row.participant],
+            "prior_visits": row.prior_visits_scene,
+            "secs_before": row.secs_in_scene_before,
+            "excluded": ";".join(row.excluded),
+            "verification": row.verification,
+        }
+        found[at] = (row, told | row_times(row))
     return found
 
 
-def _names_of(run: Run, item: EpisodeRun | Answer) -> dict[str, Any]:
+def _names_of(run: Run, item: EpisodeRun | Answer) -> tuple[_At, dict[str, Any]]:
     """The names of a run's trial; one person has several runs, one for each condition."""
     info, is_walk = run.info, isinstance(item, EpisodeRun)
     code = (item.start.participant if isinstance(item, EpisodeRun) else item.participant) or ""
-    return {
-        "task": "pan" if is_walk else "pog",
+    task: TaskKind = "pan" if is_walk else "pog"
+    names = {
+        "task": task,
         "scene_kind": info.scene_kind,
         "who": info.who,
         "kind": info.who_kind,
         "condition": info.condition,
         "key": item.key,
-        "code": code,
         "participant": f"{info.config.get('study') or info.run_id}/{code}",
         "end": item.end.reason if isinstance(item, EpisodeRun) else item.reason,
         "item": item,
     }
-
-
-def _study_of(run: Run) -> object:
-    return run.info.config.get("study") if run.info.who_kind == "human" else None
-
-
-def _told(row: TrialRow | None, place: int | None) -> dict[str, Any]:
-    """Fields of a trial from the study's records; empty for agents, and for runs without records."""
-    if row is None:
-        return {}
-    return {
-        "place": place,
-        "prior_visits": row.prior_visits_scene,
-        "secs_before": row.secs_in_scene_before,
-        "excluded": ";".join(row.excluded),
-        "verification": row.verification,
-    }
+    return (code, task, info.condition, item.key), names
