@@ -2,14 +2,17 @@
 
 import io
 from collections.abc import Sequence
+from pathlib import Path
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from sim.homes.kind import scene_labels
+from sim.plan_view.svg import drawn_svg
 from sim.types import SPLITS, TaskKind
 
+from .counts import FlowCount
 from .report import PersonOutcome, StudyReport
 from .trials import TrialGroup, row_label
 
@@ -127,35 +130,14 @@ def order_svg(report: StudyReport, task: TaskKind) -> str:
 
 def flow_svg(report: StudyReport) -> str:
     """The flow of people: boxes from top to bottom for those who go on, with ways out and detours beside them."""
-    step, width = 46, 250
-    parts, at = [], 0
+    steps: list[tuple[FlowCount, list[FlowCount]]] = []
     for count in report.flow:
         if count.is_aside:
-            y = max(at - 1, 0) * step + 12
-            x = 290 + 190 * sum(part.startswith(f'<g data-row="{at}"') for part in parts)
-            parts.append(
-                f'<g data-row="{at}"><rect x="{x}" y="{y}" width="180" height="30" fill="#fbeee9" stroke="{_AGENT}"/>'
-                f'<text x="{x + 90}" y="{y + 19}" text-anchor="middle">{count.point}: {count.n}</text></g>'
-            )
-            continue
-        y = at * step + 12
-        line = f'<path d="M140 {y - 16} v14" stroke="#555" marker-end="url(#tip)"/>' if at else ""
-        parts.append(
-            f'<g>{line}<rect x="15" y="{y}" width="{width}" height="30" fill="#eaf1f8" stroke="{_PERSON}"/>'
-            f'<text x="140" y="{y + 19}" text-anchor="middle">{count.point}: {count.n}</text></g>'
-        )
-        at += 1
-    said = "".join(
-        f'<text x="15" y="{at * step + 18 + 16 * n}" font-size="11">{label}</text>'
-        for n, label in enumerate(report.scene_labels)
-    )
-    height = at * step + 12 + 16 * len(report.scene_labels)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="860" height="{height}" '
-        'font-family="sans-serif" font-size="12">'
-        '<defs><marker id="tip" markerWidth="8" markerHeight="8" refX="6" refY="3" orient="auto">'
-        '<path d="M0 0 L6 3 L0 6 z" fill="#555"/></marker></defs>' + "".join(parts) + said + "</svg>\n"
-    )
+            steps[-1][1].append(count)
+        else:
+            steps.append((count, []))
+    template = Path(__file__).parent / "templates" / "flow.svg.j2"
+    return drawn_svg(template, steps=steps, labels=report.scene_labels, person=_PERSON, agent=_AGENT)
 
 
 def _row_name(who: str, condition: str, participant: str) -> str:
