@@ -40,7 +40,7 @@ def report_files(report: PogReport, gallery: Gallery | None) -> dict[str, str | 
         **_csv_files(report),
     }
     if gallery is not None:
-        files["failures.csv"] = _failures_csv(gallery)
+        files["failures.csv"] = csv_lines(_FAILURE_HEADS, [_failure_line(item) for item in gallery.drawn])
     return files
 
 
@@ -135,41 +135,17 @@ def _csv_files(report: PogReport) -> dict[str, str]:
 
 
 _FAILURE_HEADS = (
-    "table",
-    "method",
-    "run",
-    "split",
-    "scene",
-    "episode_id",
-    "kind",
-    "distance",
-    "object",
-    "why",
-    "picture",
-    "scene_kind",
-    "scene_label",
+    *("table", "method", "run", "split", "scene", "episode_id", "kind", "distance", "object", "why", "picture"),
+    *("scene_kind", "scene_label"),
 )
 
 
-def _failures_csv(gallery: Gallery) -> str:
-    return csv_lines(_FAILURE_HEADS, [_failure_line(item) for item in gallery.drawn])
-
-
 def _failure_line(item: DrawnFailure) -> tuple[object, ...]:
-    distance = None if item.failure.distance == float("inf") else item.failure.distance
-    return (
-        item.table,
-        item.method,
-        item.info.run_id,
-        *item.episode.key,
-        item.failure.kind,
-        distance,
-        item.failure.object_name,
-        " ".join(item.reasons),
-        item.file_name,
-        item.info.scene_kind,
-        item.info.scene_label,
-    )
+    found, info = item.failure, item.info
+    distance = None if found.distance == float("inf") else found.distance
+    names = (item.table, item.method, info.run_id, *item.episode.key)
+    facts = (found.kind, distance, found.object_name, " ".join(item.reasons), item.file_name)
+    return *names, *facts, info.scene_kind, info.scene_label
 
 
 def _both(interval: tuple[float, float] | None) -> tuple[float | None, float | None]:
