@@ -44,10 +44,19 @@ def tex(text: str) -> str:
     return "".join(f"\\{letter}" if letter in "#$%&_{}" else letter for letter in text)
 
 
-def tex_lines(texts: Sequence[str], *, num_columns: int) -> str:
-    """LaTeX rows below a table that print these texts, so that a copy of the table keeps the remarks."""
-    rows = [f"\\multicolumn{{{num_columns}}}{{l}}{{\\footnotesize {tex(text)}.}} \\\\\n" for text in texts]
-    return "".join(rows)
+def tex_table(heads: Sequence[str], lines: Iterable[Sequence[str]], *, below: Sequence[str]) -> str:
+    """A LaTeX table; the first column names the rows.
+
+    Args:
+        heads: Headings of the columns, as LaTeX.
+        lines: Cells, as LaTeX.
+        below: Remarks, as text; they are rows of the table, so that a copy of it keeps them.
+    """
+    rows = [" & ".join(line) + " \\\\\n" for line in (heads, *lines)]
+    remarks = [f"\\multicolumn{{{len(heads)}}}{{l}}{{\\footnotesize {tex(text)}.}} \\\\\n" for text in below]
+    columns = "l" + "c" * (len(heads) - 1)
+    parts = (f"\\begin{{tabular}}{{{columns}}}\n", rows[0], "".join(rows[1:]), "".join(remarks) + "\\end{tabular}\n")
+    return "\\hline\n".join(parts)
 
 
 def json_text(value: Any) -> str:

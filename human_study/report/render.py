@@ -10,7 +10,7 @@ from sim.homes.kind import scene_label
 from sim.types import RULE_NOTES, SPLITS, TaskKind
 
 from ..design.analysis import LEVEL, NUM_RESAMPLES
-from ..export.text_tables import csv_lines, tex, tex_lines
+from ..export.text_tables import csv_lines, tex, tex_table
 from .agreement import SUSPECT_SHARE
 from .measures import MEASURES, WITHIN
 from .page import NOBODY, count_text, filled, html_page, interval_text
@@ -73,8 +73,8 @@ def latex(report: StudyReport) -> str:
     for task, kind in _table_kinds(report):
         rows = _of_homes(report.rows, task, kind)
         columns = [(split, measure) for split in _splits(rows) for measure in _PAPER[task]]
-        heads = " & ".join(f"{split} {measure.upper()}" for split, measure in columns)
-        body = [" & ".join([tex(label), *map(_tex_cell, cells)]) + r" \\" for label, cells in _cells(rows, columns)]
+        heads = ["", *(f"{split} {measure.upper()}" for split, measure in columns)]
+        lines = [[tex(label), *map(_tex_cell, cells)] for label, cells in _cells(rows, columns)]
         rule = report.rule if task == "pan" else "planar"
         said = [
             f"{task.upper()}, scenes: {kind}, rule {rule}; intervals at {LEVEL:g}, participants and episodes random",
@@ -82,11 +82,7 @@ def latex(report: StudyReport) -> str:
             *(["A pilot"] if report.is_pilot else []),
             *(warning.split(". ")[0] for warning in report.warnings if task == "pan"),
         ]
-        parts.append(
-            f"\\begin{{tabular}}{{l{'c' * len(columns)}}}\n\\hline\n & {heads} \\\\\n\\hline\n"
-            + "\n".join(body)
-            + f"\n\\hline\n{tex_lines(said, num_columns=len(columns) + 1)}\\end{{tabular}}\n"
-        )
+        parts.append(tex_table(heads, lines, below=said))
     return "\n".join(parts)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from grounding.report.sources import PAPER_IS
 from grounding.report.table import TOTAL, PogReport, PogTable
-from human_study.export.text_tables import csv_lines, tex, tex_lines
+from human_study.export.text_tables import csv_lines, tex, tex_table
 from human_study.report.page import html_page
 from sim.homes.kind import scene_label
 
@@ -60,8 +60,8 @@ def latex(tables: Sequence[PogTable]) -> str:
     parts = []
     for number, table in enumerate(tables, start=1):
         splits = [cell.split for cell in max(table.rows, key=lambda row: len(row.cells)).cells]
-        heads = " & ".join([*(split.capitalize() for split in splits), "Top-3", tex(PAPER_IS)])
-        body = []
+        heads = ["Method", *(split.capitalize() for split in splits), "Top-3", tex(PAPER_IS)]
+        lines = []
         for row in table.rows:
             cells = {cell.split: cell for cell in row.cells}
             shown = [
@@ -72,16 +72,11 @@ def latex(tables: Sequence[PogTable]) -> str:
             if by_home is not None:
                 shown[-1] += f" {{\\scriptsize [${by_home.low:.1f}$, ${by_home.high:.1f}$]}}"
             best = "--" if top3 is None else f"${top3:.1f}$"
-            body.append(" & ".join([tex(row.name), *shown, best, tex(paper_text(row)) or "--"]) + r" \\")
+            lines.append([tex(row.name), *shown, best, tex(paper_text(row)) or "--"])
         said = [f"{table.title}, scenes: {table.scene_kind}; SR in percent within 1 m, 95% intervals by home"]
         said += [table.scene_label] if table.scene_label else []
-        parts.append(
-            f"% Table {number}\n"
-            f"\\begin{{tabular}}{{l{'c' * (len(splits) + 2)}}}\n\\hline\nMethod & {heads} \\\\\n\\hline\n"
-            + "\n".join(body)
-            + f"\n\\hline\n{tex_lines(said, num_columns=len(splits) + 3)}\\end{{tabular}}\n"
-            + "".join(f"\n{{\\footnotesize {tex(note)}}}\n" for note in table.notes)
-        )
+        notes = "".join(f"\n{{\\footnotesize {tex(note)}}}\n" for note in table.notes)
+        parts.append(f"% Table {number}\n{tex_table(heads, lines, below=said)}{notes}")
     return "\n".join(parts)
 
 
