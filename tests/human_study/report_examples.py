@@ -66,8 +66,8 @@ def pan_episode(
     return EpisodeRun(start=start, steps=walked, end=EpisodeEnd(reason=reason, measures=measures))
 
 
-def run_info(run_id: str, who: str, config: StudyConfig, **more: object) -> RunInfo:
-    """`run.json` as the study export writes it, or of an agent."""
+def run_info(run_id: str, who: str, config: StudyConfig | None = None, **more: object) -> RunInfo:
+    """`run.json` as the study export writes it, or of an agent; without `config` it names no study."""
     fields = {
         "run_id": run_id,
         "who": who,
@@ -75,7 +75,7 @@ def run_info(run_id: str, who: str, config: StudyConfig, **more: object) -> RunI
         "scene_kind": "scan",
         "dataset_digest": DIGEST,
         "created_utc": "2026-11-22T00:00:00+00:00",
-        "config": {"study": config.study, "study_version": config.study_version} if who == "human" else {},
+        "config": {"study": config.study, "study_version": config.study_version} if config and who == "human" else {},
     }
     return RunInfo.model_validate(fields | more)
 

@@ -64,6 +64,7 @@ def test_mcnemars_p_is_that_of_binom_test(first: int, second: int) -> None:
     one = np.array([True] * first + [False] * second + [True] * 3)
     other = np.array([False] * first + [True] * second + [True] * 3)
     assert R[f"mcnemar_{first}_{second}"] == close(mcnemar_p(one, other))
+    assert mcnemar_p(one, one) == 1
 
 
 def test_where_all_succeed_the_interval_is_clopper_and_pearsons_of_the_people() -> None:

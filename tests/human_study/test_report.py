@@ -13,30 +13,13 @@ from human_study.report.rows import require_totals
 from human_study.report.statistics import wilson_interval
 from sim.errors import RunFileError, StudyError
 from sim.tasks.metrics import metric_rows
-from sim.tasks.run_files import (
-    Answer,
-    AnswerMeasures,
-    Run,
-    RunInfo,
-)
+from sim.tasks.run_files import Answer, AnswerMeasures, Run
 from sim.types import SPLITS, EndReason, EpisodeKey, Split
 
-from .report_examples import pan_episode
+from .report_examples import pan_episode, run_info
 
 EPISODES = [(split, str(k)) for split in SPLITS for k in range(4)]
 Succeeds = Callable[[Split, str], bool]
-
-
-def info(run_id: str, who: str, **more: object) -> RunInfo:
-    fields = {
-        "run_id": run_id,
-        "who": who,
-        "who_kind": "human" if who == "human" else "agent",
-        "scene_kind": "scan",
-        "dataset_digest": "d" * 64,
-        "created_utc": "2026-11-22T00:00:00+00:00",
-    }
-    return RunInfo.model_validate(fields | more)
 
 
 def pan(split: Split, episode: str, *, success: bool, steps: int, code: str | None, reason: EndReason = "stop"):
@@ -49,7 +32,7 @@ def pan_run(
     run_id: str, who: str, succeeds: Succeeds, *, steps: int = 40, code: str | None = None, **more: object
 ) -> Run:
     episodes = [pan(split, name, success=succeeds(split, name), steps=steps, code=code) for split, name in EPISODES]
-    return Run(info=info(run_id, who, **more), episodes=tuple(episodes))
+    return Run(info=run_info(run_id, who, **more), episodes=tuple(episodes))
 
 
 def people(succeeds: Sequence[Succeeds]) -> list[Run]:
@@ -138,7 +121,7 @@ def test_an_agent_is_shown_on_the_peoples_episodes_only(runs: list[Run]) -> None
 
 def test_what_does_not_count_is_said(runs: list[Run]) -> None:
     broken = pan("easy", "0", success=False, steps=3, code="p09", reason="technical")
-    added = Run(info=info("study-p09-pan", "human"), episodes=(broken,))
+    added = Run(info=run_info("study-p09-pan", "human"), episodes=(broken,))
     found = study_report([*runs, added])
     assert [(cell.who, cell.reason, cell.n) for cell in found.left_out] == [("human", "technical failure", 1)]
     assert row(found, "human", "total", "sr").n == 36
@@ -173,7 +156,7 @@ def answers(code: str, xz: tuple[float, float], *, success: bool) -> Run:
         t_s=9.0,
         measures=measures,
     )
-    return Run(info=info(f"study-{code}-pog", "human"), answers=(one,))
+    return Run(info=run_info(f"study-{code}-pog", "human"), answers=(one,))
 
 
 def test_conditions_of_pointing_are_rows_of_their_own_and_compared_within_people() -> None:

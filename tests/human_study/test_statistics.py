@@ -5,7 +5,6 @@ import pytest
 
 from human_study.report.statistics import (
     Trials,
-    mcnemar_p,
     mean,
     pigeonhole_interval,
     rate,
@@ -107,13 +106,6 @@ def test_the_bootstrap_draws_people_and_episodes() -> None:
     same = pigeonhole_interval(trials_of([2.0] * 6, list("aabbcc"), list("xyxyxy")))
     assert same is not None
     assert (same.low, same.high) == (2, 2)
-
-
-def test_mcnemar_counts_the_episodes_on_which_two_agents_differ() -> None:
-    first, second = np.zeros(30, bool), np.zeros(30, bool)
-    first[:9], second[9] = True, True
-    assert mcnemar_p(first, second) == pytest.approx(2 * (1 + 10) / 2**10)
-    assert mcnemar_p(first, first) == 1.0
 
 
 @pytest.mark.release

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from human_study.report.effects import WithinDesign, holm
+from human_study.report.effects import WithinDesign
 
 PEOPLE = np.repeat(np.arange(4), 4)
 EPISODES = np.tile(np.arange(4), 4)
@@ -53,13 +53,6 @@ def test_trials_that_differ_by_nothing_else_have_no_interval() -> None:
     found = WithinDesign(WITH, PEOPLE, EPISODES).effect(2 * WITH)
     assert found.value == pytest.approx(2)
     assert (found.low, found.p) == (None, None)
-
-
-def test_holm_by_hand() -> None:
-    """Sorted .01 .03 .04: times 3, 2, 1 = .03 .06 .04, and never smaller than the one before."""
-    assert holm([0.04, 0.01, 0.03]) == pytest.approx([0.06, 0.03, 0.06])
-    assert holm([0.9, 0.8]) == [1.0, 1.0]
-    assert holm([]) == []
 
 
 @pytest.mark.release
