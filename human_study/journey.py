@@ -6,14 +6,36 @@ reached, and the participant's trials. So a reload, a restart or another clock c
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, get_args
 
 from sim.types import EpisodeKey, TaskKind
 
 from .design.plan import Phase, Slot
 from .design.study import Condition, FlowStep, StudyConfig
-from .store.record_types import Stage, StageEntry, has_dropped_out, has_reached, last_detail, way_out
 
+Stage = Literal[
+    "arrived",
+    "device_ok",
+    "device_failed",
+    "consented",
+    "declined",
+    "instructed",
+    "quiz_passed",
+    "quiz_failed",
+    "keys_changed",
+    "sitting_started",
+    "break_started",
+    "break_ended",
+    "finished",
+    "withdrawn",
+    "screened_out",
+    "dropped_out",
+    "returned",
+    "full",
+]
+WayOut = Literal["declined", "withdrawn", "screened_out", "full"]
+"""Stages after which a participant does nothing more."""
+OUT: tuple[WayOut, ...] = get_args(WayOut)
 QUIZ_ROUNDS = 2
 """Rounds with a wrong answer after which the instructions come again."""
 Place = Literal[
@@ -41,6 +63,26 @@ GONE: tuple[Place, ...] = ("finished", "dropped_out", "declined", "withdrawn", "
 """Places at which the study no longer waits for the participant."""
 End = Literal["done", "technical", "abandoned"]
 """How a trial ended, without its success, which nobody may see while a study runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageEntry:
+    """A stage that a participant reached."""
+
+    stage: Stage
+    detail: dict[str, Any]
+    """Answers of the quiz, the coarse profile of the device and similar facts."""
+    at_ns: int
+    """Server's wall clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConsentEntry:
+    """An answer to the question for consent."""
+
+    text_hash: str
+    """sha256 of the text that was shown."""
+    given: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,16 +123,30 @@ class AssignedTrial:
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """The stored facts that say where a participant is."""
+    """A participant; the stored facts say where in the study the participant is."""
 
     code: str
+    """Public code, such as p01."""
     task: TaskKind
     is_claimed: bool
-    """Whether somebody opened this personal link, or got this place through an open link."""
+    """Whether the participant got this place through an open link."""
     stages: tuple[StageEntry, ...]
     """Oldest first."""
     trials: tuple[AssignedTrial, ...]
     """In the participant's order, including those that were given back."""
+    arm: int = 0
+    consent: ConsentEntry | None = None
+    """The last answer to the question for consent."""
+
+    @property
+    def has_come(self) -> bool:
+        """Whether somebody opened this personal link, or got this place through an open link."""
+        return self.is_claimed or bool(self.stages)
+
+    @property
+    def is_withdrawn(self) -> bool:
+        """Whether the participant withdrew."""
+        return has_reached(self.stages, "withdrawn")
 
     @property
     def kept(self) -> tuple[AssignedTrial, ...]:
@@ -128,6 +184,27 @@ def journey_of(config: StudyConfig, person: Person) -> Journey:
     return Journey(place, num_done, len(counted), _failed_rounds(person.stages), began if is_resting else None)
 
 
+def has_reached(entries: Sequence[StageEntry], stage: Stage) -> bool:
+    """Whether the stage is among the entries."""
+    return any(entry.stage == stage for entry in entries)
+
+
+def way_out(entries: Sequence[StageEntry]) -> WayOut | None:
+    """The stage by which the participant left for good; None if there is none."""
+    return next((entry.stage for entry in entries if entry.stage in OUT), None)
+
+
+def has_dropped_out(entries: Sequence[StageEntry]) -> bool:
+    """Whether the participant's trials were given to others and the participant has not returned since."""
+    moves = [entry.stage for entry in entries if entry.stage in ("dropped_out", "returned")]
+    return bool(moves) and moves[-1] == "dropped_out"
+
+
+def last_detail(entries: Sequence[StageEntry], stage: Stage) -> dict:
+    """The details stored with the newest entry of a stage; {} where there is none."""
+    return next((entry.detail for entry in reversed(entries) if entry.stage == stage), {})
+
+
 def ended_trial(person: Person, order_no: int) -> AssignedTrial | None:
     """The trial at this place of the order, once the store has its outcome."""
     return next((trial for trial in person.kept if trial.order_no == order_no and not trial.is_due), None)
@@ -163,7 +240,7 @@ def _place(config: StudyConfig, person: Person, num_done: int) -> Place:
         return "finished"
     if has_dropped_out(stages):
         return "dropped_out"
-    if not person.is_claimed:
+    if not person.has_come and not any(trial.is_begun for trial in person.trials):
         return "not_arrived"
     before: FlowStep | None = next((step for step in config.flow if not _is_passed(step, config, person)), None)
     if before is not None:

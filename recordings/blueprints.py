@@ -50,11 +50,10 @@ def comparison_blueprint(
 ) -> rrb.Blueprint:
     """The layout for any number of runs of one episode.
 
-    Best person | home and map | best agent; below them plots, task, actions.
+    Best person | home and map | best agent; below them plots, task, actions. Each storey has its own view in the home
+    and on the map, since floors hide each other.
 
     Args:
-        traces: The runs, in the recording's order.
-        maps: The storeys shown; each has its own view in the home and on the map, since floors hide each other.
         shown: At most two PAN runs whose cameras are shown, left and right.
         regrounded: Grounders with layers, which the map shows.
         memories: The maps that grounders answered on, each with its own page; objects stand in the home too.
@@ -79,10 +78,8 @@ def live_blueprint(
     """The layout for one running episode: camera | home | map; below them a plot, actions and task.
 
     Args:
-        walker: The person or agent that walks.
         maps: The storeys visited so far, at least one; each has its own home view and map.
         explains: Whether the agent shows its own map, which then stands beside the map of the floor it saw.
-        with_depth: Whether depth is logged.
         follows: Whether the time cursor stays at the newest data: in a viewer, not in a file.
     """
     sees: Parts = _sees(walker.title, walker.entity("camera"))

@@ -73,12 +73,9 @@ class Divergence:
 def divergence_of(
     ways: Sequence[NDArray[np.float64] | None], path: NDArray[np.float64] | None, *, pair: tuple[int, int] | None
 ) -> Divergence:
-    """The divergence of several runs.
+    """The divergence of several runs, given as feet (T + 1, 3), or None for a run that does not walk.
 
-    Args:
-        ways: Feet (T + 1, 3) of each run; None for runs that do not walk.
-        path: (K, 3) the shortest path; None if there is none.
-        pair: Indices of the two runs to compare.
+    `path` (K, 3) is the shortest path, and `pair` has the indices of the two runs to compare.
     """
     strays: list[Stray | None] = []
     for way in ways:
@@ -166,12 +163,7 @@ def log_divergence(
 ) -> None:
     """Logs each walking run's distance from the shortest path, and marks that appear at the moment they stand for.
 
-    Args:
-        stream: The recording.
-        traces: The runs.
-        walks: The runs among `traces` that walk.
-        divergence: The divergence of `traces`, in the same order.
-        maps: The storeys shown.
+    `walks` are the runs among `traces` that walk; the divergence is that of all traces.
     """
     walk_of = {walk.trace.label: walk for walk in walks}
     for trace, stray in zip(traces, divergence.strays, strict=True):

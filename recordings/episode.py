@@ -123,13 +123,7 @@ def next_row(
 
 
 def finished_walk(trace: Trace, camera: Camera, navigation: NavigationMap) -> Walk:
-    """A PAN run as a walker and its rows.
-
-    Args:
-        trace: The run.
-        camera: The robot's camera, with the size in which its pictures are shown.
-        navigation: Gives the storey of each pose.
-    """
+    """A PAN run as a walker and its rows; the camera has the size in which the run's pictures are shown."""
     run = trace.run
     assert isinstance(run, EpisodeRun)
     is_timed = times(run) is not None

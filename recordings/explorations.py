@@ -18,7 +18,6 @@ from sim.errors import RecordingError
 from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
 from sim.plan_view.storey import storeys_of
-from sim.render.renderer import Renderer
 from sim.tasks.agents import Agent
 from sim.tasks.observers import Explains, Insight
 from sim.tasks.pan import PanEnv
@@ -35,144 +34,97 @@ from .traces import RUN_COLORS
 
 EXPLORER = "frontier"
 """Name of the explorer in its entities."""
+_NO_LIMIT = 1 << 30
+"""Steps of the second robot, which follows the first."""
 
 
-class ExplorationObserver:
-    """Shows one exploration at a time, each in its own recording, to the researcher."""
+class WatchedExploration:
+    """Shows one exploration in its own recording, as the `on_step` of grounding's `explore`.
+
+    If the recording fails, the walk goes on without it, and `end` raises the error.
+    """
 
     def __init__(
         self,
         scene: Scene,
         sink: LiveSink,
+        start: Pose,
         *,
-        who: str,
         seed: int,
         with_pixels: bool = False,
         camera: Camera = Camera(),  # noqa: B008 - frozen value
     ) -> None:
-        """Writes nothing before the exploration begins.
+        """Writes nothing before the first view.
 
-        Args:
-            scene: The home that is explored.
-            sink: Where the recording goes.
-            who: Name of the explorer; names the run's entities.
-            seed: Seed of the exploration.
-            with_pixels: Whether geometry, maps and pictures of a licensed scan are shown; other homes are always shown.
-            camera: The robot's camera.
+        `with_pixels` says whether geometry, maps and pictures of a licensed scan are shown; other homes are always
+        shown.
         """
-        self._scene, self._sink, self._seed = scene, sink, seed
+        self._scene, self._sink, self._start, self._seed = scene, sink, start, seed
         self._may_show = may_be_shown(scene, with_pixels=with_pixels)
-        self._walker = Walker(label=who, title=who, rgb=RUN_COLORS[0], camera=camera, is_timed=False, is_episode=False)
+        renderer = renderer_of(scene) if self._may_show else None
+        self._env = PanEnv(start, scene.navigation, renderer=renderer, camera=camera, max_steps=_NO_LIMIT)
+        self._walker = Walker(EXPLORER, EXPLORER, RUN_COLORS[0], camera, is_timed=False, is_episode=False)
         self._live: LiveEpisode | None = None
+        self.observation: Observation | None = None
+        """The robot's newest view, without pixels where these may not be shown; None before the first."""
+        self.problem: RecordingError | None = None
+        """The error that stopped the recording; None while there is none."""
 
-    def on_reset(self, start: Pose, observation: Observation) -> None:
-        """Opens the recording and shows the start; closes the recording of an unfinished exploration as it is.
-
-        Raises:
-            RecordingError: The recording cannot be written, or the viewer is gone.
-        """
-        self.close()
-        (storey,) = storeys_of(np.array([start.position[1]]), self._scene.navigation).tolist()
-        key = paths.ExplorationKey(self._scene.name, storey, self._seed)
-        scene = self._scene
-        live = self._live = LiveEpisode(start, scene, self._sink, key, self._walker, goal=None, may_show=self._may_show)
-        stream = live.stream
-        stream.send_recording_name(f"{key} in {scene.label}")
-        facts = {"scene": scene.name, "scene_kind": scene.kind, "scene_digest": scene.digest, "seed": self._seed}
-        stream.send_property("exploration", rr.AnyValues(explorer=self._walker.title, **facts))
-        log_up(stream)
-        self._log_text([])
-        live.start(observation)
-
-    def on_step(self, step: Step, observation: Observation, insight: Insight | None) -> None:
-        """Shows one step.
+    def __call__(self, step: Step | None, insight: Insight | None) -> None:
+        """Shows the first view (step None) or a step.
 
         Raises:
             AgentError: Parts of the insight do not fit together.
-            RecordingError: The recording cannot be written, or the viewer is gone.
         """
-        assert self._live is not None, "on_reset comes first"
-        self._live.step(step, observation, insight)
-
-    def on_end(self, figures: Sequence[tuple[str, str]]) -> None:
-        """Shows the whole way and its results, and completes the recording.
-
-        Args:
-            figures: (name, value) of each result in words, such as why it stopped and how much of the home it saw.
-
-        Raises:
-            RecordingError: The recording cannot be written, or the viewer is gone.
-        """
-        assert self._live is not None, "on_reset comes first"
-        self._live.end()
-        self._log_text(figures)
-        self.close()
-
-    def close(self) -> None:
-        """Ends the recording as it is, if there is one.
-
-        Raises:
-            RecordingError: The recording cannot be written, or the viewer is gone.
-        """
-        if self._live is not None:
-            live, self._live = self._live, None
-            live.close()
-
-    def _log_text(self, figures: Sequence[tuple[str, str]]) -> None:
-        assert self._live is not None
-        rows = [(plain_text(name), plain_text(value)) for name, value in figures]
-        parts = [
-            f"**Exploration** by {plain_text(self._walker.title)}, seed {self._seed}. Nothing is looked for.",
-            table(("figure", "value"), rows) if rows else "",
-            "Bright on the map: floor that was seen (researcher's side). The other map is what the robot thinks: green "
-            "free, brown occupied; points are frontiers, the large one is where it goes.",
-        ]
-        log_paragraphs(self._live.stream, [*parts, *home_paragraphs(self._scene, may_show=self._may_show)])
-
-
-class WatchedExploration:
-    """Shows each step as the `on_step` of grounding's `explore`; after a failure the walk goes on without it."""
-
-    def __init__(
-        self, observer: ExplorationObserver, scene: Scene, start: Pose, *, camera: Camera, renderer: Renderer | None
-    ) -> None:
-        """Shows nothing yet.
-
-        Args:
-            observer: Shows the exploration.
-            scene: The home.
-            start: Where the exploration starts.
-            camera: The robot's camera.
-            renderer: Draws the robot's views in colours; None = no pictures.
-        """
-        self._observer: ExplorationObserver | None = observer
-        self._env = PanEnv(start, scene.navigation, renderer=renderer, camera=camera, max_steps=MAX_STEPS + 1)
-        self._start = start
-        self.problem: RecordingError | None = None
-        """The error that stopped the observer; None while there is none."""
-
-    def __call__(self, step: Step | None, insight: Insight | None) -> None:
-        """Shows the first view (step None) or a step."""
-        if self._observer is None:
+        if self.problem is not None:
             return
         try:
             if step is None:
-                self._observer.on_reset(self._start, self._env.reset())
+                self.observation = self._env.reset()
+                self._live = self._opened(self.observation)
             else:
-                self._observer.on_step(step, self._env.step(step.action), insight)
+                assert self._live is not None, "the first view comes first"
+                self.observation = self._env.step(step.action)
+                self._live.step(step, self.observation, insight)
         except RecordingError as error:
-            self._observer, self.problem = None, error
+            self.problem = error
 
-    def end(self, exploration: Exploration) -> None:
-        """Shows the results, and completes the recording.
+    def end(self, exploration: Exploration, *, more: Sequence[tuple[str, str]] = ()) -> None:
+        """Shows the whole way, the results and (name, value) of `more` of them, and completes the recording.
 
         Raises:
             RecordingError: Some of the exploration could not be shown.
         """
         if self.problem is not None:
             raise self.problem
-        if self._observer is not None:
-            self._observer.on_end(exploration_figures(exploration))
+        if self._live is not None:
+            self._live.end()
+            self._log_text(self._live, [*exploration_figures(exploration), *more])
+            self._live.close()
+
+    def _opened(self, observation: Observation) -> LiveEpisode:
+        """The open recording, which shows the start."""
+        scene, start = self._scene, self._start
+        (storey,) = storeys_of(np.array([start.position[1]]), scene.navigation).tolist()
+        key = paths.ExplorationKey(scene.name, storey, self._seed)
+        live = LiveEpisode(start, scene, self._sink, key, self._walker, goal=None, may_show=self._may_show)
+        live.stream.send_recording_name(f"{key} in {scene.label}")
+        facts = {"scene": scene.name, "scene_kind": scene.kind, "scene_digest": scene.digest, "seed": self._seed}
+        live.stream.send_property("exploration", rr.AnyValues(explorer=EXPLORER, **facts))
+        log_up(live.stream)
+        self._log_text(live, [])
+        live.start(observation)
+        return live
+
+    def _log_text(self, live: LiveEpisode, figures: Sequence[tuple[str, str]]) -> None:
+        rows = [(plain_text(name), plain_text(value)) for name, value in figures]
+        parts = [
+            f"**Exploration** by {plain_text(EXPLORER)}, seed {self._seed}. Nothing is looked for.",
+            table(("figure", "value"), rows) if rows else "",
+            "Bright on the map: floor that was seen (researcher's side). The other map is what the robot thinks: green "
+            "free, brown occupied; points are frontiers, the large one is where it goes.",
+        ]
+        log_paragraphs(live.stream, [*parts, *home_paragraphs(self._scene, may_show=self._may_show)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +136,7 @@ class ObserveExplorations:
 
     def live(self, scene: Scene, start: Pose, *, seed: int, camera: Camera) -> WatchedExploration:
         """Returns an observer of an exploration that begins now."""
-        observer = self._observer(scene, seed, camera)
-        return WatchedExploration(observer, scene, start, camera=camera, renderer=self._renderer(scene))
+        return WatchedExploration(scene, self.sink, start, seed=seed, with_pixels=self.with_pixels, camera=camera)
 
     def again(self, scene: Scene, exploration: Exploration) -> None:
         """Repeats a stored exploration in a recording.
@@ -193,41 +144,21 @@ class ObserveExplorations:
         Raises:
             RecordingError: It cannot be shown.
         """
-        observer = self._observer(scene, exploration.seed, exploration.camera)
-        agent, renderer = explorer_of(exploration), self._renderer(scene)
-        replay_exploration(exploration, observer, scene=scene, renderer=renderer, agent=agent)
-
-    def _observer(self, scene: Scene, seed: int, camera: Camera) -> ExplorationObserver:
-        return ExplorationObserver(
-            scene, self.sink, who=EXPLORER, seed=seed, with_pixels=self.with_pixels, camera=camera
-        )
-
-    def _renderer(self, scene: Scene) -> Renderer | None:
-        return renderer_of(scene) if may_be_shown(scene, with_pixels=self.with_pixels) else None
-
-
-def explorer_of(exploration: Exploration) -> FrontierExplorer:
-    """An explorer with the settings of the exploration, which should choose the same actions again."""
-    steps = len(exploration.steps) if exploration.stop_reason == "steps" else MAX_STEPS
-    return FrontierExplorer(max_steps=steps)
+        replay_exploration(exploration, scene, self.sink, with_pixels=self.with_pixels)
 
 
 def replay_exploration(
     exploration: Exploration,
-    observer: ExplorationObserver,
-    *,
     scene: Scene,
-    renderer: Renderer | None,
-    agent: Agent | None,
+    sink: LiveSink,
+    *,
+    with_pixels: bool = False,
+    agent: Agent | None = None,
 ) -> int:
-    """Walks an exploration again for an observer.
+    """Walks a stored exploration again, into a recording.
 
-    Args:
-        exploration: From its file.
-        observer: Shows the exploration; it must have the same camera.
-        scene: The home in which it was made.
-        renderer: Draws the robot's views; None = no pictures, and no explorer is asked.
-        agent: The explorer (`explorer_of`); None = only the way is shown.
+    The explorer is asked again: `agent`, or one with the settings of the exploration. It is not asked where pixels of a
+    licensed scan may not be shown (`with_pixels`).
 
     Returns:
         Number of first steps on which the explorer chose the same action; all steps if nothing has changed since.
@@ -241,24 +172,23 @@ def replay_exploration(
             f"exploration: made in {exploration.scene} ({exploration.scene_digest[:12]}), found {scene.name} "
             f"({scene.digest[:12]}); expected the same home. Explore again, or open the home it was made in."
         )
-    steps, camera = exploration.steps, exploration.camera
-    env = PanEnv(exploration.start, scene.navigation, renderer=renderer, camera=camera, max_steps=len(steps) + 1)
-    observation = env.reset()
-    asked = agent if renderer is not None else None
-    has_asked, num_same = asked is not None, 0
+    camera, seed, steps = exploration.camera, exploration.seed, exploration.steps
+    watched = WatchedExploration(scene, sink, exploration.start, seed=seed, with_pixels=with_pixels, camera=camera)
+    watched(None, None)
+    can_ask, num_same = may_be_shown(scene, with_pixels=with_pixels), 0
+    asked = (agent or _explorer_of(exploration)) if can_ask else None
     if asked is not None:
-        asked.reset(TASK, camera, seed=exploration.seed)
-    observer.on_reset(exploration.start, observation)
+        asked.reset(TASK, camera, seed=seed)
     for step in steps:
-        asked = asked if asked is not None and asked.act(observation) is step.action else None
+        if watched.problem is not None:
+            break
+        assert watched.observation is not None
+        asked = asked if asked is not None and asked.act(watched.observation) is step.action else None
         num_same += asked is not None
-        observation = env.step(step.action)
-        observer.on_step(step, observation, asked.insight() if isinstance(asked, Explains) else None)
-    figures = exploration_figures(exploration)
-    if has_asked and num_same < len(steps):
-        text = f"chooses another action at step {num_same + 1}: nothing of it is shown from there"
-        figures.append(("explorer asked again", text))
-    observer.on_end(figures)
+        watched(step, asked.insight() if isinstance(asked, Explains) else None)
+    differs = can_ask and num_same < len(steps)
+    text = f"chooses another action at step {num_same + 1}: nothing of it is shown from there"
+    watched.end(exploration, more=[("explorer asked again", text)] if differs else [])
     return num_same
 
 
@@ -272,9 +202,11 @@ def exploration_figures(exploration: Exploration) -> list[tuple[str, str]]:
     if exploration.num_doors is not None:
         figures.append(("doors passed", f"{exploration.doors_passed} of {exploration.num_doors}"))
     if exploration.rooms_missed is not None:
-        figures.append(("rooms neither entered nor seen", _listed(exploration.rooms_missed)))
+        figures.append(("rooms neither entered nor seen", ", ".join(exploration.rooms_missed) or "none"))
     return figures
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names) or "none"
+def _explorer_of(exploration: Exploration) -> FrontierExplorer:
+    """An explorer with the settings of the exploration, which should choose the same actions again."""
+    steps = len(exploration.steps) if exploration.stop_reason == "steps" else MAX_STEPS
+    return FrontierExplorer(max_steps=steps)

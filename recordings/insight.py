@@ -83,17 +83,10 @@ def log_insight_styles(stream: rr.RecordingStream, label: str, storey: StoreyMap
 def log_insight(
     stream: rr.RecordingStream, walker: Walker, insight: Insight, place: Place, *, shown: frozenset[str]
 ) -> frozenset[str]:
-    """Logs the points, boxes and words.
+    """Logs the points, boxes and words of an insight whose parts fit together (`require_fits`).
 
-    Args:
-        stream: The recording.
-        walker: The agent that has the insight.
-        insight: An insight whose parts fit together (`require_fits`).
-        place: Where the robot is.
-        shown: The result of the previous call: parts that are empty now are removed from view.
-
-    Returns:
-        Names of the parts that are not empty.
+    Returns the names of the parts that are not empty; the next call gets them as `shown`, so that parts which are empty
+    by then are removed from view.
     """
     marks = marks_of(insight, place)
     present = {name for name, some in marks.items() if len(some.points)} | ({BOXES} if insight.detections else set())

@@ -41,7 +41,7 @@ from .episode import (
 )
 from .insight import Place, log_insight, log_insight_maps, log_insight_styles, require_fits
 from .maps import Resampler, seen_png
-from .scene import GoalRegion, log_goal, log_map_picture, log_scene
+from .scene import GoalRegion, log_goal, log_storeys
 from .sinks import LiveSink
 
 SEND_S = 0.1
@@ -78,11 +78,6 @@ class LiveEpisode:
         """Opens the recording; nothing is logged before `start`.
 
         Args:
-            start: Where the robot starts.
-            scene: The home.
-            sink: Where the recording goes.
-            key: Names the recording.
-            walker: The person or agent that walks.
             goal: The truth of the episode: distances to it are shown from the start, the goal itself at the end. None
                 for explorations, which have no goal.
             may_show: Whether geometry, maps and pictures of this home may be shown.
@@ -235,8 +230,7 @@ class LiveEpisode:
             resampler = Resampler(self._T_world_start, shown.grid)
             self._storeys[index] = _Storey(shown, SeenArea(shown.free, shown.grid), resampler)
             if self._may_show:
-                log_scene(self.stream, self._scene, storeys=[index])
-                log_map_picture(self.stream, shown)
+                log_storeys(self.stream, self._scene, [shown])
             log_map_styles(self.stream, self._walker, shown)
             if self._explains:
                 log_insight_styles(self.stream, self._walker.label, shown)

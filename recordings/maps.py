@@ -125,13 +125,9 @@ def heat_rgb(values: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def carpet(rgb: NDArray[np.uint8], shown: NDArray[np.bool_], grid: GridSpec, storey: StoreyMap) -> rr.Mesh3D:
-    """The shown cells as squares above the floor; a whole picture there would hide the home below it.
+    """The shown cells (R, C) of a grid, in colours (R, C, 3), as squares above the storey's floor.
 
-    Args:
-        rgb: (R, C, 3) colour of each cell.
-        shown: (R, C) whether each cell is shown.
-        grid: Grid of the cells.
-        storey: The storey above whose floor they lie.
+    A whole picture there would hide the home below it.
     """
     cells = np.argwhere(shown)  # (C, 2)
     corners = cells[:, None] + np.array([[0, 0], [0, 1], [1, 1], [1, 0]])  # (C, 4, 2)

@@ -81,13 +81,9 @@ def storeys_of_memory(memory: HomeMemory) -> list[StoreyMap]:
 
 
 def log_memory(stream: rr.RecordingStream, name: str, memory: HomeMemory, maps: Sequence[StoreyMap]) -> None:
-    """Logs every layer on each storey of `maps` that the memory knows.
+    """Logs every layer on each storey of `maps` that the memory knows; both are in one frame.
 
-    Args:
-        stream: The recording.
-        name: Names the entities: `/memory/<name>/map/<storey>/<layer>` and `/memory/<name>/home/<storey>/<layer>`.
-        memory: The map, in the frame of `maps`.
-        maps: The storeys shown.
+    The entities are `/memory/<name>/map/<storey>/<layer>` and `/memory/<name>/home/<storey>/<layer>`.
     """
     colours = vector_rgb([_vectors(storey) for storey in memory.storeys])
     for shown in maps:

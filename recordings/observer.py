@@ -17,10 +17,10 @@ from .blueprints import MARK_RAY, MARKS, trial_blueprint
 from .episode import ANSWER_STEP, Walker, log_answer
 from .live_episode import LiveEpisode
 from .read import log_record_answer, log_record_end, log_record_start
-from .scene import POINT, goal_region, log_goal, log_identity, log_map_picture, log_scene, may_be_shown
+from .scene import POINT, goal_region, log_goal, log_identity, log_storeys, may_be_shown
 from .sinks import LiveRecording, LiveSink
 from .texts import log_task
-from .traces import RUN_COLORS, Rgb, Trace, rgba_u32, short_name
+from .traces import RUN_COLORS, Rgb, Trace, names_of, rgba_u32
 
 MARK_RGB: Rgb = (240, 228, 66)
 """Colour of marks before the answer."""
@@ -44,11 +44,8 @@ class RerunObserver:
         """Writes nothing before an episode begins.
 
         Args:
-            scene: The home in which the episodes are run.
-            sink: Where the recordings go.
             info: The run's facts; entities and titles are named after them, as in replays.
             with_pixels: Whether geometry, maps and pictures of a licensed scan are shown; other homes are always shown.
-            camera: The robot's camera.
             participant: Public code of the person who walks; None for agents.
         """
         self._scene = scene
@@ -56,14 +53,8 @@ class RerunObserver:
         self._info = info
         self._may_show = may_be_shown(scene, with_pixels=with_pixels)
         self._participant = participant
-        code = f"-{participant}" if participant else ""
-        self._walker = Walker(
-            label=f"{info.run_id}{code}",
-            title=f"{short_name(info.who)}{code}",
-            rgb=RUN_COLORS[0],
-            camera=camera,
-            is_timed=info.who_kind == "human",
-        )
+        label, title = names_of(info, participant)
+        self._walker = Walker(label, title, RUN_COLORS[0], camera, is_timed=info.who_kind == "human")
         self._running: tuple[Episode, LiveEpisode] | None = None
 
     def on_reset(self, episode: Episode, observation: Observation) -> None:
@@ -163,18 +154,10 @@ class AnswerObserver:
         with_pixels: bool = False,
         participant: str | None = None,
     ) -> None:
-        """Writes nothing before a trial begins.
-
-        Args:
-            scene: The home that is shown.
-            sink: Where the recordings go.
-            info: The run's facts; `run_id` names the run's entities, as in replays.
-            with_pixels: Whether geometry and maps of a licensed scan are shown; other homes are always shown.
-            participant: Public code of the person.
-        """
-        code = f"-{participant}" if participant else ""
+        """Writes nothing before a trial begins; the arguments are those of RerunObserver."""
         self._scene, self._sink, self._info = scene, sink, info
-        self._label, self._title, self._rgb = f"{info.run_id}{code}", f"{info.who}{code}", RUN_COLORS[0]
+        self._label, self._title = names_of(info, participant)
+        self._rgb = RUN_COLORS[0]
         self._may_show = may_be_shown(scene, with_pixels=with_pixels)
         self._running: tuple[Episode, LiveRecording] | None = None
         self._maps: dict[int, StoreyMap] = {}
@@ -245,8 +228,7 @@ class AnswerObserver:
             return
         storey = self._maps[index] = storey_map(self._scene.navigation, index)
         if self._may_show:
-            log_scene(self._recording.stream, self._scene, storeys=[index])
-            log_map_picture(self._recording.stream, storey)
+            log_storeys(self._recording.stream, self._scene, [storey])
         maps = [self._maps[number] for number in sorted(self._maps)]
         self._recording.lay_out(trial_blueprint(self._label, maps, follows=self._sink.kind == "address"))
 

@@ -27,10 +27,7 @@ _BATCH = 16
 def picture_cameras(ways: Sequence[Way], camera: Camera, *, is_shown: Sequence[bool]) -> list[Camera]:
     """A camera per run with the robot's field of view and no more pixels than the budget allows.
 
-    Args:
-        ways: Poses of each run.
-        camera: The robots' camera.
-        is_shown: Which runs are shown at first; they get the larger pictures.
+    Runs that are shown at first get the larger pictures.
     """
     cameras: list[Camera] = []
     for shown, others in SIZES:

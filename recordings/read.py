@@ -53,11 +53,6 @@ def log_record_start(stream: rr.RecordingStream, label: str, info: RunInfo, star
     stream.log(paths.run_path(label, paths.RECORD), rr.AnyValues(True, **texts), static=True)
 
 
-def log_record_step(stream: rr.RecordingStream, label: str, step: Step) -> None:
-    """Logs one step at the stream's present time."""
-    stream.log(paths.run_path(label, paths.RECORD, LINE), rr.AnyValues(True, **{LINE: step.model_dump_json()}))
-
-
 def log_record_steps(
     stream: rr.RecordingStream, label: str, steps: Sequence[Step], *, times: Sequence[rr.TimeColumn]
 ) -> None:

@@ -36,7 +36,7 @@ from .layers import Regrounded, log_layers, reground, reground_markdown
 from .memory import log_memory, memory_markdown, named_memories, storey_at, storeys_of_memory
 from .pictures import picture_cameras, rendered_jpegs
 from .read import log_record_answer, log_record_end, log_record_start
-from .scene import GoalRegion, goal_region, log_goal, log_identity, log_map_picture, log_scene, log_up, may_be_shown
+from .scene import GoalRegion, goal_region, log_goal, log_identity, log_map_picture, log_storeys, log_up, may_be_shown
 from .sinks import open_recording
 from .texts import home_paragraphs, log_paragraphs, log_task
 from .traces import Trace, best_two, require_same_home, select_traces
@@ -54,22 +54,16 @@ def log_comparison(
     dataset: PersonalDataset | None = None,
     beside: Sequence[Path] = (),
 ) -> Path:
-    """Writes every run of one episode into one recording.
+    """Writes every run of one episode into one recording, for researchers: it shows the goal at its end. Returns `out`.
 
     Args:
         runs: Run folders of people, agents, grounders and imports; their other episodes are left out.
-        episode: The episode with its targets: the recording is for researchers and shows the goal at its end.
-        scene: The home in which the runs were made.
         out: The .rrd file; replaced if it exists.
         renderer: Renders the robots' views from their poses; None = no first-person pictures.
         with_pixels: Whether geometry and pictures of a licensed scan may be written; other homes always may.
-        camera: The robots' camera.
         dataset: The episode's dataset, so that grounders can answer again and show how they found their answers; None
             leaves that out.
         beside: Folders that hold the run folders; the maps that grounders answered on are there too.
-
-    Returns:
-        `out`.
 
     Raises:
         RecordingError: No run has the episode, runs and scene differ in kind or version, or `out` is not an .rrd file
@@ -90,17 +84,11 @@ def log_comparison(
 
 
 def record_memory(memory: HomeMemory, *, name: str, out: Path, scene: Scene | None, with_pixels: bool) -> Path:
-    """Writes a map into a recording.
+    """Writes a map into a recording, which replaces `out`; returns `out`.
 
     Args:
-        memory: The map.
-        name: The map's name.
-        out: The .rrd file; replaced if it exists.
         scene: The home in which the map was made; None = the map alone, as for a robot's recording.
         with_pixels: Whether a licensed scan's geometry and maps may be written; other homes always may.
-
-    Returns:
-        `out`.
 
     Raises:
         RecordingError: `out` cannot be written, or the map is empty, in another frame than the home, or of a scan that
@@ -119,9 +107,10 @@ def record_memory(memory: HomeMemory, *, name: str, out: Path, scene: Scene | No
         about_home = [] if scene is None else home_paragraphs(scene, may_show=True)
         log_paragraphs(stream, [memory_markdown(name, memory), *about_home])
         if scene is not None:
-            log_scene(stream, scene, storeys=[shown.index for shown in maps])
-        for shown in maps:
-            log_map_picture(stream, shown)
+            log_storeys(stream, scene, maps)
+        else:
+            for shown in maps:
+                log_map_picture(stream, shown)
         log_memory(stream, name, memory, maps)
     return out
 
@@ -169,9 +158,7 @@ def _write(
             more=[*reground_markdown(regrounded), *(memory_markdown(item.name, item.memory) for item in memories)],
         )
         if may_show:
-            log_scene(stream, scene, storeys=[storey.index for storey in maps])
-            for storey in maps:
-                log_map_picture(stream, storey)
+            log_storeys(stream, scene, maps)
         for item in memories:
             log_memory(stream, item.name, item.memory, maps)
         stream.flush()

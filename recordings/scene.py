@@ -14,7 +14,7 @@ from PIL import Image
 from sim.copies.browser_glb import browser_glb
 from sim.episodes.schema import Episode
 from sim.mesh import Scene
-from sim.plan_view.storey import StoreyMap, storey_name, storeys_of
+from sim.plan_view.storey import StoreyMap, storeys_of
 from sim.tasks.rules import success_radius, success_region
 from sim.walk.navigation_map import NavigationMap
 
@@ -58,19 +58,18 @@ def log_up(stream: rr.RecordingStream) -> None:
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
 
 
-def log_scene(stream: rr.RecordingStream, scene: Scene, *, storeys: Sequence[int]) -> None:
-    """Logs the copy of each storey in `storeys` (indices into the scene's storey heights) below `/scene/mesh`.
+def log_storeys(stream: rr.RecordingStream, scene: Scene, maps: Sequence[StoreyMap]) -> None:
+    """Logs the storeys' meshes below `/scene/mesh`, and the pictures of their maps.
 
     Raises:
         SceneError: A storey has no faces.
     """
-    for index in storeys:
-        glb = browser_glb(scene, scene.navigation.storey_heights[index], srgb_colours=True)
-        stream.log(
-            f"{paths.MESH}/{storey_name(index)}",
-            rr.Asset3D(contents=_without_filters(glb), media_type=GLB),
-            static=True,
-        )
+    for storey in maps:
+        glb = browser_glb(scene, scene.navigation.storey_heights[storey.index], srgb_colours=True)
+        mesh = rr.Asset3D(contents=_without_filters(glb), media_type=GLB)
+        stream.log(f"{paths.MESH}/{storey.name}", mesh, static=True)
+    for storey in maps:
+        log_map_picture(stream, storey)
 
 
 def _without_filters(glb: bytes) -> bytes:
@@ -85,9 +84,8 @@ def log_map_picture(stream: rr.RecordingStream, storey: StoreyMap) -> None:
     rgb = np.where(storey.free[..., None], np.array(FREE_RGB, np.uint8), np.array(WALL_RGB, np.uint8))
     buffer = io.BytesIO()
     Image.fromarray(rgb).save(buffer, "PNG")
-    stream.log(
-        paths.map_entity(storey.name), rr.EncodedImage(contents=buffer.getvalue(), media_type="image/png"), static=True
-    )
+    picture = rr.EncodedImage(contents=buffer.getvalue(), media_type="image/png")
+    stream.log(paths.map_entity(storey.name), picture, static=True)
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,9 +35,6 @@ def log_task(
     """Logs the text that the researcher reads beside the views of an episode.
 
     Args:
-        stream: The recording.
-        episode: Gives the query and the description.
-        scene: The home.
         traces: The runs in the tables of measures.
         may_show: Whether pictures are shown; pictures of a scan need a notice about its terms of use.
         divergence: How closely the runs, in the order of `traces`, keep to the shortest path; None leaves it out.

@@ -58,18 +58,22 @@ def select_traces(runs: Sequence[Run], key: EpisodeKey) -> list[Trace]:
         raise RecordingError(
             f"{names}: found no run of episode {key}; expected at least one. Choose another --episode."
         )
-    labels = _distinct([_with_code(info.run_id, item) for info, item in found])
-    titles = _distinct([_with_code(short_name(info.who), item) for info, item in found])
+    names = [
+        names_of(info, item.start.participant if isinstance(item, EpisodeRun) else item.participant)
+        for info, item in found
+    ]
+    labels, titles = _distinct([label for label, _ in names]), _distinct([title for _, title in names])
     return [
         Trace(label, title, RUN_COLORS[index % len(RUN_COLORS)], info, item)
         for index, (label, title, (info, item)) in enumerate(zip(labels, titles, found, strict=True))
     ]
 
 
-def short_name(who: str) -> str:
-    """The name for titles: only the module for an agent named `package.module:factory`."""
-    plugin = re.fullmatch(r"(?:\w+\.)*(\w+):\w+", who)
-    return plugin[1] if plugin else who
+def names_of(info: RunInfo, participant: str | None) -> tuple[str, str]:
+    """Label and title of a run; the title of an agent named `package.module:factory` names only the module."""
+    plugin = re.fullmatch(r"(?:\w+\.)*(\w+):\w+", info.who)
+    code = f"-{participant}" if participant else ""
+    return f"{info.run_id}{code}", f"{plugin[1] if plugin else info.who}{code}"
 
 
 def common_episode(runs: Sequence[Run]) -> EpisodeKey:
@@ -136,12 +140,6 @@ def _badness(trace: Trace) -> tuple[bool, bool, float, float, int]:
         return True, True, 0.0, math.inf, len(trace.run.steps)
     distance = math.inf if paper.dtg is None else paper.dtg
     return False, not paper.success, -paper.spl, distance, len(trace.run.steps)
-
-
-def _with_code(name: str, item: EpisodeRun | Answer) -> str:
-    """The name with the participant's public code, if there is one."""
-    participant = item.start.participant if isinstance(item, EpisodeRun) else item.participant
-    return f"{name}-{participant}" if participant else name
 
 
 def _distinct(names: Sequence[str]) -> list[str]:

@@ -40,17 +40,10 @@ def make_plan(
     practice: Practice | None = None,
     is_pilot: bool = False,
 ) -> StudyPlan:
-    """The plan; it does not depend on the order of scenes and episodes.
+    """The plan; it does not depend on the order of scenes and episodes (which `sample_episodes` drew).
 
     With several conditions of a task, homes are dealt into as many groups, and a person's arm gives each group its
     condition; so conditions are mixed over a person's order and need no blocks.
-
-    Args:
-        config: The study.
-        scenes: The study's homes with their kinds.
-        episodes: The study's episodes (`sampling.sample_episodes`).
-        practice: Practice and attention trials.
-        is_pilot: Whether the study may be served without an ethics id.
 
     Raises:
         StudyError: There are no episodes, or they are repeated or outside the homes; the design is not possible; the
@@ -89,10 +82,7 @@ def make_plan(
 def in_order(items: Sequence[T], rng: np.random.Generator, *, key: Callable[[T], EpisodeKey]) -> list[T]:
     """The items in a random order in which all splits progress evenly.
 
-    Args:
-        items: The items in a fixed order, so that only `rng` decides (sort them first).
-        rng: Draws the order.
-        key: The episode of an item.
+    The items come in a fixed order, so that only `rng` decides (sort them first); `key` gives an item's episode.
     """
     left = [items[place] for place in rng.permutation(len(items))]
     totals: Counter[Split] = Counter(key(item).split for item in left)

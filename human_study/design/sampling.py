@@ -14,11 +14,7 @@ from .study import StudyConfig
 
 
 def sample_episodes(config: StudyConfig, pool: Sequence[EpisodeKey]) -> tuple[EpisodeKey, ...]:
-    """The study's episodes, sorted.
-
-    Args:
-        config: Gives the number of episodes per split, and the limit per home.
-        pool: All episodes of the dataset; their order does not matter.
+    """The study's episodes, sorted; the order of the pool does not matter.
 
     Raises:
         StudyError: The pool has too few episodes or a repeated one, or the limit per home leaves too few.

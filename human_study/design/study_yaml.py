@@ -18,12 +18,7 @@ _LONGEST_SHOWN = 40
 
 
 def json_from_yaml(path: Path, *, expected: str, advice: str) -> str:
-    """The fields of a YAML file as a JSON object.
-
-    Args:
-        path: Path of the file.
-        expected: Expected fields, for a message.
-        advice: Advice to the user, a full sentence.
+    """The fields of a YAML file as a JSON object; messages name the `expected` fields and end with the advice.
 
     Raises:
         OSError: The file cannot be read.

@@ -15,9 +15,9 @@ from sim.tasks.run_files import EpisodeRun, Run
 
 from ..design.plan import StudyPlan
 from ..design.study import StudyConfig
+from ..journey import Person, StageEntry, way_out
 from ..store.exclusions import rules_before_data
-from ..store.record_types import ParticipantRecord, StageEntry, StoredEvent, StoredTrial, way_out
-from ..store.records import StudyReader
+from ..store.records import StoredEvent, StoredTrial, StudyReader
 from ..trial.events import Event, event_to_json
 from .rows import EventRow, ExclusionRow, ParticipantRow, StageRow, VerificationRow
 from .runs import created_utc, result_of, trial_run_info
@@ -62,13 +62,13 @@ def collect(reader: StudyReader) -> Collected:
     kept: dict[str, str] = {}
     names: dict[str, TrialRow] = {}
     for code, exported in sorted(exported_codes(reader).items(), key=lambda item: item[1]):
-        record = reader.participant(code)
-        if record.is_shredded or (record.is_withdrawn and config.privacy.on_withdraw == "delete"):
+        person = reader.participant(code)
+        if reader.is_shredded(code) or (person.is_withdrawn and config.privacy.on_withdraw == "delete"):
             found.num_deleted += 1
             continue
         kept[code] = exported
         trials = reader.trials(code)
-        found.participants.append(_participant_row(record, trials, code=exported))
+        found.participants.append(_participant_row(person, trials, code=exported))
         for trial in trials:
             events, head_hash = (), None
             if trial.trial_id is not None:
@@ -175,19 +175,19 @@ def _trial_row(trial: StoredTrial, events: Sequence[Event], config: StudyConfig,
     )
 
 
-def _participant_row(record: ParticipantRecord, trials: Sequence[StoredTrial], *, code: str) -> ParticipantRow:
+def _participant_row(person: Person, trials: Sequence[StoredTrial], *, code: str) -> ParticipantRow:
     """One person's row under a new code."""
     main = [trial for trial in trials if trial.phase == "main"]
-    stages, consent = record.stages, record.consents[-1] if record.consents else None
+    stages, consent = person.stages, person.consent
     return ParticipantRow(
         participant=code,
-        task=record.task,
-        arm=record.arm,
+        task=person.task,
+        arm=person.arm,
         conditions=tuple(sorted({trial.condition for trial in main})),
-        has_come=record.is_claimed,
+        has_come=person.has_come,
         has_consented=consent.given if consent else None,
         consent_text=consent.text_hash if consent else None,
-        is_withdrawn=record.is_withdrawn,
+        is_withdrawn=person.is_withdrawn,
         last_stage=stages[-1].stage if stages else None,
         left_by=way_out(stages),
         num_assigned=len({trial.order_no for trial in main}),
@@ -249,13 +249,13 @@ def _rounded(key: str, value: Any) -> Any:
     return SIZE_STEP * round(value / SIZE_STEP) if is_size else value
 
 
-def _rank(study_version: str, record: ParticipantRecord, trials: Sequence[StoredTrial]) -> tuple[str, float, int, str]:
+def _rank(study_version: str, person: Person, trials: Sequence[StoredTrial]) -> tuple[str, float, int, str]:
     """Sort key of a person; the study's own code counts only where nothing else tells two people apart."""
     planned = {
         trial.order_no: [trial.order_no, trial.phase, trial.task, trial.condition, *trial.key, trial.rep]
         for trial in trials
         if trial.made_by == "plan"
     }
-    text = json.dumps([study_version, record.task, record.arm, list(planned.values())])
-    arrived = record.stages[0].at_ns if record.stages else float("inf")
-    return hashlib.sha256(text.encode()).hexdigest(), arrived, len(record.code), record.code
+    text = json.dumps([study_version, person.task, person.arm, list(planned.values())])
+    arrived = person.stages[0].at_ns if person.stages else float("inf")
+    return hashlib.sha256(text.encode()).hexdigest(), arrived, len(person.code), person.code

@@ -12,7 +12,8 @@ from pydantic import BaseModel, ConfigDict, JsonValue
 from sim.types import TaskKind
 
 from ..design.study import Condition
-from ..store.record_types import Stage, VerificationStatus
+from ..journey import Stage
+from ..store.records import VerificationStatus
 from ..trial.events import Event, event_from_json
 from .data_dictionary import Unit
 from .trial_table import AttemptName, Metres, Seconds

@@ -10,7 +10,7 @@ from sim.types import EndReason, EpisodeKey, SceneKind, Split, SuccessRule, Task
 
 from ..design.plan import Phase
 from ..design.study import Condition, StudyConfig
-from ..store.record_types import VerificationStatus
+from ..store.records import VerificationStatus
 from ..trial.events import Act, Confidence, Event, MapOff, MapOn, Open, Shown
 from ..trial.outcome import Outcome, has_begun, trial_end
 from .data_dictionary import Unit

@@ -12,7 +12,7 @@ from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, Vector3
 from sim.types import EpisodeKey
 from sim.walk.navigation_map import NavigationMap
 
-from ..store.record_types import VerificationStatus
+from ..store.records import VerificationStatus
 from ..trial.events import Act, Error, Event
 from ..trial.outcome import (
     Outcome,

@@ -10,7 +10,7 @@ from sim.types import SPLITS, EndReason, TaskKind
 from ..export.rows import ExclusionRow, ParticipantRow
 from ..export.runs import run_condition
 from ..export.trial_table import TrialRow
-from ..store.record_types import Stage
+from ..journey import Stage
 from .measures import MEASURES
 from .trials import GroupRow, PeopleRow, ReportValue, TrialGroup, is_first_condition
 

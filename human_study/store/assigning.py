@@ -69,9 +69,6 @@ def release(
     """Gives back the participant's unfinished counted trials; returns their number.
 
     Args:
-        database: Connection in a write transaction.
-        code: The participant.
-        reason: The stored reason.
         also_done: Whether to give back trials with a result too. Trials that failed twice for technical reasons stay.
         also_tried: Whether to give back trials that wait for another attempt too.
     """

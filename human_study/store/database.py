@@ -246,12 +246,7 @@ def _require_same_study(database: sqlite3.Connection, path: Path, config: StudyC
 def migrate(database: sqlite3.Connection, path: Path, *, steps: Sequence[str] = MIGRATIONS) -> list[int]:
     """Brings a database up to date, each step whole or not at all; returns the versions that it passed.
 
-    A database with content is first copied to `backups/` beside it.
-
-    Args:
-        database: Connection without an open transaction, to a database of a known version.
-        path: Path of the database.
-        steps: The numbered SQL steps.
+    A database with content is first copied to `backups/` beside it. The connection has no open transaction.
 
     Raises:
         StudyError: A step failed; the database is as it was before that step.

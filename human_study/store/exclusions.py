@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from sim.errors import StudyError
 
 from ..design.study import StudyConfig
-from .record_types import StoredTrial
-from .records import StudyReader
+from .records import StoredTrial, StudyReader
 
 STANDARD_RULES: dict[str, str] = {
     "technical": "A failure of the program or the server stopped the trial; it is given out once more.",
@@ -57,12 +56,7 @@ def require_rule_id(rule_id: str) -> str:
 
 
 def find_target(reader: StudyReader, *, trial: str | None, participant: str | None) -> ExclusionTarget:
-    """The person, or the attempts at one trial.
-
-    Args:
-        reader: Reader of the study.
-        trial: `p03/12`: the participant's code and the place in the order, as `study status` prints them.
-        participant: A participant's code.
+    """The person, or the attempts at a trial named `p03/12` (code and place in the order), as `study status` prints it.
 
     Raises:
         StudyError: Not exactly one of the two is given, or the trial or participant does not exist.

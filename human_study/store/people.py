@@ -14,12 +14,10 @@ from sim.errors import StudyError
 from ..design.plan import StudyPlan
 from ..design.secrets import new_id
 from ..design.study import StudyConfig
-from ..journey import Person
+from ..journey import Person, Stage
 from .assigning import due_order_no, free_slot, others_can_take, release
 from .database import BACKUP_FOLDER, audit, backup
-from .record_types import ParticipantRecord, Stage, VerificationEntry
-from .records import AUDIT_PILOT, DATABASE_FILE, read_study
-from .stored_people import stored_person
+from .records import AUDIT_PILOT, DATABASE_FILE, VerificationEntry, read_study
 from .trial_writes import Now, abandon_running
 from .vault import Vault
 from .writer import GroupWriter
@@ -43,25 +41,16 @@ class PeopleWrites:
         self._boot_id = boot_id
         self._backup_lock = threading.Lock()
 
-    def participant(self, code: str) -> ParticipantRecord:
-        """A participant's record. Raises StudyError for an unknown one."""
+    def participant(self, code: str) -> Person:
+        """A participant. Raises StudyError for an unknown one."""
         with read_study(self.folder) as reader:
             return reader.participant(code)
-
-    def person(self, code: str) -> Person:
-        """The facts that decide where a participant is (`journey_of`). Raises StudyError for an unknown one."""
-        with read_study(self.folder) as reader:
-            return stored_person(reader, code)
 
     def enter_stage(self, code: str, stage: Stage, detail: dict[str, Any] | None = None) -> None:
         """Stores that a participant reached a stage; after `finished` the database is backed up if there is space.
 
-        The trials of a participant who is screened out go to others.
-
-        Args:
-            code: The participant.
-            stage: The stage; repeats are stored too.
-            detail: Answers and similar facts; JSON, under 4 kB, without anything that identifies the person.
+        Repeats are stored too. The trials of a participant who is screened out go to others. The detail holds answers
+        and similar facts, in JSON under 4 kB, without anything that identifies the person.
 
         Raises:
             StudyError: There is no such participant, or the detail is too long.
@@ -104,8 +93,7 @@ class PeopleWrites:
     def claim_person(self, ext_hash: str | None) -> str | None:
         """The code of a place for a person who comes through an open link; None when the study is full.
 
-        Args:
-            ext_hash: Keyed hash of the recruiting platform's id; the same hash gets the same place again.
+        The same keyed hash of the recruiting platform's id gets the same place again.
         """
 
         def job(database: sqlite3.Connection) -> str | None:
@@ -169,7 +157,7 @@ class PeopleWrites:
         if self.config.privacy.on_withdraw != "delete":
             return
         with read_study(self.folder) as reader:
-            gone = [code for code in reader.codes() if reader.participant(code).is_withdrawn]
+            gone = [person.code for person in reader.participants() if person.is_withdrawn]
         for code in gone:
             self._vault.shred(code)
 

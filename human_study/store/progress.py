@@ -16,7 +16,6 @@ from ..design.study import Condition, StudyConfig
 from ..journey import GONE, Person, Place, journey_of
 from .database import BACKUP_FOLDER, free_mb
 from .records import DATABASE_FILE, StudyReader
-from .stored_people import stored_people
 
 MOST_TIMES = 120
 """Most points of the timeline."""
@@ -138,13 +137,10 @@ class StudyProgress:
 def study_progress(reader: StudyReader, *, now_ns: int, stuck_after_s: float = STUCK_AFTER_S) -> StudyProgress:
     """The progress in a snapshot of the study.
 
-    Args:
-        reader: One snapshot.
-        now_ns: The server's wall clock.
-        stuck_after_s: A participant in a trial without stored events for this long is stuck.
+    A participant in a trial without stored events for `stuck_after_s` is stuck.
     """
     config = reader.config
-    people = stored_people(reader)
+    people = reader.participants()
     slots = _slots(people)
     return StudyProgress(
         study=config.study,

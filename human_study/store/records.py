@@ -3,37 +3,124 @@
 import hashlib
 import json
 import sqlite3
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from sim.errors import StudyError, line_from_validation_error
 from sim.tasks.run_files import Answer, EpisodeEnd
-from sim.types import EpisodeKey
+from sim.types import EpisodeKey, TaskKind
 
-from ..design.plan import StudyPlan
+from ..design.plan import Phase, StudyPlan
 from ..design.secrets import token_matches
-from ..design.study import StudyConfig
+from ..design.study import Condition, StudyConfig
+from ..journey import AssignedTrial, ConsentEntry, Person, StageEntry
 from ..trial.events import Event, event_from_json
 from ..trial.outcome import Outcome
 from .migrations import APPLICATION_ID, FIRST_VERSION, SCHEMA_VERSION
-from .record_types import (
-    ConsentEntry,
-    ExclusionEntry,
-    ParticipantRecord,
-    StageEntry,
-    StoredEvent,
-    StoredTrial,
-    VerificationEntry,
-)
 from .vault import Vault
 
 DATABASE_FILE = "study.db"
 AUDIT_PILOT = "served as a pilot"
 _RESTORE = "Restore the folder from a backup."
+_END = "CASE WHEN end_reason IS NULL OR end_reason IN ('technical', 'abandoned') THEN end_reason ELSE 'done' END"
+"""The end of a trial without its result: all other reasons read as `done`."""
+_Frozen = TypeVar("_Frozen", bound=BaseModel)
+VerificationStatus = Literal["verified", "drift", "failed", "unsupported"]
+
+
+@dataclass(frozen=True, slots=True)
+class StoredEvent:
+    """An event with the server's additions."""
+
+    seq: int
+    """Place in the trial, from 1, without gaps."""
+    epoch: int
+    """Epoch of the tab that sent it."""
+    event: Event
+    t_srv_ns: int
+    """Server's wall clock; only a label."""
+    t_srv_mono_ns: int
+    """Server's monotonic clock; comparable within one boot."""
+
+
+@dataclass(frozen=True, slots=True)
+class StoredTrial:
+    """One attempt at an assigned trial, or an assigned trial that was never opened."""
+
+    code: str
+    """The participant."""
+    order_no: int
+    """Place in the participant's order over all phases, from 1."""
+    phase: Phase
+    task: TaskKind
+    condition: Condition
+    key: EpisodeKey
+    rep: int
+    """Number of the person among those with this episode and condition, from 1; 0 outside `main`."""
+    made_by: Literal["plan", "fill"]
+    """`fill`: given out while the study ran."""
+    attempt: int
+    """Number of the attempt, from 1; 0 = never opened."""
+    trial_id: str | None
+    """Id of the attempt; None if it was never opened."""
+    outcome: Outcome | None
+    """The outcome; None until the trial has ended, and when the participant withdrew."""
+    has_ended: bool
+    is_released: bool
+    """Whether the participant gave the episode back to others."""
+    is_shredded: bool
+    """Whether the participant withdrew and the trial's data is deleted."""
+    opened_ns: int | None
+    prior_visits_scene: int | None
+    """Earlier attempts of this participant at trials in this home, of any phase and with any end; None where the
+    trial was never opened."""
+    prior_visits_split: int | None
+    """Those of these attempts that are in the same split."""
+    secs_in_scene_before: float | None
+    """Seconds that the participant spent in this home before."""
+
+    @property
+    def is_due(self) -> bool:
+        """Whether the participant still has to do or finish the trial."""
+        return not self.has_ended and not self.is_released
+
+
+@dataclass(frozen=True, slots=True)
+class VerificationEntry:
+    """The result of doing a trial again."""
+
+    trial_id: str
+    run_id: str
+    """Id of the verification."""
+    status: VerificationStatus
+    max_position_error: float
+    """Largest error of a position, metres."""
+    first_bad_step: int | None
+    detail: str
+    sim_hash: str
+    """Hash of the program and the scene of the repetition."""
+    at_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class ExclusionEntry:
+    """A trial or participant that a rule leaves out of the figures."""
+
+    exclusion_id: str
+    target_kind: Literal["trial", "participant"]
+    target: str
+    """Trial id or participant code."""
+    rule_id: str
+    reason: str
+    at_ns: int
+    is_undone: bool
 
 
 class _OutcomeLine(BaseModel):
@@ -45,12 +132,7 @@ class StudyReader:
     """Reads one snapshot of a study; made by `read_study`."""
 
     def __init__(self, database: sqlite3.Connection, path: Path) -> None:
-        """Takes a connection that the caller closes.
-
-        Args:
-            database: Connection with an open read transaction.
-            path: Path of the database, for messages.
-        """
+        """Takes a connection that the caller closes, with an open read transaction; the path is for messages."""
         self._database, self._path = database, path
 
     @property
@@ -59,16 +141,13 @@ class StudyReader:
         return self._path.parent
 
     def rows(self, query: str, *values: str) -> list[tuple]:
-        """Rows of one of our queries, for summaries without decrypted data."""
-        return self._all(query, *values)
+        """Rows of one of our queries, as they are stored: people's data is ciphertext."""
+        return self._database.execute(query, values).fetchall()
 
     @property
     def config(self) -> StudyConfig:
         """The study of these records."""
-        try:
-            return StudyConfig.model_validate_json(self._one("SELECT config FROM study")[0], strict=True)
-        except ValidationError as error:
-            raise StudyError(line_from_validation_error(f"{self._path}: study", error, advice=_RESTORE)) from None
+        return self._frozen("config", StudyConfig)
 
     @property
     def study_version(self) -> str:
@@ -78,15 +157,12 @@ class StudyReader:
     @property
     def plan(self) -> StudyPlan:
         """The plan that was frozen with the study."""
-        try:
-            return StudyPlan.model_validate_json(self._one("SELECT plan FROM study")[0], strict=True)
-        except ValidationError as error:
-            raise StudyError(line_from_validation_error(f"{self._path}: plan", error, advice=_RESTORE)) from None
+        return self._frozen("plan", StudyPlan)
 
     @property
     def is_pilot(self) -> bool:
         """Whether the study was planned as a pilot, or ever served without an ethics id."""
-        return self.plan.is_pilot or bool(self._all("SELECT 1 FROM audit WHERE action = ?", AUDIT_PILOT))
+        return self.plan.is_pilot or bool(self.rows("SELECT 1 FROM audit WHERE action = ?", AUDIT_PILOT))
 
     @property
     def created_ns(self) -> int:
@@ -100,41 +176,27 @@ class StudyReader:
 
     def codes(self) -> tuple[str, ...]:
         """Public codes of all participants, in order."""
-        return tuple(row[0] for row in self._all("SELECT code FROM participant ORDER BY code"))
+        return tuple(row[0] for row in self.rows("SELECT code FROM participant ORDER BY code"))
 
     def code_of_token(self, token: str) -> str | None:
         """Code of the participant with this personal token; None if there is none."""
         found = None
-        for code, stored in self._all("SELECT code, token_hash FROM participant ORDER BY code"):
+        for code, stored in self.rows("SELECT code, token_hash FROM participant ORDER BY code"):
             found = code if token_matches(token, stored) else found
         return found
 
-    def participant(self, code: str) -> ParticipantRecord:
-        """One participant with all stages and answers about consent.
+    def participant(self, code: str) -> Person:
+        """One participant.
 
         Raises:
             StudyError: There is no such participant.
         """
-        rows = self._all(
-            "SELECT task, arm, participant.created_ns, claim.code IS NOT NULL FROM participant LEFT JOIN claim"
-            " USING(code) WHERE participant.code = ?",
-            code,
-        )
-        if not rows:
-            raise StudyError(f"{self._path}: found no participant {code!r}; expected one of {list(self.codes())}.")
-        task, arm, created_ns, is_claimed = rows[0]
-        stages = self._all("SELECT stage, detail, at_ns FROM stage WHERE code = ? ORDER BY seq", code)
-        consents = self._all("SELECT text_hash, given, at_ns FROM consent WHERE code = ? ORDER BY seq", code)
-        return ParticipantRecord(
-            code=code,
-            task=task,
-            arm=arm,
-            created_ns=created_ns,
-            is_claimed=bool(is_claimed) or bool(stages),
-            is_shredded=self._is_shredded(code),
-            stages=tuple(StageEntry(stage, json.loads(detail), at_ns) for stage, detail, at_ns in stages),
-            consents=tuple(ConsentEntry(text_hash, bool(given), at_ns) for text_hash, given, at_ns in consents),
-        )
+        self._require_known(code)
+        return self._people(code)[0]
+
+    def participants(self) -> list[Person]:
+        """All participants, p01 first."""
+        return self._people()
 
     def trials(self, code: str) -> tuple[StoredTrial, ...]:
         """All assigned trials of a participant in order, each with all its attempts.
@@ -142,9 +204,8 @@ class StudyReader:
         Raises:
             StudyError: There is no such participant.
         """
-        if not self._all("SELECT 1 FROM participant WHERE code = ?", code):
-            raise StudyError(f"{self._path}: found no participant {code!r}; expected one of {list(self.codes())}.")
-        rows = self._all(
+        self._require_known(code)
+        rows = self.rows(
             "SELECT order_no, phase, task, condition, split, scene, episode_id, rep, made_by, attempt, trial_id,"
             " outcome.payload, release.at_ns IS NOT NULL, opened_ns, prior_visits_scene, prior_visits_split,"
             " secs_in_scene_before FROM assignment LEFT JOIN trial USING(assignment_id) LEFT JOIN outcome"
@@ -152,7 +213,7 @@ class StudyReader:
             " WHERE code = ? ORDER BY order_no, attempt",
             code,
         )
-        is_shredded = self._is_shredded(code)
+        is_shredded = self.is_shredded(code)
         return tuple(
             StoredTrial(
                 code=code,
@@ -184,9 +245,9 @@ class StudyReader:
             StudyError: An event is unknown to this version.
         """
         code = self._code_of_trial(trial_id)
-        if code is None or self._is_shredded(code):
+        if code is None or self.is_shredded(code):
             return ()
-        rows = self._all(
+        rows = self.rows(
             "SELECT seq, epoch, payload, t_srv_ns, t_srv_mono_ns FROM event WHERE trial_id = ? ORDER BY seq", trial_id
         )
         return tuple(
@@ -196,9 +257,9 @@ class StudyReader:
 
     def outcome(self, trial_id: str) -> Outcome | None:
         """The trial's outcome; None until it has ended, and where the participant's key is deleted."""
-        rows = self._all("SELECT payload FROM outcome WHERE trial_id = ?", trial_id)
+        rows = self.rows("SELECT payload FROM outcome WHERE trial_id = ?", trial_id)
         code = self._code_of_trial(trial_id)
-        if not rows or code is None or self._is_shredded(code):
+        if not rows or code is None or self.is_shredded(code):
             return None
         return self._outcome(code, trial_id, rows[0][0])
 
@@ -207,25 +268,32 @@ class StudyReader:
         columns = "trial_id, run_id, status, max_position_error, first_bad_step, detail, sim_hash, at_ns"
         return tuple(
             VerificationEntry(*row)
-            for row in self._all(f"SELECT {columns} FROM verification ORDER BY at_ns, trial_id, run_id")
+            for row in self.rows(f"SELECT {columns} FROM verification ORDER BY at_ns, trial_id, run_id")
         )
 
     def exclusions(self) -> tuple[ExclusionEntry, ...]:
         """All exclusions, oldest first, including undone ones."""
-        rows = self._all(
+        rows = self.rows(
             "SELECT exclusion_id, target_kind, target, rule_id, reason, exclusion.at_ns, exclusion_undone.at_ns IS NOT"
             " NULL FROM exclusion LEFT JOIN exclusion_undone USING(exclusion_id) ORDER BY exclusion.rowid"
         )
         return tuple(ExclusionEntry(*row[:6], is_undone=bool(row[6])) for row in rows)
 
+    def is_shredded(self, code: str) -> bool:
+        """Whether the participant's data was deleted; a key that is merely lost is an error when data is read."""
+        if self._vault.has_key(code):
+            return False
+        withdrew = self.rows("SELECT 1 FROM stage WHERE code = ? AND stage = 'withdrawn'", code)
+        return self._vault.is_shredded(code) or bool(withdrew)
+
     def num_events(self, code: str) -> int:
         """Number of events in a participant's trials."""
         query = "SELECT count(*) FROM event JOIN trial USING(trial_id) JOIN assignment USING(assignment_id)"
-        return self._all(f"{query} WHERE code = ?", code)[0][0]
+        return self.rows(f"{query} WHERE code = ?", code)[0][0]
 
     def head_hash(self, trial_id: str) -> str | None:
         """Hash of the trial's last event, which covers all events before it; None without events."""
-        rows = self._all("SELECT hash FROM event WHERE trial_id = ? ORDER BY seq DESC LIMIT 1", trial_id)
+        rows = self.rows("SELECT hash FROM event WHERE trial_id = ? ORDER BY seq DESC LIMIT 1", trial_id)
         return rows[0][0] if rows else None
 
     def check(self) -> int:
@@ -237,11 +305,11 @@ class StudyReader:
         found = self._one("PRAGMA integrity_check")[0]
         if found != "ok":
             raise StudyError(f"{self._path}: SQLite found damage ({found}); expected 'ok'. {_RESTORE}")
-        broken = self._all("PRAGMA foreign_key_check")
+        broken = self.rows("PRAGMA foreign_key_check")
         if broken:
             raise StudyError(f"{self._path}: table {broken[0][0]} names a row that is missing. {_RESTORE}")
         heads = self._check_chains(self.study_version)
-        for trial_id, head in self._all("SELECT trial_id, head_hash FROM outcome"):
+        for trial_id, head in self.rows("SELECT trial_id, head_hash FROM outcome"):
             if heads.get(trial_id) != head:
                 raise StudyError(
                     f"{self._path}: trial {trial_id} ends with another event than when it was finished. {_RESTORE}"
@@ -269,15 +337,52 @@ class StudyReader:
     def _vault(self) -> Vault:
         return Vault(self._path.parent)
 
-    def _is_shredded(self, code: str) -> bool:
-        """Whether the participant's data was deleted; a key that is merely lost is an error when data is read."""
-        if self._vault.has_key(code):
-            return False
-        withdrew = self._all("SELECT 1 FROM stage WHERE code = ? AND stage = 'withdrawn'", code)
-        return self._vault.is_shredded(code) or bool(withdrew)
+    def _require_known(self, code: str) -> None:
+        if not self.rows("SELECT 1 FROM participant WHERE code = ?", code):
+            raise StudyError(f"{self._path}: found no participant {code!r}; expected one of {list(self.codes())}.")
+
+    def _people(self, code: str | None = None) -> list[Person]:
+        """All participants, or the given one, without decrypting anything."""
+        only, values = ("", ()) if code is None else (" WHERE code = ?", (code,))
+        stages: dict[str, list[StageEntry]] = defaultdict(list)
+        for owner, stage, detail, at_ns in self.rows(
+            f"SELECT code, stage, detail, at_ns FROM stage{only} ORDER BY seq", *values
+        ):
+            stages[owner].append(StageEntry(stage, json.loads(detail), at_ns))
+        answers = self.rows(f"SELECT code, text_hash, given FROM consent{only} ORDER BY seq", *values)
+        consents = {owner: ConsentEntry(text_hash, bool(given)) for owner, text_hash, given in answers}
+        trials = self._assigned_trials(only, values)
+        people = self.rows(
+            "SELECT code, task, arm, EXISTS(SELECT 1 FROM claim WHERE claim.code = participant.code)"
+            f" FROM participant{only} ORDER BY length(code), code",
+            *values,
+        )
+        return [
+            Person(owner, task, bool(is_claimed), tuple(stages[owner]), tuple(trials[owner]), arm, consents.get(owner))
+            for owner, task, arm, is_claimed in people
+        ]
+
+    def _assigned_trials(self, only: str, values: tuple[str, ...]) -> dict[str, list[AssignedTrial]]:
+        rows = self.rows(
+            "SELECT code, order_no, phase, task, condition, split, scene, episode_id, rep, release.at_ns IS NOT NULL,"
+            " trial_id IS NOT NULL, EXISTS(SELECT 1 FROM sitting WHERE sitting.trial_id = trial.trial_id),"
+            f" {_END}, outcome.at_ns FROM assignment"
+            " LEFT JOIN trial ON trial.assignment_id = assignment.assignment_id AND attempt = (SELECT max(attempt)"
+            " FROM trial AS other WHERE other.assignment_id = assignment.assignment_id)"
+            " LEFT JOIN outcome USING(trial_id) LEFT JOIN release ON release.assignment_id = assignment.assignment_id"
+            f"{only} ORDER BY order_no",
+            *values,
+        )
+        found = defaultdict(list)
+        for code, order_no, phase, task, condition, split, scene, episode_id, rep, *rest in rows:
+            is_released, is_begun, is_open, end, ended_ns = rest
+            key = EpisodeKey(split, scene, episode_id)
+            flags = bool(is_released), bool(is_begun), bool(is_open)
+            found[code].append(AssignedTrial(order_no, phase, task, condition, key, rep, *flags, end, ended_ns))
+        return found
 
     def _code_of_trial(self, trial_id: str) -> str | None:
-        rows = self._all("SELECT code FROM trial JOIN assignment USING(assignment_id) WHERE trial_id = ?", trial_id)
+        rows = self.rows("SELECT code FROM trial JOIN assignment USING(assignment_id) WHERE trial_id = ?", trial_id)
         return rows[0][0] if rows else None
 
     def _event(self, code: str, place: str, payload: str) -> Event:
@@ -292,11 +397,14 @@ class StudyReader:
         except ValidationError as error:
             raise StudyError(line_from_validation_error(f"{self._path}: outcome", error, advice=_RESTORE)) from None
 
-    def _all(self, query: str, *values: str) -> list[tuple]:
-        return self._database.execute(query, values).fetchall()
+    def _frozen(self, column: str, model: type[_Frozen]) -> _Frozen:
+        try:
+            return model.model_validate_json(self._one(f"SELECT {column} FROM study")[0], strict=True)
+        except ValidationError as error:
+            raise StudyError(line_from_validation_error(f"{self._path}: {column}", error, advice=_RESTORE)) from None
 
     def _one(self, query: str) -> tuple:
-        rows = self._all(query)
+        rows = self.rows(query)
         if not rows:
             raise StudyError(f"{self._path}: found a database without a study; expected one. {_RESTORE}")
         return rows[0]

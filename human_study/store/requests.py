@@ -67,13 +67,8 @@ class _Request(BaseModel):
 def change_study(folder: Path, changes: Sequence[Change], *, wait_s: float = WAIT_S) -> None:
     """Makes changes to a study, through the serving process if there is one. They are on disk when this returns.
 
-    Args:
-        folder: Folder of the study.
-        changes: The changes, in order.
-        wait_s: Longest wait for the serving process.
-
     Raises:
-        StudyError: A change is refused, or another process has the study open and does not answer.
+        StudyError: A change is refused, or another process has the study open and does not answer within `wait_s`.
     """
     config = load_study(folder)
     try:

@@ -18,14 +18,13 @@ from sim.types import EpisodeKey, TaskKind
 
 from ..design.plan import Phase, PlannedParticipant, StudyPlan
 from ..design.study import Condition, StudyConfig
-from ..journey import AssignedTrial
+from ..journey import AssignedTrial, has_dropped_out, way_out
 from ..trial.events import Error, Event, Reconnect
 from ..trial.outcome import Outcome
 from .assigning import assign, due_order_no, fill
 from .database import audit, open_database, take_lock
 from .people import PeopleWrites
-from .record_types import StoredEvent, StoredTrial, has_dropped_out, way_out
-from .records import DATABASE_FILE, read_study
+from .records import DATABASE_FILE, StoredEvent, StoredTrial, read_study
 from .trial_writes import (
     Now,
     insert_events,
@@ -151,18 +150,14 @@ class StudyStore(PeopleWrites):
                 fill(database, self.config, self.plan, code)
 
         self._writer.write(job)
-        return self.person(code).due
+        return self.participant(code).due
 
     def open_trial(self, code: str, order_no: int, *, connection: int = 0) -> Trial:
         """Begins a planned trial or takes it over: the newest opening may write, older ones are refused from now on.
 
-        A trial that already has events gets the event `reconnect`.
-
-        Args:
-            code: The participant.
-            order_no: Place of the trial in the participant's order.
-            connection: Number of the participant's connection, higher for each later one since the store was opened. A
-                home takes long to open: an older connection that comes later must not take over from a newer one.
+        A trial that already has events gets the event `reconnect`. `connection` is higher for each later connection of
+        the participant since the store was opened: a home takes long to open, and an older connection that comes later
+        must not take over from a newer one.
 
         Raises:
             SupersededError: A newer connection has opened a trial.
@@ -235,11 +230,8 @@ class StudyStore(PeopleWrites):
     def note_error(self, code: str, message: str) -> None:
         """Stores an error outside the trial with the participant's running trial; does nothing if none is running.
 
-        An opened trial without its first event does not count: every trial begins with `open`.
-
-        Args:
-            code: The participant.
-            message: The error, without anything that identifies the person; cut at 500 characters.
+        An opened trial without its first event does not count: every trial begins with `open`. The message, which is
+        cut at 500 characters, must not identify the person.
         """
         now = self._now()
 
@@ -261,9 +253,7 @@ class StudyStore(PeopleWrites):
     def finish_trial(self, trial_id: str, outcome: Outcome) -> Outcome:
         """Stores a trial's outcome and closes it for good; returns the stored outcome, which is the first one given.
 
-        Args:
-            trial_id: Id of an open trial with at least one event.
-            outcome: `EpisodeEnd` with measures for PAN, the whole `Answer` for POG.
+        For PAN it is an `EpisodeEnd` with measures, for POG the whole `Answer`.
 
         Raises:
             TrialEndedError: The participant gave the trial back, or withdrew.

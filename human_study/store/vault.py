@@ -25,14 +25,7 @@ class Vault:
     """The keys of one study's participants."""
 
     def __init__(self, folder: Path) -> None:
-        """Reads the existing keys.
-
-        Args:
-            folder: Folder of the study.
-
-        Raises:
-            StudyError: The file is damaged.
-        """
+        """Reads the existing keys of a study's folder; raises StudyError where the file is damaged."""
         self._path = folder / KEYS_FILE
         self._ciphers: dict[str, AESGCM] = {}
         self._keys: dict[str, str | None] = {}

@@ -45,12 +45,7 @@ class GroupWriter:
     """Runs writes from any thread, one after the other, in transactions that may hold several."""
 
     def __init__(self, database: sqlite3.Connection, path: Path) -> None:
-        """Starts the thread.
-
-        Args:
-            database: Connection in autocommit mode that any thread may use; only this writer uses it from now on.
-            path: Path of the database, for messages.
-        """
+        """Starts the thread; from now on only this writer uses the connection, which is in autocommit mode."""
         self._database, self._path = database, path
         self._waiting: deque[_Write] = deque()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="study-writer")

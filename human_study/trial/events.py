@@ -285,10 +285,7 @@ def event_to_json(event: Event) -> str:
 
 
 def event_from_json(text: str | bytes, *, where: str = "event") -> Event:
-    """The event of one JSON object.
-
-    Args:
-        where: Place of the event, for messages.
+    """The event of one JSON object; `where` names its place in messages.
 
     Raises:
         StudyError: The text is not JSON, its kind is unknown, or a field is missing, unknown or out of range.

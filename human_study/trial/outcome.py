@@ -92,12 +92,6 @@ def pan_outcome(
 ) -> EpisodeRun:
     """The finished PAN trial; it has measures unless we failed or the participant never came back.
 
-    Args:
-        events: All events of the trial, in order.
-        episode: The trial's episode, with its targets.
-        navigation: Navigation map of the trial's scene.
-        participant: Public code.
-
     Raises:
         StudyError: The trial is not over, is a POG trial, or has another episode.
     """
@@ -121,13 +115,8 @@ def pog_outcome(
 ) -> Answer:
     """The finished POG trial with its measures; without candidates unless the participant confirmed a point.
 
-    It has no measures if we failed or the participant never came back.
-
-    Args:
-        events: All events of the trial, in order.
-        episode: The trial's episode, with its targets.
-        storeys: (lowest, highest) floor of each storey, from `sim.tasks.rules.scene_storeys`.
-        participant: Public code.
+    It has no measures if we failed or the participant never came back. Each of `storeys` is (lowest, highest) floor,
+    from `sim.tasks.rules.scene_storeys`.
 
     Raises:
         StudyError: The trial is not over, is a PAN trial, or has another episode, or a map point is not its pixel's.
@@ -217,12 +206,8 @@ def walked_steps(events: Sequence[Event]) -> tuple[Step, ...]:
 def largest_click_error(events: Sequence[Event], cast: Callable[[float, Vector3, Vector3], Vector3 | None]) -> float:
     """Largest distance of the stored points of clicks on the 3-D home from the points of their rays, metres.
 
-    Args:
-        events: All events of a POG trial.
-        cast: (storey's floor height, ray's origin, direction) -> world point, None = the ray meets nothing.
-
-    Returns:
-        inf where only one of the two points exists; 0 without such clicks.
+    `cast` gives the world point of (storey's floor height, ray's origin, direction), or None. The result is inf where
+    only one of the two points exists, and 0 without such clicks.
     """
     errors = [0.0]
     for event in events:

@@ -38,11 +38,7 @@ class PanSession(TrialSession[PanView]):
 
         Args:
             env: The episode's environment; the session owns it from now on. Its `max_steps` must be the task's.
-            key: The episode.
-            task: The participant's texts, and the allowed actions.
-            scene_digest: Digest of the scene of `env`.
-            storeys: Floor height of each storey, ascending; used only where `terms` has a look.
-            terms: The look before the walk, and the limits.
+            storeys: As for TrialSession; used only where `terms` has a look.
             looks_later: Whether a step's events come without its picture, so that they can be stored while it is
                 rendered; `look` gives the picture after that.
         """

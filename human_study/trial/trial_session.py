@@ -73,10 +73,8 @@ class TrialSession(ABC, Generic[TaskViewT]):
         """Shows nothing before `Start`.
 
         Args:
-            key: The episode.
-            task: The participant's texts.
+            task: The participant's texts, and the allowed actions.
             storeys: Floor height of each storey, ascending (`NavigationMap.storey_heights`).
-            scene_digest: Digest of the scene.
             terms: The look before the task, the question after it, and the limits.
         """
         self._key, self._task, self._storeys, self._scene_digest = key, task, storeys, scene_digest
@@ -135,12 +133,9 @@ class TrialSession(ABC, Generic[TaskViewT]):
         return max(0.0, min(moments) - self._clock.read(now_s)) if moments else None
 
     def after(self, events: Sequence[Event]) -> Self:
-        """This new session after these stored events; its next command is `Resume`.
+        """This new session after all stored events of the trial, in order; its next command is `Resume`.
 
         Phase, step and pose, storey and mark are as they were.
-
-        Args:
-            events: All events of the trial, in order.
 
         Raises:
             StudyError: The events do not begin with `open`.

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from human_study.store.record_types import Stage
+from human_study.journey import Stage
 from sim.errors import StudyError, line_from_validation_error
 
 CODES_FILE = "secrets.toml"

@@ -15,8 +15,7 @@ from typing import Any
 import msgspec
 from pydantic import TypeAdapter
 
-from human_study.journey import AssignedTrial, Person
-from human_study.store.record_types import Stage
+from human_study.journey import AssignedTrial, Person, Stage
 from human_study.store.store import StudyStore, SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.trial.events import Event, event_from_json, event_to_json
@@ -229,7 +228,7 @@ class StoreService:
             case "code_of_ticket", [ticket]:
                 return self._code_of_ticket(ticket)
             case "person", [code]:
-                return store.person(code)
+                return store.participant(code)
             case "enter_stage", [code, stage, detail]:
                 profile = self._client_profile(code) if stage == "sitting_started" else None
                 store.enter_stage(code, stage, {**detail, "client": profile} if profile else detail)

@@ -8,10 +8,8 @@ import base64
 import contextlib
 import functools
 import hashlib
-import http.server
 import re
-import shutil
-import socketserver
+import socket
 import threading
 import urllib.error
 import urllib.request
@@ -19,7 +17,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path, PurePosixPath
-from urllib.parse import quote, unquote, urlsplit
+from urllib.parse import quote
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import FileResponse, RedirectResponse, Response
+from starlette.routing import Route
 
 from sim.cache import cached_bytes
 from sim.errors import RecordingError
@@ -49,6 +53,13 @@ PAGE_POLICY = (
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """Content security policy of the pages in a served folder."""
+_HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "X-DNS-Prefetch-Control": "off",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",  # recordings may hold licensed pictures
+}
 _OUTSIDE_LINK = re.compile(rb"<link\b[^>]*https?://[^>]*>")
 _INLINE_SCRIPT = re.compile(rb"<script>(.*?)</script>", re.DOTALL)
 _QUIET = b"<script>console.debug = () => {};</script>"
@@ -144,8 +155,8 @@ class _Site:
     """Port of the live stream that the viewer may read."""
 
     def file(self, path: str) -> Path | None:
-        """The served file for a URL's path; None = there is no such file, or it must not be read."""
-        parts = PurePosixPath(unquote(path)).parts[1:]
+        """The served file for a URL's decoded path; None = there is no such file, or it must not be read."""
+        parts = PurePosixPath(path).parts[1:]
         if self.folder is None or not parts or any(part.startswith(".") or "\\" in part for part in parts):
             return None
         if self.only is not None and parts != (self.only,):
@@ -170,108 +181,54 @@ def _serve(site: _Site, port: int) -> Iterator[str]:
     for name in VIEWER_FILES:
         viewer_file(name)  # the first visitor does not wait, and errors come before the address
     try:
-        server = _Server((LOOPBACK, port), functools.partial(_Handler, site))
+        listener = socket.create_server((LOOPBACK, port))
     except OSError as error:
         raise RecordingError(
             f"port {port}: cannot be used ({error.strerror}); expected a free one. Take another, or 0."
         ) from None
-    thread = threading.Thread(target=server.serve_forever, daemon=True, name="web-viewer")
+    host = f"{LOOPBACK}:{listener.getsockname()[1]}"
+    app = Starlette(routes=[Route("/{path:path}", functools.partial(_answer, site, host))])
+    settings = {"log_config": None, "lifespan": "off", "ws": "none", "server_header": False}
+    server = uvicorn.Server(uvicorn.Config(app, timeout_graceful_shutdown=1, **settings))
+    thread = threading.Thread(target=server.run, args=([listener],), daemon=True, name="web-viewer")
     thread.start()
     try:
-        yield f"http://{LOOPBACK}:{server.server_address[1]}"
+        yield f"http://{host}"
     finally:
-        server.shutdown()
-        server.server_close()
+        server.should_exit = True
         thread.join()
+        listener.close()
 
 
-class _Server(socketserver.ThreadingTCPServer):
-    """One thread per connection; none of them keeps the program alive."""
-
-    allow_reuse_address = True
-    daemon_threads = True
-    block_on_close = False
-
-    def handle_error(self, request: object, client_address: object) -> None:
-        """Stays silent: a browser may close a page in the middle of a file."""
+async def _answer(site: _Site, host: str, request: Request) -> Response:
+    """The site's or the viewer's file at the path, with the headers of all answers."""
+    reply = _reply(site, host, request)
+    policy = viewer_policy(site.data_port) if request.url.path.startswith(VIEWER) else PAGE_POLICY
+    reply.headers.update(_HEADERS | {"Content-Security-Policy": policy})
+    return reply
 
 
-class _Handler(http.server.BaseHTTPRequestHandler):
-    """Answers GET and HEAD for the site's files and the viewer's."""
-
-    protocol_version = "HTTP/1.1"
-    timeout = 60
-    server: _Server
-
-    def __init__(self, site: _Site, *args: object) -> None:
-        """Handles one connection of the site."""
-        self._site = site
-        super().__init__(*args)  # type: ignore[arg-type]
-
-    def do_GET(self) -> None:
-        """Sends the file at the path."""
-        self._answer()
-
-    def do_HEAD(self) -> None:
-        """Sends the headers of the file at the path."""
-        self._answer()
-
-    def log_message(self, format: str, *args: object) -> None:
-        """Keeps requests off the terminal."""
-
-    def version_string(self) -> str:
-        """Hides the version of Python."""
-        return "personal-viz"
-
-    def _answer(self) -> None:
-        host = f"{LOOPBACK}:{self.server.server_address[1]}"
-        if self.headers.get("Host") != host:  # a foreign name that resolves to us must not read recordings
-            return self._send_error(403)
-        path = urlsplit(self.path).path
-        start = self._site.start(f"http://{host}") if path == "/" else None
-        if start is not None:
-            return self._redirect(start)
-        if path.startswith(VIEWER):
-            name = path.removeprefix(VIEWER) or VIEWER_FILES[0]
-            return self._send_viewer(name) if name in VIEWER_FILES else self._send_error(404)
-        found = self._site.file(f"/{self._site.first}" if path == "/" else path)
-        if found is not None and found.suffix == ".rrd" and self.headers.get("Sec-Fetch-Dest") == "document":
-            return self._redirect(WebViewer(f"http://{host}").of_file(unquote(path).lstrip("/")))
-        return self._send_file(found) if found is not None else self._send_error(404)
-
-    def _send_viewer(self, name: str) -> None:
-        content = viewer_file(name)
-        self._send_head(200, MIME_TYPES[Path(name).suffix], len(content), viewer_policy(self._site.data_port))
-        if self.command == "GET":
-            self.wfile.write(content)
-
-    def _send_file(self, path: Path) -> None:
-        with path.open("rb") as file:
-            self._send_head(200, MIME_TYPES[path.suffix], path.stat().st_size, PAGE_POLICY)
-            if self.command == "GET":
-                shutil.copyfileobj(file, self.wfile)
-
-    def _send_error(self, status: int) -> None:
-        self._send_head(status, "text/plain; charset=utf-8", 0, PAGE_POLICY)
-
-    def _redirect(self, location: str) -> None:
-        self._send_head(302, "text/plain; charset=utf-8", 0, PAGE_POLICY, Location=location)
-
-    def _send_head(self, status: int, mime_type: str, length: int, policy: str, **more: str) -> None:
-        self.send_response(status)
-        headers = {
-            "Content-Type": mime_type,
-            "Content-Length": str(length),
-            "Content-Security-Policy": policy,
-            "X-Content-Type-Options": "nosniff",
-            "X-DNS-Prefetch-Control": "off",
-            "Referrer-Policy": "no-referrer",
-            "Cross-Origin-Resource-Policy": "same-origin",
-            "Cache-Control": "no-store",  # recordings may hold licensed pictures
-        }
-        for name, value in (headers | more).items():
-            self.send_header(name, value)
-        self.end_headers()
+def _reply(site: _Site, host: str, request: Request) -> Response:
+    if request.headers.get("Host") != host:  # a foreign name that resolves to us must not read recordings
+        return Response(status_code=403)
+    path, address = request.scope["path"], f"http://{host}"
+    start = site.start(address) if path == "/" else None
+    if start is not None:
+        return RedirectResponse(start, 302)
+    if path.startswith(VIEWER):
+        name = path.removeprefix(VIEWER) or VIEWER_FILES[0]
+        known = name in VIEWER_FILES
+        return (
+            Response(viewer_file(name), media_type=MIME_TYPES[Path(name).suffix])
+            if known
+            else Response(status_code=404)
+        )
+    found = site.file(f"/{site.first}" if path == "/" else path)
+    if found is None:
+        return Response(status_code=404)
+    if found.suffix == ".rrd" and request.headers.get("Sec-Fetch-Dest") == "document":
+        return RedirectResponse(WebViewer(address).of_file(path.lstrip("/")), 302)
+    return FileResponse(found, media_type=MIME_TYPES[found.suffix])
 
 
 def viewer_policy(data_port: int | None = None) -> str:

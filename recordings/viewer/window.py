@@ -63,11 +63,7 @@ def open_file(path: Path) -> None:
 
 
 def open_folder(folder: Path, page: str = "index.html") -> None:
-    """Serves a folder of pages and recordings, with the web viewer at `/viewer/`, until Ctrl-C.
-
-    Args:
-        folder: Written by `personal-viz compare`.
-        page: The page shown at `/`.
+    """Serves a folder that `personal-viz compare` wrote, with the web viewer at `/viewer/`, until Ctrl-C.
 
     Raises:
         RecordingError: The page is missing, or the viewer cannot be served.

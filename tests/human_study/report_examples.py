@@ -9,7 +9,7 @@ from human_study.design.study import StudyConfig, StudyDataset, StudyMemory, sav
 from human_study.export.rows import ExclusionRow, ParticipantRow, StageRow
 from human_study.export.runs import run_condition
 from human_study.export.trial_table import TrialRow
-from human_study.store.record_types import Stage
+from human_study.journey import Stage
 from sim.tasks.run_files import (
     EpisodeEnd,
     EpisodeRun,

@@ -9,7 +9,7 @@ import pytest
 from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
 from human_study.design.secrets import token_hash
-from human_study.store.record_types import has_dropped_out
+from human_study.journey import has_dropped_out
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, TrialEndedError, open_store
 from human_study.trial.events import Abandoned, Error, Moment
@@ -176,7 +176,7 @@ def test_withdrawal_deletes_what_was_done_and_the_chain_still_verifies(tmp_path:
             store.next_trial("p01")
         assert store.check() == 4
         with read_study(tmp_path) as reader:
-            assert reader.participant("p01").is_shredded
+            assert reader.is_shredded("p01")
             for trial in reader.trials("p01"):
                 assert trial.outcome is None
                 assert reader.events(trial.trial_id or "") == ()
@@ -218,7 +218,9 @@ def test_no_trial_begins_before_consent(tmp_path: Path) -> None:
         store.give_consent("p02", "text", given=False)
         with pytest.raises(StudyError, match=r"has left \(declined\)"):
             store.next_trial("p02")
-        assert store.participant("p02").consents[0].given is False
+        answer = store.participant("p02").consent
+        assert answer is not None
+        assert not answer.given
 
 
 def test_a_lost_key_is_an_error_and_not_a_withdrawal(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from human_study.trial.events import (
+    Act,
     Clicked,
     Confidence,
     Event,
@@ -20,7 +21,7 @@ from human_study.trial.events import (
     event_to_json,
 )
 from sim.errors import StudyError
-from sim.types import GridSpec
+from sim.types import Action, GridSpec
 
 from .test_session import RAY
 
@@ -62,6 +63,8 @@ NEW: list[Event] = [
     Confidence(t_s=9.0, value=5),
     Confidence(t_s=9.0, value=None),
     Clicked(t_s=1.0, ray=RAY, hit=(1.0, 0.0, 2.0), pixel=PIXEL),
+    Clicked(ray=RAY, hit=None, t_cli_ms=12.25),
+    Act(action=Action.FORWARD, position=(0.1, 1e-300, -1 / 3), yaw=0.1 + 0.2, collided=True, t_s=1.0),
 ]
 
 
@@ -101,11 +104,21 @@ def test_an_unknown_kind_is_refused_with_every_kind_of_the_specification() -> No
         ('{"kind": "net", "round_trip_ms": -1.0}', "round_trip_ms is -1.0"),
         ('{"kind": "resize", "width": 1e9, "height": 1}', "width"),
         ('{"kind": "hidden", "ip": "127.0.0.1"}', "ip is"),
+        ("{", "found text that is not JSON|is text that is not JSON"),
+        ("[]", "expected"),
+        ('{"code": "KeyW"}', "expected: Unable to extract tag using discriminator 'kind'"),
+        ('{"kind": "key", "code": "KeyW", "action": "fly"}', "action is 'fly'"),
+        ('{"kind": "key", "code": "KeyW", "action": "stop", "goal": 1}', "goal is 1"),
+        ('{"kind": "act", "action": "stop", "position": [0, 0, NaN], "yaw": 0}', "expected"),
+        ('{"kind": "act", "action": "stop", "position": [0, 0, 1e999], "yaw": 0}', "finite number"),
+        ('{"kind": "act", "action": "stop", "position": [0, 0, "1"], "yaw": 0}', "position.2 is '1'"),
     ],
 )
-def test_values_outside_the_list_are_refused(line: str, message: str) -> None:
-    with pytest.raises(StudyError, match=message):
-        event_from_json(line)
+def test_text_that_is_no_event_is_refused_in_one_line(line: str, message: str) -> None:
+    with pytest.raises(StudyError, match=message) as caught:
+        event_from_json(line, where="study.db: T1/4")
+    assert str(caught.value).startswith("study.db: T1/4: ")
+    assert "\n" not in str(caught.value)
 
 
 def test_a_pixel_with_its_picture_is_a_place_in_the_world() -> None:

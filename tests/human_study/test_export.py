@@ -14,7 +14,7 @@ from human_study.export.data_dictionary import columns_of
 from human_study.export.manifest import read_manifest, require_unchanged
 from human_study.export.rows import EventRow
 from human_study.export.study_export import TABLES, export_study
-from human_study.store.record_types import VerificationEntry
+from human_study.store.records import VerificationEntry
 from human_study.trial.commands import GiveUp, Move, Start
 from human_study.trial.outcome import pan_outcome
 from sim.errors import StudyError

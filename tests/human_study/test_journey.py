@@ -12,13 +12,14 @@ from human_study.journey import (
     Journey,
     Person,
     Place,
+    Stage,
+    StageEntry,
     ended_trial,
     has_rested,
     journey_of,
     trial_before,
     trial_name,
 )
-from human_study.store.record_types import Stage, StageEntry
 from sim.types import EpisodeKey
 
 NOW_NS = 1_800_000_000 * 10**9

@@ -7,7 +7,7 @@ import pytest
 from human_study.report.render import markdown
 from human_study.report.report import StudyReport, study_report
 from human_study.report.source import read_source
-from human_study.store.record_types import VerificationEntry
+from human_study.store.records import VerificationEntry
 from personal_viz.cli.study.report import StudyReportVerb
 from sim.errors import StudyError
 

@@ -66,7 +66,7 @@ def test_a_withdrawal_is_done_by_the_process_that_serves_the_study(tmp_path: Pat
         with answered(lambda: take_requests(store)) as told:
             change_study(tmp_path, [Withdrawal(participant="p02")])
         assert told == ["done as asked from outside: p02 has withdrawn"]
-        assert store.participant("p02").is_shredded
+        assert store.trials("p02")[0].is_shredded
         with pytest.raises(StudyError, match="has left"):
             store.next_trial("p02")
         assert left(tmp_path) == []

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from human_study.journey import has_reached
 from human_study.store import people as people_module
-from human_study.store.record_types import VerificationEntry, has_reached
-from human_study.store.records import read_study
+from human_study.store.records import VerificationEntry, read_study
 from human_study.store.store import StudyStore, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
 from sim.errors import StudyError

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from human_study.journey import has_reached
 from human_study.store import database as database_module
 from human_study.store import store as store_module
-from human_study.store.record_types import has_reached
 from human_study.store.records import read_study
 from human_study.store.store import Trial
 from human_study.store.vault import KEYS_FILE, Vault
@@ -221,7 +221,7 @@ def test_a_withdrawal_that_was_cut_off_is_finished_at_the_next_start(tmp_path: P
     killed(_withdraw_and_die_before_the_key_is_deleted, tmp_path)
     assert json.loads((tmp_path / KEYS_FILE).read_text())["p02"] is not None
     with open_small(tmp_path) as store:
-        assert store.participant("p02").is_shredded
+        assert store.trials("p02")[0].is_shredded
         assert store.events(trial.trial_id) == ()
         store.check()
     assert json.loads((tmp_path / KEYS_FILE).read_text())["p02"] is None

@@ -1,4 +1,4 @@
-"""The frozen study file, tokens and events as text."""
+"""The frozen study file, and tokens."""
 
 import datetime
 import hashlib
@@ -9,12 +9,10 @@ import yaml
 
 from human_study.design.secrets import new_id, new_token, token_hash, token_matches
 from human_study.design.study import StudyConfig, StudyDataset, load_study, save_study
-from human_study.trial.events import Act, Clicked, Event, event_from_json, event_to_json
 from sim.errors import StudyError
 from sim.types import Action, Camera
 
 from .small_world import episode, study
-from .test_session import RAY
 
 EXAMPLE = """
 study: personal-pan-2026
@@ -161,35 +159,3 @@ def test_ids_are_26_safe_characters_in_order_of_time(monkeypatch: pytest.MonkeyP
     assert first.startswith("01ARYZ6S41")  # the example of the ULID specification
     assert len(first) == 26
     assert first < new_id()
-
-
-@pytest.mark.parametrize(
-    "event",
-    [
-        Act(action=Action.FORWARD, position=(0.1, 1e-300, -1 / 3), yaw=0.1 + 0.2, collided=True, t_s=1.0),
-        Clicked(ray=RAY, hit=None, t_cli_ms=12.25),
-        Clicked(ray=RAY, hit=(1.0, 2.0, 3.0)),
-    ],
-)
-def test_an_event_comes_back_as_it_was(event: Event) -> None:
-    assert event_from_json(event_to_json(event)) == event
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("{", "found text that is not JSON|is text that is not JSON"),
-        ("[]", "expected"),
-        ('{"code": "KeyW"}', "expected: Unable to extract tag using discriminator 'kind'"),
-        ('{"kind": "key", "code": "KeyW", "action": "fly"}', "action is 'fly'"),
-        ('{"kind": "key", "code": "KeyW", "action": "stop", "goal": 1}', "goal is 1"),
-        ('{"kind": "act", "action": "stop", "position": [0, 0, NaN], "yaw": 0}', "expected"),
-        ('{"kind": "act", "action": "stop", "position": [0, 0, 1e999], "yaw": 0}', "finite number"),
-        ('{"kind": "act", "action": "stop", "position": [0, 0, "1"], "yaw": 0}', "position.2 is '1'"),
-    ],
-)
-def test_text_that_is_no_event_is_refused_in_one_line(text: str, message: str) -> None:
-    with pytest.raises(StudyError, match=message) as caught:
-        event_from_json(text, where="study.db: T1/4")
-    assert str(caught.value).startswith("study.db: T1/4: ")
-    assert "\n" not in str(caught.value)

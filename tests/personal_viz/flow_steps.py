@@ -7,8 +7,8 @@ import numpy as np
 from playwright.sync_api import Page, expect
 
 from human_study.design.study import load_study
-from human_study.store.record_types import ParticipantRecord, StoredTrial
-from human_study.store.records import read_study
+from human_study.journey import Person
+from human_study.store.records import StoredTrial, read_study
 from human_study.texts.quiz import questions_for
 from human_study.trial.events import Cam
 from sim.frames import Rs_from_quats_xyzw
@@ -31,7 +31,7 @@ def start(page: Page, link: str) -> None:
     page.get_by_role("button", name="Start", exact=True).click()
 
 
-def record(study: PlannedStudy, code: str) -> tuple[ParticipantRecord, list[StoredTrial]]:
+def record(study: PlannedStudy, code: str) -> tuple[Person, list[StoredTrial]]:
     """The records of a participant; the hash chains are checked too."""
     with read_study(study.folder) as reader:
         reader.check()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from human_study.design.study import StudyPrivacy, StudyRecruit, save_study
-from human_study.store.record_types import Stage
+from human_study.journey import Stage
 from personal_viz.cli.study.purge_ids import StudyPurgeIds
 from personal_viz.study_app.gateway.admission import (
     PAY_FILE,

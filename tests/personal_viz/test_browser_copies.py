@@ -19,8 +19,9 @@ from playwright.sync_api import BrowserContext, Page
 from personal_viz.bench.sim.scenes import bench_mesh
 from personal_viz.screenshots.rerun_page import screenshot_rrd
 from personal_viz.study_app.home.surfaces import SceneView, StoreyCopies
-from recordings.scene import log_scene
+from recordings.scene import log_storeys
 from sim.mesh import FLAT, VERTEX_COLOURS, Scene, TriangleMesh
+from sim.plan_view.storey import storey_map
 from sim.walk.floor_grid import floor_grid_from_mesh
 
 pytestmark = pytest.mark.browser
@@ -176,7 +177,8 @@ def test_rerun_shows_vertex_colours_and_flat_colours_alike(tmp_path: Path) -> No
     stream = rr.RecordingStream("test", recording_id="room")
     stream.save(tmp_path / "room.rrd")
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
-    log_scene(stream, room(), storeys=[0])
+    home = room()
+    log_storeys(stream, home, [storey_map(home.navigation, 0)])
     eye = rrb.EyeControls3D(position=(2.5, 6.0, 2.51), look_target=(2.5, 0.0, 2.5), eye_up=(0, 0, -1))
     view = rrb.Spatial3DView(origin="/", background=(24, 26, 30), line_grid=False, eye_controls=eye)
     stream.send_blueprint(rrb.Blueprint(view, auto_views=False, auto_layout=False, collapse_panels=True))

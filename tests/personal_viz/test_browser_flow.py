@@ -8,6 +8,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 from human_study.design.plan import PRACTICE_FOLDER, load_plan
 from human_study.design.study import load_study
 from human_study.export.verify import verify_trial
+from human_study.journey import ConsentEntry
 from human_study.trial.events import Act, Confidence
 from personal_viz.study_app.home.trial_homes import open_any_home
 from sim.episodes.dataset import PersonalDataset
@@ -112,8 +113,7 @@ def test_a_whole_pan_participant_from_link_to_code_by_keyboard_alone(
     assert [trial.phase for trial in stored] == ["practice", "main", "main"]
     assert all(trial.has_ended for trial in stored)
     assert [event.value for event in events(full_study, who, 2) if isinstance(event, Confidence)] == [2]
-    assert [consent.given for consent in person.consents] == [True]
-    assert person.consents[0].text_hash == plan.texts["told/consent-pan.md"]
+    assert person.consent == ConsentEntry(plan.texts["told/consent-pan.md"], given=True)
 
     practice, outcome = events(full_study, who, stored[0].order_no), stored[0].outcome
     assert [event.action for event in practice if isinstance(event, Act)] == [*walked, Action.STOP]

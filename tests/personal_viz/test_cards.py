@@ -3,8 +3,7 @@
 import pytest
 
 from human_study.design.study import StudyBreaks, StudyConfig, StudyDataset
-from human_study.journey import AssignedTrial, Person
-from human_study.store.record_types import StageEntry
+from human_study.journey import AssignedTrial, Person, StageEntry
 from personal_viz.study_app.screens.cards import Card, begin_card, card_after, welcome_back_card
 from sim.types import EpisodeKey
 

@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import BrowserContext, expect
 from starlette.testclient import TestClient
 
-from human_study.store.record_types import has_reached
+from human_study.journey import has_reached
 from human_study.store.store import StudyStore
 from personal_viz.study_app.gateway.app import STATIC
 from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from human_study.store.record_types import StageEntry
+from human_study.journey import StageEntry
 from personal_viz.study_app.gateway import pauses as flow_pauses
 from personal_viz.study_app.gateway.pauses import machine_time, pause_left_s, steady_detail
 

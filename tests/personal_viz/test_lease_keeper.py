@@ -14,9 +14,9 @@ from human_study.design.plan import StudyScene, save_plan
 from human_study.design.planning import make_plan
 from human_study.design.secrets import token_hash
 from human_study.design.study import save_study
+from human_study.journey import has_dropped_out
 from human_study.store.database import BACKUP_FOLDER, require_free_space
 from human_study.store.progress import study_progress
-from human_study.store.record_types import has_dropped_out
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, open_store
 from personal_viz.cli.study.exclude import StudyExclude

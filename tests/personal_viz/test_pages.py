@@ -15,7 +15,7 @@ from starlette.websockets import WebSocketDisconnect
 from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
 from human_study.design.secrets import token_hash
-from human_study.store.record_types import Stage
+from human_study.journey import Stage
 from human_study.store.store import StudyStore, open_store
 from human_study.store.writer import StoreFullError
 from human_study.texts.quiz import questions_for
@@ -185,7 +185,9 @@ def test_declining_is_an_answer_that_is_stored_and_stays(taking: Callable[..., T
     who.send(choice="decline")
     assert who.place() == "declined"
     assert "Leave the study" not in who.page()
-    assert [consent.given for consent in who.store.participant(CODE).consents] == [False]
+    answer = who.store.participant(CODE).consent
+    assert answer is not None
+    assert not answer.given
     assert all(trial.is_released for trial in who.store.trials(CODE))
 
 

@@ -15,7 +15,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from human_study.design.secrets import token_hash
-from human_study.store.record_types import StoredTrial
+from human_study.store.records import StoredTrial
 from human_study.store.store import StudyStore, SupersededError, open_store
 from personal_viz.study_app.gateway.filter import CAMERA
 from personal_viz.study_app.home.homes import Home, HomeLibrary

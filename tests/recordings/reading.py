@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 from rerun.chunk import RrdReader
 
@@ -33,6 +34,14 @@ def tables(rrd: Path, *, kind: str = "recordings") -> Tables:
     for (entity, is_static, _), columns in parts.items():
         found.setdefault((entity, is_static), {}).update(columns)
     return found
+
+
+def column(found: Tables, entity: str, name: str, *, static: bool = False) -> list[Any]:
+    """A column's rows in the order of their steps."""
+    columns = found[(entity, static)]
+    if static:
+        return columns[name]
+    return [columns[name][index] for index in np.argsort(columns["step"], kind="stable")]
 
 
 def record(out: Path, runs: Sequence[Run], episode: Episode, scene: Scene, **options: Any) -> Tables:

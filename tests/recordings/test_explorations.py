@@ -11,23 +11,15 @@ from grounding.agents import exploration_jobs as jobs
 from grounding.agents.exploration_jobs import ExploreJob, run_job
 from grounding.agents.explore import Exploration, explore
 from personal_viz.cli.grounding.explore import watching
-from recordings.explorations import (
-    ExplorationObserver,
-    ObserveExplorations,
-    WatchedExploration,
-    exploration_figures,
-    explorer_of,
-    replay_exploration,
-)
+from recordings.explorations import ObserveExplorations, WatchedExploration, exploration_figures, replay_exploration
 from recordings.paths import ExplorationKey
 from recordings.read import read_rrd
 from recordings.sinks import LiveSink, live_sink
 from sim.errors import RecordingError
 from sim.mesh import Scene
-from sim.render.raycast import Raycaster
 from sim.types import Camera, Pose
 
-from .reading import Tables, tables
+from .reading import Tables, column, tables
 
 CAMERA = Camera(width=160, height=120)
 START = Pose((-3.0, 0.0, 1.1), 0.0)
@@ -36,21 +28,15 @@ RUN = "/runs/frontier"
 pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
 
 
-def observer(home: Scene, out: Path, **options) -> ExplorationObserver:
-    return ExplorationObserver(home, LiveSink("file", str(out)), who="frontier", seed=SEED, camera=CAMERA, **options)
-
-
-def column(found: Tables, entity: str, name: str) -> list:
-    """Rows in the order of their steps."""
-    columns = found[(entity, False)]
-    return [value for _, value in sorted(zip(columns["step"], columns[name], strict=True), key=lambda row: row[0])]
+def watching_to(home: Scene, out: Path) -> WatchedExploration:
+    return WatchedExploration(home, LiveSink("file", str(out)), START, seed=SEED, camera=CAMERA)
 
 
 @pytest.fixture(scope="module")
-def live(tmp_path_factory: pytest.TempPathFactory, home: Scene, renderer: Raycaster) -> tuple[Path, Exploration]:
+def live(tmp_path_factory: pytest.TempPathFactory, home: Scene) -> tuple[Path, Exploration]:
     """The house of two rooms explored, and its recording."""
     out = tmp_path_factory.mktemp("explore") / "live.rrd"
-    watched = WatchedExploration(observer(home, out), home, START, camera=CAMERA, renderer=renderer)
+    watched = watching_to(home, out)
     exploration = explore(home, START, seed=SEED, max_steps=60, camera=CAMERA, on_step=watched)
     watched.end(exploration)
     assert watched.problem is None
@@ -105,12 +91,10 @@ def test_the_blueprint_plots_seen_floor_and_shows_the_agents_map(live: tuple[Pat
 
 
 def test_done_again_it_is_the_same_recording(
-    live: tuple[Path, Exploration], found: Tables, tmp_path: Path, home: Scene, renderer: Raycaster
+    live: tuple[Path, Exploration], found: Tables, tmp_path: Path, home: Scene
 ) -> None:
     out, exploration = tmp_path / "again.rrd", live[1]
-    same = replay_exploration(
-        exploration, observer(home, out), scene=home, renderer=renderer, agent=explorer_of(exploration)
-    )
+    same = replay_exploration(exploration, home, LiveSink("file", str(out)))
     assert same == len(exploration.steps)
     again = tables(out)
     assert set(again) == set(found)
@@ -123,7 +107,7 @@ def test_done_again_it_is_the_same_recording(
 
 
 def test_an_explorer_that_chooses_otherwise_is_left_out_from_there(
-    live: tuple[Path, Exploration], tmp_path: Path, home: Scene, renderer: Raycaster
+    live: tuple[Path, Exploration], tmp_path: Path, home: Scene
 ) -> None:
     out, exploration = tmp_path / "other.rrd", live[1]
 
@@ -138,7 +122,7 @@ def test_an_explorer_that_chooses_otherwise_is_left_out_from_there(
             return exploration.steps[9 - self.left].action if self.left > 5 else None
 
     short = exploration.model_copy(update={"steps": exploration.steps[:8], "coverage": exploration.coverage[:9]})
-    same = replay_exploration(short, observer(home, out), scene=home, renderer=renderer, agent=Lefty())  # type: ignore[arg-type]
+    same = replay_exploration(short, home, LiveSink("file", str(out)), agent=Lefty())  # type: ignore[arg-type]
     assert same == 4
     read = tables(out)
     assert len(read[(f"{RUN}/trail", False)]["step"]) == 8
@@ -151,7 +135,7 @@ def test_of_a_scan_without_leave_the_way_alone_is_shown(
 ) -> None:
     out = tmp_path / "way.rrd"
     scan = replace(home, kind="scan")
-    replay_exploration(live[1], observer(scan, out), scene=scan, renderer=None, agent=explorer_of(live[1]))
+    replay_exploration(live[1], scan, LiveSink("file", str(out)))
     entities = {entity for entity, _ in tables(out)}
     assert f"{RUN}/trail" in entities
     assert not [name for name in entities if "occupancy" in name or "/depth" in name or name.startswith("/scene")]
@@ -160,12 +144,12 @@ def test_of_a_scan_without_leave_the_way_alone_is_shown(
 def test_another_home_is_refused(live: tuple[Path, Exploration], tmp_path: Path, home: Scene) -> None:
     other = replace(home, digest="e" * 64)
     with pytest.raises(RecordingError, match="expected the same home"):
-        replay_exploration(live[1], observer(other, tmp_path / "x.rrd"), scene=other, renderer=None, agent=None)
+        replay_exploration(live[1], other, LiveSink("file", str(tmp_path / "x.rrd")))
 
 
 def test_a_recording_that_fails_ends_the_showing_and_not_the_walk(tmp_path: Path, home: Scene) -> None:
     (tmp_path / "file").write_text("")
-    watched = WatchedExploration(observer(home, tmp_path / "file" / "x.rrd"), home, START, camera=CAMERA, renderer=None)
+    watched = watching_to(home, tmp_path / "file" / "x.rrd")
     exploration = explore(home, START, seed=SEED, max_steps=5, camera=CAMERA, on_step=watched)
     assert len(exploration.steps) == 5
     with pytest.raises(RecordingError, match="cannot be written"):

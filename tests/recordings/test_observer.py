@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pytest
 import rerun_cli
 from PIL import Image
@@ -26,31 +25,15 @@ from sim.render.raycast import Raycaster
 from sim.tasks.observers import FREE, OCCUPIED, Detection, Insight
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import EpisodeRun, RunInfo
-from sim.types import Action, Camera, GridSpec
+from sim.types import Action, GridSpec
 
 from .conftest import info, to_the_table, walk
+from .reading import SMALL, Tables, column, tables
 
-SMALL = Camera(width=64, height=48)
-Tables = dict[tuple[str, bool], dict[str, list[Any]]]
 RUN = "/runs/straight.agent"
 MAP = f"{RUN}/map/storey_0"
 GRID = GridSpec((-2.0, -3.0), 0.5, (8, 6))
 """A grid of the start frame: x from -2 to 1, z from -3 to 1."""
-
-
-def tables(rrd: Path, *, kind: str = "recordings") -> Tables:
-    """(entity, is static) to its columns as lists, all chunks of an entity together."""
-    reader = RrdReader(str(rrd))
-    (store,) = getattr(reader, kind)()
-    found: Tables = {}
-    for chunk in reader.stream(store=store):
-        batch = chunk.to_record_batch()
-        columns = found.setdefault((chunk.entity_path, chunk.is_static), {})
-        for name, column in zip(batch.schema.names, batch.columns, strict=True):
-            if not name.startswith("rerun."):
-                values = column.cast(pa.int64()) if pa.types.is_temporal(column.type) else column
-                columns.setdefault(name, []).extend(values.to_pylist())
-    return found
 
 
 def observe(
@@ -75,14 +58,6 @@ def observe(
         observer.on_step(step, observation, insights[number] if number < len(insights) else None)
     observer.on_end(run)
     return run
-
-
-def column(found: Tables, entity: str, name: str, *, static: bool = False) -> list[Any]:
-    """A column's rows in the order of their steps."""
-    columns = found[(entity, static)]
-    if static:
-        return columns[name]
-    return [columns[name][index] for index in np.argsort(columns["step"], kind="stable")]
 
 
 @pytest.fixture(scope="module")

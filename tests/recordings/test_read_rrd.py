@@ -9,7 +9,7 @@ import rerun as rr
 import rerun_cli
 
 from recordings import paths
-from recordings.read import log_record_end, log_record_start, log_record_step, read_recorded, read_rrd
+from recordings.read import log_record_end, log_record_start, log_record_steps, read_recorded, read_rrd
 from recordings.replay import log_comparison
 from recordings.sinks import open_recording
 from sim.episodes.schema import Episode
@@ -66,7 +66,7 @@ import os, sys
 from pathlib import Path
 import rerun as rr
 from recordings import paths
-from recordings.read import log_record_end, log_record_start, log_record_step
+from recordings.read import log_record_end, log_record_start, log_record_steps
 from sim.tasks.run_files import read_run
 
 run = read_run(Path(sys.argv[1]))
@@ -74,9 +74,8 @@ stream = rr.RecordingStream(paths.APPLICATION_ID, recording_id="live")
 stream.save(sys.argv[2])
 for label, ends in (("whole", True), ("cut", False)):
     log_record_start(stream, label, run.info, run.episodes[0].start)
-    for number, step in enumerate(run.episodes[0].steps[: None if ends else 5], start=1):
-        stream.set_time(paths.STEP, sequence=number)
-        log_record_step(stream, label, step)
+    steps = run.episodes[0].steps[: None if ends else 5]
+    log_record_steps(stream, label, steps, times=[rr.TimeColumn(paths.STEP, sequence=range(1, len(steps) + 1))])
     if ends:
         log_record_end(stream, label, run.episodes[0].end)
 stream.flush()
@@ -167,9 +166,8 @@ def test_a_missing_step_is_named(tmp_path: Path, agent_run: Run) -> None:
     run = agent_run.episodes[0]
     with open_recording(tmp_path / "a.rrd", KEY) as stream:
         log_record_start(stream, "odd", agent_run.info, run.start)
-        for number in (1, 3):
-            stream.set_time(paths.STEP, sequence=number)
-            log_record_step(stream, "odd", run.steps[number])
+        at = rr.TimeColumn(paths.STEP, sequence=[1, 3])
+        log_record_steps(stream, "odd", run.steps[1:3], times=[at])
         log_record_end(stream, "odd", run.end)
     with pytest.raises(RecordingError, match=r"found steps \[1, 3\]; expected 1, 2, 3"):
         read_rrd(tmp_path / "a.rrd")
@@ -179,7 +177,6 @@ def logged(stream: rr.RecordingStream, run: Run, label: str, *, num_steps: int |
     """Logs the record of a run's first episode, or of its first steps."""
     episode = run.episodes[0]
     log_record_start(stream, label, run.info, episode.start)
-    for number, step in enumerate(episode.steps[:num_steps], start=1):
-        stream.set_time(paths.STEP, sequence=number)
-        log_record_step(stream, label, step)
+    steps = episode.steps[:num_steps]
+    log_record_steps(stream, label, steps, times=[rr.TimeColumn(paths.STEP, sequence=range(1, len(steps) + 1))])
     log_record_end(stream, label, episode.end)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from recordings.traces import best_two, common_episode, select_traces, short_name
+from recordings.traces import best_two, common_episode, names_of, select_traces
 from sim.errors import RecordingError
 from sim.tasks.run_files import EpisodeRun, Run
 
@@ -76,4 +76,4 @@ def test_runs_without_measures_come_last_and_answers_are_not_shown(agent_run: Ru
     [("my_package.agents:make", "agents"), ("agents:make", "agents"), ("v1.2: mine", "v1.2: mine"), ("human", "human")],
 )
 def test_titles_name_the_module_of_a_plug_in(who: str, title: str) -> None:
-    assert short_name(who) == title
+    assert names_of(info("run", who=who), "P07") == ("run-P07", f"{title}-P07")

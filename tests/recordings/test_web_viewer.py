@@ -133,7 +133,7 @@ def test_names_of_other_machines_that_lead_here_are_refused(site: WebViewer) -> 
 
 
 def test_other_methods_are_refused(site: WebViewer) -> None:
-    assert ask(site, "/index.html", method="POST")[0] == 501
+    assert ask(site, "/index.html", method="POST")[0] == 405
 
 
 def test_the_viewer_may_contact_us_and_one_stream_only(site: WebViewer) -> None:

@@ -24,12 +24,11 @@ class ShowExploration:
 
     def run(self) -> int:
         from grounding.agents.exploration import load_exploration
-        from recordings.explorations import EXPLORER, ExplorationObserver, explorer_of, replay_exploration
+        from recordings.explorations import replay_exploration
         from recordings.replay import require_rrd
         from recordings.sinks import LiveSink
         from recordings.viewer.window import open_file
         from sim.episodes.dataset import PersonalDataset
-        from sim.homes.renderers import renderer_of
 
         from .same_home import open_same_home
 
@@ -40,16 +39,7 @@ class ShowExploration:
             episodes, found.scene, digest=found.scene_digest, scenes_dir=self.scenes_dir, where=str(self.file)
         )
         has_pictures = scene.kind != "scan" or self.with_pixels
-        observer = ExplorationObserver(
-            scene,
-            LiveSink("file", str(self.out)),
-            who=EXPLORER,
-            seed=found.seed,
-            with_pixels=self.with_pixels,
-            camera=found.camera,
-        )
-        renderer = renderer_of(scene) if has_pictures else None
-        same = replay_exploration(found, observer, scene=scene, renderer=renderer, agent=explorer_of(found))
+        same = replay_exploration(found, scene, LiveSink("file", str(self.out)), with_pixels=self.with_pixels)
         print(f"{self.out}: {len(found.steps)} steps in {scene.label}. See it with: rerun {self.out}")
         if not has_pictures:
             print("Geometry, maps and pictures of the scan are left out; --with-pixels writes them.")

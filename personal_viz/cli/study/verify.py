@@ -19,7 +19,7 @@ from ..options import Dataset, ScenesDir
 
 if TYPE_CHECKING:
     from human_study.design.plan import StudyPlan, StudyScene
-    from human_study.store.record_types import StoredTrial, VerificationEntry
+    from human_study.store.records import StoredTrial, VerificationEntry
 
 BATCH = 20
 """Number of episodes that a worker process replays before it returns them."""
@@ -115,8 +115,7 @@ def _jobs(
 def _open_home(job: VerifyJob) -> Callable[[EpisodeKey], tuple[VerificationEntry, ...]]:
     """Opens the job's home; returns a function that replays the trials of one episode by all its people."""
     from human_study.export.verify import verify_trial
-    from human_study.store.record_types import VerificationEntry
-    from human_study.store.records import read_study
+    from human_study.store.records import VerificationEntry, read_study
     from personal_viz.study_app.home.trial_homes import open_any_home, sim_hash
 
     home = open_any_home(

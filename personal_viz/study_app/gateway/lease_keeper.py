@@ -13,7 +13,6 @@ from contextlib import contextmanager
 from human_study.journey import GONE, Person, journey_of
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore
-from human_study.store.stored_people import stored_people
 from sim.errors import StudyError
 
 AWAY = "away"
@@ -89,7 +88,7 @@ class LeaseKeeper:
     def _awaited(self) -> dict[str, float]:
         """Everybody in the middle of the study, with the longest absence (seconds); other absences are forgotten."""
         with read_study(self._store.folder) as reader:
-            people = stored_people(reader)
+            people = reader.participants()
         allowed_s = {person.code: self._allowed_s(person) for person in people}
         awaited = {code: seconds for code, seconds in sorted(allowed_s.items()) if seconds is not None}
         with self._lock:

@@ -14,8 +14,7 @@ import jinja2
 from markupsafe import Markup
 
 from human_study.design.study import Condition, StudyConfig
-from human_study.journey import Journey, Person, journey_of
-from human_study.store.record_types import Stage, last_detail
+from human_study.journey import Journey, Person, Stage, journey_of, last_detail
 from human_study.store.store import StudyStore
 from human_study.texts.participants import (
     CONSENT_FILE,
@@ -129,7 +128,7 @@ class Pages:
     def _next(self, code: str) -> tuple[Person, Journey]:
         """The participant's person and journey, after stages that need no answer are stored."""
         while True:
-            person = self._store.person(code)
+            person = self._store.participant(code)
             journey = journey_of(self._config, person)
             done = {"done": journey.num_done}
             if not person.stages:

@@ -16,8 +16,7 @@ import viser
 
 from human_study.design.plan import StudyPlan
 from human_study.design.study import StudyConfig
-from human_study.journey import AssignedTrial, Person, journey_of, trial_name
-from human_study.store.record_types import has_reached, last_detail
+from human_study.journey import AssignedTrial, Person, has_reached, journey_of, last_detail, trial_name
 from human_study.store.store import SupersededError, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.texts.participants import leave_text, practice_text
