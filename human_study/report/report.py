@@ -9,6 +9,7 @@ from sim.tasks.metrics import made_for_warning, metric_rows, require_comparable
 from sim.tasks.run_files import Run
 from sim.types import SuccessRule
 
+from ..design.study import StudyConfig
 from .agreement import (
     AgreementRow,
     HomeObjects,
@@ -159,10 +160,7 @@ def report_of(
     config, people, rule = records.config, groups.people, groups.rule
     # without records, the runs say which study they are of
     told = {name: str(value) for run in runs if run.info.who_kind == "human" for name, value in run.info.config.items()}
-    aggregate = Aggregate(split_sizes=split_sizes)
-    if config is not None:
-        aggregate = Aggregate(config.aggregate.total, config.aggregate.weight, split_sizes)
-    aggregate.require_sizes()
+    aggregate = _aggregate_of(config, split_sizes)
     rows = _rows(groups, aggregate)
     memory = memory_effects(people)
     flow = flow_counts(records.people, records.rows, num_deleted=records.num_deleted) if records.people else []
@@ -214,6 +212,15 @@ def report_of(
         versions=tuple(sorted(versions)),
         runs=tuple(run.info.run_id for run in runs),
     )
+
+
+def _aggregate_of(config: StudyConfig | None, split_sizes: Mapping[str, int] | None) -> Aggregate:
+    """How the study file wants numbers averaged; as the paper does without one."""
+    found = Aggregate(split_sizes=split_sizes)
+    if config is not None:
+        found = Aggregate(config.aggregate.total, config.aggregate.weight, split_sizes)
+    found.require_sizes()
+    return found
 
 
 def _warnings(runs: Sequence[Run], rule: SuccessRule) -> tuple[str, ...]:
