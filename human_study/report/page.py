@@ -54,7 +54,11 @@ def html_page(markdown: str, pictures: Mapping[str, str]) -> str:
         markdown: Headings, paragraphs, tables, and pictures that stand alone.
         pictures: SVG text by name; the pictures that the text names are put into the page.
     """
-    reader = MarkdownIt("commonmark", {"html": False}, renderer_cls=_Html).enable("table").disable(["link", "code"])
+    reader = (
+        MarkdownIt("commonmark", {"html": False}, renderer_cls=_Html)
+        .enable("table")
+        .disable(["link", "autolink", "code"])
+    )
     tokens = reader.parse(markdown)
     for at, token in enumerate(tokens):
         if token.type == "tr_open" and tokens[at + 1].type == "td_open":

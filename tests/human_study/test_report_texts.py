@@ -84,7 +84,7 @@ def test_the_checklist_answers_what_the_study_file_says() -> None:
 
 
 def test_markdown_becomes_one_safe_page() -> None:
-    text = "# A <b>\n\n**x & y**\n\n| h | i |\n|---|---|\n| a\\|b | <c> |\n\nnote\n\n![P & q](p.svg)\n\n![Q](q.svg)\n"
+    text = "# A <b>\n\n| h | i |\n|---|---|\n| a\\|b | <c> |\n\nsee <https://x.y>\n\n![P & q](p.svg)\n\n![Q](q.svg)\n"
     page = html_page(text, {"p.svg": '<?xml version="1.0"?>\n<svg id="s"></svg>'})
     assert "<title>A &lt;b&gt;</title>" in page
     assert "<h1>A &lt;b&gt;</h1>" in page
@@ -92,6 +92,7 @@ def test_markdown_becomes_one_safe_page() -> None:
     assert '<figure><svg id="s"></svg><figcaption>P &amp; q</figcaption></figure>' in page
     assert "<figure>q.svg<figcaption>Q</figcaption></figure>" in page
     assert "<?xml" not in page
+    assert "<p>see &lt;https://x.y&gt;</p>" in page
 
 
 def test_numbers_and_cells_are_written_safely() -> None:
