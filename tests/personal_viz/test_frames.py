@@ -3,7 +3,6 @@
 import os
 import sys
 import threading
-from collections.abc import Sequence
 from concurrent.futures import Future
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from human_study.trial.commands import Move, Start
-from human_study.trial.events import Act, Event, Key, Shown
+from human_study.trial.events import Event, Shown
 from human_study.trial.session import PanSession
 from personal_viz.study_app.home.frames import RENDER_NICE, Frames, RenderThreads, successors
 from sim.errors import SceneError
@@ -184,25 +183,3 @@ def test_the_record_is_the_same_with_and_without_looking_ahead() -> None:
     ahead = recorded(Frames(Colours(), threads), looks_ahead=True)
     assert ahead == recorded(Colours(), looks_ahead=False)
     assert [event.step for event in ahead if isinstance(event, Shown)] == list(range(len(WALK) + 1))
-
-
-def test_a_step_can_be_stored_before_its_picture_is_there() -> None:
-    renderer = Recorder()
-    config, room = study(), SquareRoom()
-    env = PanEnv(episode().start, room, renderer=renderer, camera=CAMERA, max_steps=config.steps)
-    task = config.task_for(episode(), "pan")
-    session = PanSession(env, key=episode().key, task=task, scene_digest=SCENE_DIGEST, looks_later=True)
-    session.handle(Start(), 0.0)
-    num_rendered = len(renderer.xs)
-    update = session.handle(Move(Action.FORWARD, "KeyW"), 1.0)
-    assert [type(event) for event in update.events] == [Key, Act]
-    assert (len(renderer.xs), session.needs_look) == (num_rendered, True)
-    assert _step_and_picture(update.view) == (1, False)
-    looked_at = session.look(1.1)
-    assert [type(event) for event in looked_at.events] == [Shown]
-    assert _step_and_picture(looked_at.view) == (1, True)
-    assert not session.needs_look
-
-
-def _step_and_picture(view: object) -> Sequence[object]:
-    return getattr(view, "step", None), getattr(view, "rgb", None) is not None
