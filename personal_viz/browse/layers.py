@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Awaitable, Callable, Collection, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,17 +46,9 @@ _LOWER = 0.1
 """Share of a storey's depth by which the camera looks in front of its middle: a panel may cover the lower corner."""
 _NEAR = 4.5
 """Metres from which one object is shown."""
+FIRST_LAYERS = frozenset({"view_points", "region"})
+"""Layers that are on at first; the third one is `names`, category names over all objects."""
 OnObject = Callable[[int], Awaitable[None]]
-
-
-@dataclass(frozen=True, slots=True)
-class LayerChoice:
-    """One flag per layer that can be switched."""
-
-    view_points: bool = True
-    region: bool = True
-    names: bool = False
-    """Category names over all objects."""
 
 
 class Outlined(NamedTuple):
@@ -107,13 +98,13 @@ class Layers:
         elif not names:
             _remove(self._names)
 
-    def show_episode(self, shown: ShownEpisode, *, hidden: Collection[str], choice: LayerChoice) -> None:
+    def show_episode(self, shown: ShownEpisode, *, hidden: Collection[str], layers: Collection[str]) -> None:
         """Shows everything of an episode that stands on the storey that is shown.
 
         Args:
             shown: The episode.
             hidden: Labels of runs that are switched off.
-            choice: Layers that are switched on.
+            layers: Layers that are switched on.
         """
         assert self._home is not None, "no home is shown"
         home, storey = self._home
@@ -121,9 +112,9 @@ class Layers:
         floor_y = home.copies.storeys[storey]
         self._add_boxes(home, storey, shown)
         self._add_start(shown.episode.start, floor_y)
-        if choice.region:
+        if "region" in layers:
             self._add_region(success_region(shown.episode, home.scene.navigation), floor_y)
-        if choice.view_points:
+        if "view_points" in layers:
             self._add_view_points(shown.episode.targets, floor_y)
         for index, trace in enumerate(shown.traces):
             if trace.title not in hidden:

@@ -47,18 +47,6 @@ class Wanted:
     """Only episodes that have a run or an answer."""
 
 
-@dataclass(frozen=True, slots=True)
-class ListPage:
-    """One page of a filtered list."""
-
-    numbers: tuple[int, ...]
-    """Numbers of its episodes."""
-    first: int
-    """Place of the page's first episode in the filtered list, from 0."""
-    total: int
-    """Length of the filtered list."""
-
-
 @dataclass(frozen=True, eq=False)
 class OpenHome:
     """A home that is ready to be shown."""
@@ -156,11 +144,9 @@ class Library:
         return ShownEpisode(number, episode, graph, object_links(episode, graph, texts), dict(texts.goals), traces)
 
 
-def list_page(matching: Sequence[int], index: int) -> ListPage:
-    """A page of a filtered list; the nearest one where there is no page of this index."""
-    last = max(0, (len(matching) - 1) // PAGE)
-    first = PAGE * min(max(index, 0), last)
-    return ListPage(tuple(matching[first : first + PAGE]), first, len(matching))
+def nearest_page(matching: Sequence[int], index: int) -> int:
+    """The index of the page of a filtered list that is nearest to `index`; 0 where the list is empty."""
+    return min(max(index, 0), max(0, (len(matching) - 1) // PAGE))
 
 
 def neighbour(matching: Sequence[int], number: int, by: int) -> int | None:

@@ -9,7 +9,6 @@ import threading
 import traceback
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import replace
 
 import viser
 
@@ -17,8 +16,8 @@ from sim.errors import PersonalVizError
 from sim.tasks.run_files import EpisodeRun
 from sim.types import Camera
 
-from .layers import LayerChoice, Layers, Outlined, look_at_object, look_at_storey
-from .library import PAGE, Library, OpenHome, Wanted, digest_of, list_page, neighbour
+from .layers import FIRST_LAYERS, Layers, Outlined, look_at_object, look_at_storey
+from .library import PAGE, Library, OpenHome, Wanted, digest_of, nearest_page, neighbour
 from .messages import HomeOpened, Message, MessageQueue, Words
 from .panel_html import graph_html, notice_html, part_html, picture_html, runs_html, story_html
 from .panels import Panels
@@ -35,7 +34,7 @@ class Visitor:
         self._layers = Layers(client, self._box_clicked)
         self._matching = library.matching(Wanted())
         self._page = 0
-        self._choice = LayerChoice()
+        self._layers_on = FIRST_LAYERS
         self._hidden: set[str] = set()
         self._asked: Future[OpenHome] | None = None
         """The home that is being opened for this browser."""
@@ -102,7 +101,7 @@ class Visitor:
             case ("storey", storey):
                 self._show_storey(int(storey), look=True)
             case ("layer", ("view_points" | "region" | "names") as layer):
-                self._choice = replace(self._choice, **{layer: not getattr(self._choice, layer)})
+                self._layers_on ^= {layer}
                 self._draw_home()
             case ("page", by):
                 self._page += int(by)
@@ -175,10 +174,10 @@ class Visitor:
         if self._home is None:
             return
         label, count = self._home.scene.label, len(self._home.copies.storeys)
-        home = part_html("home", label=label, storeys=count, storey=self._storey, choice=self._choice)
+        home = part_html("home", label=label, storeys=count, storey=self._storey, layers=self._layers_on)
         self._panels.show("home", home)
-        self._layers.show_home(self._home, self._storey, names=self._choice.names)
-        self._layers.show_episode(self._shown, hidden=self._hidden, choice=self._choice)
+        self._layers.show_home(self._home, self._storey, names="names" in self._layers_on)
+        self._layers.show_episode(self._shown, hidden=self._hidden, layers=self._layers_on)
         self._outline_marked()
         self._draw_walker()
 
@@ -193,9 +192,9 @@ class Visitor:
         self._layers.show_walker(pose if is_here else None, self._shown.traces[self._walked].rgb)
 
     def _draw_list(self) -> None:
-        page = list_page(self._matching, self._page)
-        self._page = page.first // PAGE
-        self._panels.show("list", part_html("list", library=self._library, page=page, here=self._shown.number))
+        self._page = nearest_page(self._matching, self._page)
+        pages = {"matching": self._matching, "first": PAGE * self._page, "size": PAGE}
+        self._panels.show("list", part_html("list", library=self._library, **pages, here=self._shown.number))
 
     def _draw_head(self) -> None:
         number, total = self._shown.number, len(self._matching)

@@ -1,8 +1,10 @@
 """The list of episodes, its filter, and the runs that are shown beside an episode."""
 
+import re
+
 import pytest
 
-from personal_viz.browse.library import PAGE, ListPage, Wanted, list_page, neighbour
+from personal_viz.browse.library import PAGE, Wanted, nearest_page, neighbour
 from personal_viz.browse.messages import MessageQueue
 from personal_viz.browse.panel_html import part_html, runs_html, story_html
 from recordings.traces import RUN_COLORS
@@ -47,15 +49,16 @@ def test_split_scene_runs_and_words_of_texts_query_owner_object_or_key_narrow_th
     assert LISTED.matching(wanted) == numbers
 
 
-def test_a_list_of_two_thousand_is_shown_fifty_at_a_time() -> None:
-    numbers = tuple(range(2000))
-    assert PAGE == 50
-    assert list_page(numbers, 0) == ListPage(numbers[:50], 0, 2000)
-    assert list_page(numbers, 39) == ListPage(numbers[1950:], 1950, 2000)
-    assert list_page(numbers, 99) == list_page(numbers, 39)
-    assert list_page(numbers, -1) == list_page(numbers, 0)
-    assert list_page((), 3) == ListPage((), 0, 0)
-    assert list_page(tuple(range(51)), 1).numbers == (50,)
+def test_a_long_list_is_shown_fifty_at_a_time() -> None:
+    assert [nearest_page(range(2000), index) for index in (-1, 0, 39, 99)] == [0, 0, 39, 39]
+    assert nearest_page((), 3) == 0
+    last = part_html("list", library=LISTED, matching=(0,) * PAGE + (2,), first=PAGE, size=PAGE, here=2)
+    assert re.findall('data-click="(.*?)"( disabled)?', last) == [
+        ("page -1", ""),
+        ("page 1", " disabled"),
+        ("episode 2", ""),
+    ]
+    assert "51&#8211;51 of 51 episodes" in last
 
 
 @pytest.mark.parametrize(
@@ -73,7 +76,7 @@ def test_everything_from_files_is_escaped() -> None:
     graph = ownership_graph(bad)
     assert graph.people == (evil,)
     for text in (
-        part_html("list", library=library(bad), page=ListPage((0,), 0, 1), here=0),
+        part_html("list", library=library(bad), matching=(0,), first=0, size=PAGE, here=0),
         part_html("head", episode=bad, place=0, total=1),
         part_html("facts", episode=bad),
         story_html(bad, graph),
