@@ -1,13 +1,17 @@
-"""Which object of the home each node of an ownership graph is, and how the graph is drawn."""
+"""Which object of the home each node of an ownership graph is, how the graph is drawn, and what 3-D shows."""
 
 import re
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import MagicMock
 
 import numpy as np
 
-from personal_viz.browse.layers import box_edges, path_segments, thinned
+from personal_viz.browse.layers import Layers, box_edges, path_segments, thinned
 from personal_viz.browse.object_links import ObjectLink, SceneTexts, object_links
 from personal_viz.browse.panel_html import graph_html
 from sim.episodes.ownership import ownership_graph
+from sim.mesh import SceneObject
 
 from .browse_worlds import CAPTIONS, episode, goal, library
 
@@ -116,3 +120,20 @@ def test_a_dense_region_is_thinned_to_one_point_per_square() -> None:
     points = np.array([[0.01, 0, 0.01], [0.05, 0, 0.05], [0.25, 0, 0.01]])
     assert thinned(points, 0.2)[:, 0].tolist() == [0.01, 0.25]
     assert thinned(np.zeros((0, 3)), 0.2).shape == (0, 3)
+
+
+def test_names_over_objects_come_and_go_and_another_storey_replaces_the_home() -> None:
+    client, told = MagicMock(), MagicMock()
+    sofa = SceneObject(7, "sofa_7", "sofa", (1.0, 0.5, 2.0), (2.0, 1.0, 1.0))
+    home: Any = SimpleNamespace(copies=SimpleNamespace(glbs=[b"low", b"high"], objects=lambda _: [sofa]))
+    layers = Layers(client, told)
+    glb, label = client.scene.add_glb, client.scene.add_label
+    layers.show_home(home, 0, names=True)
+    layers.show_home(home, 0, names=True)
+    assert [call.args[1] for call in label.call_args_list] == ["sofa"]
+    layers.show_home(home, 0, names=False)
+    assert label.return_value.remove.call_count == 1
+    assert [call.args for call in glb.call_args_list] == [("/home", b"low")]
+    layers.show_home(home, 1, names=False)
+    assert glb.return_value.remove.call_count == 1
+    assert [call.args for call in glb.call_args_list] == [("/home", b"low"), ("/home", b"high")]
