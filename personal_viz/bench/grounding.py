@@ -19,9 +19,8 @@ from grounding.encoders.by_name import make_encoder
 from grounding.encoders.packed_bert import one_thread
 from grounding.methods.rpg import PRESETS, RegionGated, RpgOptions, grown, nms_peaks, rpg_dense, rpg_packed
 from grounding.phrases.rules import RulePhrases
-from sim.authoring.generation import invent_dataset
 
-from .grounding_inputs import RELEASE, MapBatch, SceneInputs, random_map, scene_inputs, solve_batch
+from .grounding_inputs import MapBatch, SceneInputs, episodes_at_hand, random_map, scene_inputs, solve_batch
 from .harness import Findings, Plan, Progress, Target, empty_cache, interleaved
 
 PLAN = Plan(
@@ -233,11 +232,7 @@ def cold_start(encoder: str, *, method: str) -> tuple[float, int]:
     Raises:
         subprocess.CalledProcessError: The command failed; its message went to stderr.
     """
-    with empty_cache() as folder:
-        dataset = RELEASE
-        if not dataset.is_dir():
-            dataset = folder / "invented"
-            invent_dataset(dataset, name="Bench", seed=1)
+    with empty_cache() as folder, episodes_at_hand() as (_, dataset):
         options = ["--method", method, "--encoder", encoder, "--out", str(folder / "runs"), "--json"]
         command = [sys.executable, "-m", "personal_viz", "ground", "--dataset", str(dataset), *options]
         started = time.perf_counter()

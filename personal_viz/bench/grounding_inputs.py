@@ -1,6 +1,8 @@
-"""Inputs of the grounding benchmark: the released episodes if they are there, else random ones of the same shape."""
+"""Inputs of the grounding benchmark: the released episodes if they are there, else those of an invented home."""
 
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -16,22 +18,18 @@ from grounding.methods.rpg import RpgResult, rpg_packed
 from grounding.phrases.ownership_text import parse_phrase
 from grounding.phrases.sources import DatasetPhrases
 from grounding.types import FeatureMap, map_from_cells, require_same_encoder
+from sim.authoring.generation import invent_dataset
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.types import GridSpec, Task
 
-InputKind = Literal["released", "synthetic"]
+InputKind = Literal["released", "invented"]
 RELEASE = Path(__file__).parents[3] / "shared/personal-dataset/split"
 """Folder of the released episodes, beside the repository."""
 _SEEN = OracleVariant(blur=1.0)
 """Map variant that fills all observed cells: about 7 % of the grid."""
-_NUM_SCENES = 31
-_PEOPLE = ("Ada", "Bo", "Cy", "Dee", "Eva", "Finn")
-_PHRASES_PER_SCENE = 95
-_MEAN_PHRASES = 8
 CELLS = 175
 """Filled cells of a map: 7 % of 50 x 50."""
-_WORDS_PER_TEXT = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +105,17 @@ class SceneInputs:
         return make_batch(self.memory, self.tasks, texts, encoder)
 
 
+@contextmanager
+def episodes_at_hand() -> Iterator[tuple[InputKind, Path]]:
+    """Yields the folder of the released episodes, or of those of an invented home where they are missing."""
+    if RELEASE.is_dir():
+        yield "released", RELEASE
+        return
+    with tempfile.TemporaryDirectory(prefix="personal-viz-bench-") as name:
+        invent_dataset(Path(name), name="Bench", seed=3)
+        yield "invented", Path(name)
+
+
 def scene_inputs(encoder: TextEncoder, *, limit: int | None = None) -> tuple[InputKind, list[SceneInputs]]:
     """The maps (all storeys of a scene merged, blurred over the observed cells) and episodes to measure.
 
@@ -114,11 +123,9 @@ def scene_inputs(encoder: TextEncoder, *, limit: int | None = None) -> tuple[Inp
         encoder: Encoder of the maps.
         limit: Number of scenes, from the first on; None = all.
     """
-    if not RELEASE.is_dir():
-        rng = np.random.default_rng(0)
-        return "synthetic", [_synthetic(encoder, rng) for _ in range(limit or _NUM_SCENES)]
-    dataset = PersonalDataset(RELEASE)
-    return "released", [_released(dataset, scene, encoder) for scene in dataset.scenes[:limit]]
+    with episodes_at_hand() as (kind, folder):
+        dataset = PersonalDataset(folder)
+        return kind, [_scene(dataset, scene, encoder) for scene in dataset.scenes[:limit]]
 
 
 def random_map(
@@ -135,32 +142,9 @@ def random_map(
     )
 
 
-def _released(dataset: PersonalDataset, scene: str, encoder: TextEncoder) -> SceneInputs:
+def _scene(dataset: PersonalDataset, scene: str, encoder: TextEncoder) -> SceneInputs:
     episodes: Sequence[Episode] = tuple(dataset.episodes(scenes=(scene,)))
     source = DatasetPhrases(episodes)
     tasks = tuple(episode.task("pog") for episode in episodes)
     memory = variant_map(oracle_home(dataset, scene), encoder, floor_id=None, variant=_SEEN)
     return SceneInputs(memory, tasks, tuple(map(source.phrases, tasks)))
-
-
-def _synthetic(encoder: TextEncoder, rng: np.random.Generator) -> SceneInputs:
-    """One made-up scene, with the release's average number of cells, phrases and episodes; words without meaning."""
-    words = [f"word{number}" for number in range(300)]
-    things = [" ".join(rng.choice(words, _WORDS_PER_TEXT)) for _ in range(_PHRASES_PER_SCENE)]
-    index = rng.choice(GRID_CELLS**2, CELLS, replace=False)
-    memory = map_from_cells(
-        encoder.encode_texts([things[k] for k in rng.integers(0, len(things), CELLS)]),
-        np.column_stack([index // GRID_CELLS, index % GRID_CELLS]),
-        grid=GridSpec((0.0, 0.0), 1.0, (GRID_CELLS, GRID_CELLS)),
-        floor_y=0.0,
-        encoder=encoder.name,
-    )
-    tasks, phrases = [], []
-    for number in range(65):
-        count = 1 + int(rng.poisson(_MEAN_PHRASES - 1))
-        told = tuple(
-            dict.fromkeys(f"{rng.choice(_PEOPLE)} owns {things[k]}" for k in rng.integers(0, len(things), count))
-        )
-        tasks.append(Task("pog", f"{number}. " + ". ".join(told), (f"Find Ada's {rng.choice(words)}",)))
-        phrases.append(told)
-    return SceneInputs(memory, tuple(tasks), tuple(phrases))

@@ -17,17 +17,22 @@ from recordings.observer import RerunObserver
 from recordings.replay import log_comparison
 from recordings.sinks import LiveSink
 from recordings.viewer.web import serve_file
+from sim.authoring.generation import invent_dataset
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
 from sim.errors import MissingDependencyError
+from sim.homes.open_home import open_scene
 from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
 from sim.render.renderer import JPEG_QUALITY, Renderer, jpeg_bytes
 from sim.tasks.pan import PanEnv
+from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import Run
-from sim.types import Observation
+from sim.tasks.runner import run_from_env
+from sim.types import Action, Observation, WhoKind
 
 from ..browser import open_chromium
 from .harness import Findings, Plan, Progress, Target, Timing, interleaved
-from .walkers import RecordedHome, recorded_home, walked
 
 if TYPE_CHECKING:
     from playwright.sync_api import BrowserContext
@@ -73,6 +78,16 @@ _FILLED = 0.9
 """A recording counts as shown when the picture has this share of its final number of colours."""
 
 
+_SEED = 5
+_HOME = "BenchHome"
+_SECONDS_PER_STEP = 0.8
+"""Approximate time that a person takes for a step."""
+_TURN_SHARE = 0.1
+"""Probability that a walker turns although it could go on."""
+_MOST_TURNS = 5
+"""Largest number of turns in a row: 150 degrees."""
+
+
 class RecordingSettings(BaseModel):
     """Sizes and numbers of the recorded runs."""
 
@@ -86,6 +101,14 @@ class RecordingSettings(BaseModel):
 
 FULL = RecordingSettings()
 QUICK = RecordingSettings(num_people=2, num_agents=1, repeats=2)
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedHome:
+    """An invented home and the episode that all walkers play in it."""
+
+    scene: Scene
+    episode: Episode
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +179,46 @@ def measure(settings: RecordingSettings, progress: Progress) -> Findings:
         "picture, rendered again."
     )
     return Findings(values, (note,))
+
+
+def recorded_home(*, seed: int = _SEED) -> RecordedHome:
+    """The invented home of a seed with its first episode; the same seed gives the same home."""
+    with tempfile.TemporaryDirectory() as folder:
+        invent_dataset(Path(folder), name=_HOME, seed=seed)
+        dataset = PersonalDataset(folder)
+        return RecordedHome(open_scene(dataset, _HOME, scenes_dir=None), next(dataset.episodes(splits=("easy",))))
+
+
+def walked(home: RecordedHome, who: str, *, who_kind: WhoKind, num_steps: int, seed: int) -> Run:
+    """A run of exactly `num_steps` actions, STOP last: straight ahead, with turns at walls and now and then.
+
+    Args:
+        home: The home to walk in.
+        who: Name of the run and of the walker.
+        who_kind: Kind of walker; people take _SECONDS_PER_STEP for each step and have a code.
+        num_steps: Number of actions.
+        seed: Seed of the turns.
+    """
+    rng = np.random.default_rng(seed)
+    episode, navigation = home.episode, home.scene.navigation
+    env = PanEnv(episode.start, navigation, renderer=None, max_steps=num_steps)
+    turns: list[Action] = []
+    while len(env.steps) < num_steps - 1:
+        collided = bool(env.steps) and env.steps[-1].collided
+        if not turns and (collided or rng.random() < _TURN_SHARE):
+            side = (Action.LEFT, Action.RIGHT)[int(rng.integers(2))]
+            turns = [side] * int(rng.integers(1, _MOST_TURNS + 1))
+        env.step(turns.pop() if turns else Action.FORWARD, t_s=_t_s(env, who_kind))
+    env.step(Action.STOP, t_s=_t_s(env, who_kind))
+    run = run_from_env(episode, env, scene_digest=home.scene.digest, navigation=navigation)
+    if who_kind == "human":
+        run = run.model_copy(update={"start": run.start.model_copy(update={"participant": "P01"})})
+    info = make_run_info(who, who=who, who_kind=who_kind, scene_kind=home.scene.kind, dataset_digest="bench")
+    return Run(info=info, episodes=(run,))
+
+
+def _t_s(env: PanEnv, who_kind: WhoKind) -> float:
+    return _SECONDS_PER_STEP * (len(env.steps) + 1) if who_kind == "human" else 0.0
 
 
 def _play(home: RecordedHome, renderer: Renderer, *, num_steps: int) -> Played:

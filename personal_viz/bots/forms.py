@@ -1,4 +1,4 @@
-"""The pages of a study that are HTML forms, as bots answer them: buttons are found by their labels, as people do.
+"""Answers the pages of a study that are HTML forms; a bot finds buttons by their labels, as people do.
 
 Cards between trials have buttons with the same labels.
 """
@@ -9,9 +9,8 @@ import json
 import re
 import urllib.request
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from html.parser import HTMLParser
-from typing import Any
 from urllib.parse import urlencode, urlsplit
 
 from human_study.design.study import StudyConfig
@@ -22,17 +21,17 @@ from sim.types import TaskKind
 ENTER_S = 60.0
 """Longest wait for the gateway's answers."""
 MOST_PAGES = 200
-"""Most pages in a row; a bot that answers more goes round in circles."""
+"""Largest number of pages in a row; a bot that answers more goes round in circles."""
 DEVICE = {"webgl2": "1", "width": "1280", "height": "800", "pressed": "1"}
-"""What a bot's browser says of itself."""
+"""Fields that a bot's browser sends from the device check."""
 LEADS_ON = (r"^begin", r"^start", r"^next", r"^continue$", r"^go on", r"^i agree", r"^i have read", r"^try again")
-"""Labels that lead on, the likeliest first."""
+"""Patterns of labels that lead on, the likeliest first."""
 _COMPLETION_CODE = re.compile(r'aria-label="Completion code">([^<]+)<')
 
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """What the gateway gave for a personal link."""
+    """A session that the gateway gave for a personal link."""
 
     origin: str
     cookie: str
@@ -47,7 +46,7 @@ class LastPage:
     """A page at which a bot stops."""
 
     place: str
-    """`finished`, `pause` and the like, as `human_study.journey` says."""
+    """A place as `human_study.journey` names it: `finished`, `pause`, ..."""
     completion_code: str | None
 
 
@@ -83,11 +82,11 @@ def answer_pages(session: Session, answers: frozenset[str] = frozenset()) -> Las
     """Answers page after page.
 
     Args:
-        session: Of the participant.
+        session: The participant's session.
         answers: The right answers to the quiz.
 
     Returns:
-        None when viser's page comes next, else the page from which nothing leads on.
+        None if viser's page comes next, else the page from which nothing leads on.
 
     Raises:
         StudyError: A page has no answer, or the gateway does not answer.
@@ -100,7 +99,7 @@ def answer_pages(session: Session, answers: frozenset[str] = frozenset()) -> Las
         if where:
             path, fields = where, None
             continue
-        form = _Forms(text)
+        form = _Page(text)
         pressed = form.press(answers)
         if status != 200 or not form.place:
             raise StudyError(f"{session.origin}: a page answered with {status}; expected one that a bot can read.")
@@ -112,7 +111,7 @@ def answer_pages(session: Session, answers: frozenset[str] = frozenset()) -> Las
 
 
 def _ask(session: Session, path: str, fields: Mapping[str, str] | None) -> tuple[int, str, str]:
-    """(status, where it leads, text) of a page; fields are posted."""
+    """(status, address to which it leads, text) of a page; fields are posted."""
     parts = urlsplit(session.origin)
     kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
     connection = kind(parts.netloc, timeout=ENTER_S)
@@ -133,40 +132,25 @@ def _ask(session: Session, path: str, fields: Mapping[str, str] | None) -> tuple
     return reply.status, where.path + (f"?{where.query}" if where.query else ""), text
 
 
-@dataclass(slots=True)
-class _Button:
-    form: "dict[str, Any]"
-    name: str | None
-    value: str
-    label: str = ""
-
-
-@dataclass(slots=True)
-class _Read:
-    place: str = ""
-    forms: list[dict[str, Any]] = field(default_factory=list)
-    buttons: list[_Button] = field(default_factory=list)
-
-
-class _Forms(HTMLParser):
+class _Page(HTMLParser):
     """The forms of a page and their buttons."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
-        self._read = _Read()
+        self.place = ""
+        """Where the participant is."""
+        self._form: dict[str, str] = {}
+        """Attributes of the last form."""
+        self._fields: dict[str, str] = {}
+        """Values of its hidden inputs."""
+        self._buttons: list[_Button] = []
         self._in_button = False
         self.feed(text)
 
-    @property
-    def place(self) -> str:
-        """Where the participant is."""
-        return self._read.place
-
     def press(self, answers: frozenset[str]) -> tuple[str, dict[str, str] | None] | None:
-        """(address, fields to post or None) of the button that leads on; None where none does."""
-        patterns = [*(f"^{re.escape(answer)}$" for answer in answers), *LEADS_ON]
-        for pattern in patterns:
-            for button in self._read.buttons:
+        """(address, fields to post or None) of the button that leads on; None if none does."""
+        for pattern in [*(f"^{re.escape(answer)}$" for answer in answers), *LEADS_ON]:
+            for button in self._buttons:
                 if re.search(pattern, button.label.strip(), re.IGNORECASE):
                     return self._sent(button)
         return None
@@ -175,31 +159,40 @@ class _Forms(HTMLParser):
         """Notes forms, their hidden fields and their buttons."""
         given = {name: value or "" for name, value in attrs}
         if tag == "main":
-            self._read.place = given.get("data-place", "")
+            self.place = given.get("data-place", "")
         elif tag == "form":
-            self._read.forms.append({"method": given.get("method", "get"), "action": given["action"], "fields": {}})
-        elif tag == "input" and self._read.forms:
-            self._read.forms[-1]["fields"][given["name"]] = given.get("value", "")
-        elif tag == "button" and self._read.forms:
+            self._form, self._fields = given, {}
+        elif tag == "input":
+            self._fields[given["name"]] = given.get("value", "")
+        elif tag == "button" and self._form:
             self._in_button = True
-            self._read.buttons.append(_Button(self._read.forms[-1], given.get("name"), given.get("value", "")))
+            self._buttons.append(_Button(self._form, self._fields, given))
 
     def handle_endtag(self, tag: str) -> None:
         """A button's label ends with it."""
-        if tag == "button":
-            self._in_button = False
+        self._in_button = self._in_button and tag != "button"
 
     def handle_data(self, data: str) -> None:
-        """A button's label."""
+        """Adds to the label of a button."""
         if self._in_button:
-            self._read.buttons[-1].label += data
+            self._buttons[-1].label += data
 
-    def _sent(self, button: _Button) -> tuple[str, dict[str, str] | None]:
-        fields = dict(button.form["fields"])
-        if self.place == "device":
-            fields |= DEVICE
-        if button.name is not None:
-            fields[button.name] = button.value
-        if button.form["method"] == "post":
-            return button.form["action"], fields
-        return button.form["action"] + (f"?{urlencode(fields)}" if fields else ""), None
+    def _sent(self, button: "_Button") -> tuple[str, dict[str, str] | None]:
+        fields = button.fields | (DEVICE if self.place == "device" else {})
+        if "name" in button.given:
+            fields |= {button.given["name"]: button.given.get("value", "")}
+        action = button.form["action"]
+        if button.form.get("method") == "post":
+            return action, fields
+        return action + (f"?{urlencode(fields)}" if fields else ""), None
+
+
+@dataclass(slots=True)
+class _Button:
+    """A button with the attributes and the fields of its form."""
+
+    form: dict[str, str]
+    fields: dict[str, str]
+    given: dict[str, str]
+    """The button's own attributes."""
+    label: str = ""

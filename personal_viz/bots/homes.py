@@ -1,4 +1,4 @@
-"""What bots on our own machine know of a study's homes, with the ground truth: where to go, and where to point."""
+"""The homes of a study with their ground truth, for bots that know the way or the target."""
 
 import threading
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from sim.types import Action, EpisodeKey
 from .site import Site
 
 _BESIDE = 0.3
-"""How far beside a place (metres)."""
+"""Distance of places beside a place, metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +29,13 @@ class Aim:
     """A place to point at."""
 
     storey: int
-    """Index of the storey on which it is, as the page counts them, from 0."""
+    """Index of its storey, from 0, as the page counts them."""
     point: Vector3
     """World metres, on the storey's floor."""
 
 
 def beside(aim: Aim) -> list[Aim]:
-    """Four places round a place: where a click at the place itself meets nothing, one of these does."""
+    """Four places around a place, for when a click at the place itself meets nothing."""
     x, y, z = aim.point
     sides = ((_BESIDE, 0.0), (0.0, _BESIDE), (-_BESIDE, 0.0), (0.0, -_BESIDE))
     return [Aim(aim.storey, (x + dx, y, z + dz)) for dx, dz in sides]
@@ -59,7 +59,7 @@ class BotHomes:
         self._lock = threading.RLock()
 
     def due(self, code: str) -> EpisodeKey | None:
-        """Episode of the participant's present trial; None when there is none."""
+        """Episode of the participant's present trial; None if there is none."""
         with read_study(self._site.folder) as reader:
             return next((status.key for status in reader.trials(code) if status.is_due), None)
 
@@ -68,7 +68,7 @@ class BotHomes:
         return self._dataset(key.scene).episode(key)
 
     def scene(self, name: str) -> Scene:
-        """A home as its trials have it."""
+        """A home as trials show it."""
         with self._lock:
             if name not in self._scenes:
                 folder = None if name in self._practice else self._site.scenes_dir
@@ -77,7 +77,7 @@ class BotHomes:
             return self._scenes[name]
 
     def way(self, code: str) -> Sequence[Action]:
-        """The shortest way to the target of the participant's present trial, STOP last; () when there is no trial."""
+        """The shortest way to the target of the participant's present trial, STOP last; () without a trial."""
         key = self.due(code)
         if key is None:
             return ()
@@ -87,7 +87,7 @@ class BotHomes:
             return self._ways[key]
 
     def goal(self, code: str) -> Aim | None:
-        """The first target of the participant's present trial; None when there is none."""
+        """The first target of the participant's present trial; None without a trial."""
         key = self.due(code)
         if key is None:
             return None
@@ -98,7 +98,7 @@ class BotHomes:
         return Aim(storey, (x, heights[storey], z))
 
     def anywhere(self, code: str, rng: np.random.Generator) -> Aim | None:
-        """A place to stand on any storey of the home of the participant's present trial; None when there is none."""
+        """A random place to stand in the home of the participant's present trial; None without a trial."""
         key = self.due(code)
         if key is None:
             return None

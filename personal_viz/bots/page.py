@@ -1,4 +1,4 @@
-"""A participant's page as a bot knows it: what viser has sent, decoded, without a browser."""
+"""A participant's page as a bot sees it: viser's messages, decoded without a browser."""
 
 import re
 from dataclasses import dataclass, field
@@ -17,15 +17,15 @@ _SEAT = re.compile(r"personalPage\.begin\((?:&quot;|\")([\w-]+)(?:&quot;|\")")
 _TAGS = re.compile(r"<style>.*?</style>|<[^>]*>", re.DOTALL)
 _GOES_ON = "personalPage.goOn()"
 _HEAD_BYTES = 16
-"""Two numbers of 8 bytes stand before the compressed part: its size before and after (viser's wire format)."""
+"""Two numbers of 8 bytes come before the compressed part: its size before and after (viser's wire format)."""
 _IMAGE_HEAD = 1200
-"""Characters of an element's HTML in which the step is looked for; the picture's bytes come after that."""
+"""Number of characters of an element's HTML that may hold the step; the picture's bytes come after them."""
 _END_LOOK, _CONFIRM = r"^show what to find", r"^confirm the mark"
 """Labels of the buttons that only the look screen and the POG screen have."""
 _MARKS = ("/mark", "/mark/dot")
-"""Names of the node at the participant's mark: in the 3-D home, and on its map."""
+"""Names of the node at the participant's mark, in the 3-D home and on its map."""
 _SURFACES = ("/home", "/map")
-"""Names of what is pointed at."""
+"""Names of the nodes at which people point."""
 
 
 @dataclass(slots=True)
@@ -39,7 +39,7 @@ class Element:
 
     @property
     def label(self) -> str:
-        """What stands on it; empty for plain HTML."""
+        """Its label; empty for plain HTML."""
         return str(self.props.get("label") or "")
 
     @property
@@ -50,35 +50,35 @@ class Element:
 
 @dataclass(slots=True)
 class BotPage:
-    """The elements that are there now, what the PAN screen says, and what of a home is shown."""
+    """The present elements, the steps of the PAN screen, and the mark and surface of the POG screen."""
 
     elements: dict[str, Element] = field(default_factory=dict)
     """By viser's uuid, in the order in which they came."""
     step_shown: int | None = None
-    """Actions before the picture that is shown; None without a picture."""
+    """Number of actions before the shown picture; None without a picture."""
     step_counted: int | None = None
-    """Actions that the counter says."""
+    """Number of actions on the counter."""
     num_frames: int = 0
-    """Pictures received."""
+    """Number of pictures received."""
     mark: Vector3 | None = None
-    """Where the participant's mark is, world metres; None while there is none."""
+    """Place of the participant's mark, world metres; None without a mark."""
     num_marks: int = 0
-    """How often it was shown."""
+    """Number of times that a mark was shown."""
     num_surfaces: int = 0
-    """How often a storey of the home or of its map was shown."""
+    """Number of times that a storey of the home or of its map was shown."""
     has_surface: bool = False
-    """Whether one is shown on the present screen."""
+    """Whether a storey is shown on the present screen."""
     hears_clicks: bool = False
     """Whether viser's client would send a click into the scene."""
 
     def apply(self, data: bytes) -> None:
-        """Takes one websocket message of viser."""
+        """Applies one websocket message of viser."""
         for message in decoded(data):
             self._apply(message)
 
     @property
     def is_walking(self) -> bool:
-        """Whether the PAN screen is there: keys move the robot."""
+        """Whether the PAN screen is there, on which keys move the robot."""
         return self.step_shown is not None and self.command("W") is not None
 
     @property
@@ -88,17 +88,17 @@ class BotPage:
 
     @property
     def is_pointing(self) -> bool:
-        """Whether the POG screen is there: clicks set the mark."""
+        """Whether the POG screen is there, on which clicks set the mark."""
         return self.has_surface and self.hears_clicks and self.button(_CONFIRM) is not None
 
     @property
     def goes_on(self) -> bool:
-        """Whether the browser is told to open the page without 3-D that comes next."""
+        """Whether the browser is told to open the next page without 3-D."""
         return any(_GOES_ON in str(element.props.get("content", "")) for element in self.elements.values())
 
     @property
     def seat(self) -> str | None:
-        """Name of this connection, with which the page's script begins each letter; None before it was told."""
+        """Name of this connection, which each message of the page's script carries; None before it came."""
         for element in self.elements.values():
             if found := _SEAT.search(str(element.props.get("content", ""))[:_IMAGE_HEAD]):
                 return found.group(1)
@@ -122,7 +122,7 @@ class BotPage:
         return sorted(found, key=lambda element: element.props.get("order", 0))
 
     def button(self, pattern: str) -> Element | None:
-        """The first usable button whose label matches, upper and lower case alike."""
+        """The first usable button whose label matches in any case."""
         for element in self.of_kind("GuiButtonMessage"):
             if re.search(pattern, element.label, re.IGNORECASE):
                 return element
@@ -130,7 +130,7 @@ class BotPage:
 
     @property
     def text(self) -> str:
-        """All HTML texts of the page, tags taken away, pictures left out."""
+        """All HTML texts of the page without tags and pictures."""
         contents = (element.props.get("content", "") for element in self.elements.values())
         return " ".join(_TAGS.sub(" ", content) for content in contents if "data:image" not in content)
 
@@ -154,7 +154,7 @@ class BotPage:
             self._read(message["props"].get("content"))
 
     def _apply_to_scene(self, kind: str, message: dict[str, Any]) -> None:
-        """Takes what viser says of the home, the mark, the camera and clicks."""
+        """Applies a message about the home, the mark or clicks."""
         if kind == "SetPositionMessage" and message["name"] in _MARKS:
             x, y, z = (float(value) for value in message["position"])
             self.mark, self.num_marks = (x, y, z), self.num_marks + 1
@@ -168,7 +168,7 @@ class BotPage:
             self.hears_clicks = bool(message["modifiers"])
 
     def _read(self, content: Any) -> None:
-        """Takes steps from an element's new HTML."""
+        """Reads steps from an element's new HTML."""
         if not isinstance(content, str):
             return
         if "data:image/jpeg" in content and (shown := _STEP_SHOWN.search(content[:_IMAGE_HEAD])):
@@ -179,7 +179,7 @@ class BotPage:
 
 
 def decoded(data: bytes) -> list[dict[str, Any]]:
-    """The messages of one websocket message: sizes, compressed msgpack, raw buffers, which are left out."""
+    """The messages of one websocket message (sizes, compressed msgpack, raw buffers) without the buffers."""
     size = int.from_bytes(data[8:_HEAD_BYTES], "little")
     inner = zstandard.ZstdDecompressor().decompress(data[_HEAD_BYTES : _HEAD_BYTES + size])
     return list(msgspec.msgpack.decode(inner)["messages"])

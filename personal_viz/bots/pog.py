@@ -1,6 +1,6 @@
 """A simulated POG participant: looks, changes the storey, clicks, moves the mark, confirms it.
 
-A click is stored when its mark is there, so that is its answer; a confirmed mark is stored when the page goes on.
+The answer to a click is its mark, and the answer to a confirmed mark is the next page: both come once it is stored.
 """
 
 import asyncio
@@ -16,24 +16,24 @@ from .walker import ANSWER_S, BURST, BURST_GAP_S, Bot
 from .wire import ray_to
 
 _LOOKS = 2
-"""Places from which the home is looked at before the texts are asked for."""
+"""Number of places from which a bot looks at the home before it asks for the texts."""
 _CLICKS = 3
-"""Most clicks before an answer of a bot that does not know the target."""
+"""Largest number of clicks before an answer of a bot that does not know the target."""
 _ARROWS = ("arrowleft", "arrowup", "arrowdown", "arrowright")
 
 
 @dataclass(slots=True)
 class _Plan:
-    """What is left to do in a trial."""
+    """The remaining actions of a trial."""
 
     aims: list[Aim] = field(default_factory=list)
-    """Still to be clicked at, in this order."""
+    """Places to click, in order."""
     num_moves: int = 0
-    """Presses that move the mark."""
+    """Number of presses that move the mark."""
 
 
 class PogBot(Bot):
-    """Points: at the target, or anywhere."""
+    """Points at the target, or anywhere."""
 
     task = "pog"
 
@@ -45,13 +45,13 @@ class PogBot(Bot):
         self._plan: _Plan | None = None
         self._num_looks = 0
         self._storey: int | None = 0
-        """Which is shown; None when it is not known."""
+        """Index of the shown storey; None if unknown."""
         self._on_way: list[Pointed] = []
-        """Clicks and moves without a mark so far, in order."""
+        """Clicks and moves without a mark yet, in order."""
         self._num_marks = 0
-        """Marks of the present page that were looked at."""
+        """Number of marks of the present page that were handled."""
         self._answer: Confirmed | None = None
-        """Sent, and the page has not gone on yet."""
+        """The answer that was sent, until the page goes on."""
 
     @property
     def _is_at_work(self) -> bool:
@@ -117,7 +117,7 @@ class PogBot(Bot):
             await self._confirm()
 
     async def _planned(self) -> _Plan:
-        """What to do in the present trial."""
+        """The plan for the present trial."""
         if self._kind == "shortest":
             aim = await asyncio.to_thread(self._homes.goal, self.log.code)
             return _Plan([] if aim is None else [aim, *beside(aim)])
@@ -140,7 +140,7 @@ class PogBot(Bot):
         await self._until(lambda: not self._page.is_looking, within_s=max(0.0, next_s - time.perf_counter()))
 
     async def _shows_storey(self, aim: Aim) -> bool:
-        """Whether the storey of a place is shown; asks for it when it is not."""
+        """Whether the storey of a place is shown; asks for it otherwise."""
         if self._storey == aim.storey:
             return True
         button = self._page.button(rf"^show storey {aim.storey + 1} of")
@@ -208,7 +208,7 @@ class PogBot(Bot):
         self._plan = None
 
     def _give_up_waiting(self) -> None:
-        """What was awaited for too long stays without an answer."""
+        """Stops waiting for clicks and moves that are too old."""
         for pointed in list(self._on_way):
             if time.perf_counter() - pointed.sent_s > ANSWER_S:
                 self.log.num_unanswered += pointed.is_awaited

@@ -1,4 +1,4 @@
-"""Where bots take part: a study made for them, served by a child process as a person at a terminal would serve it."""
+"""Studies in which bots take part: made for them, copied without records, or served by somebody else."""
 
 import shutil
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ class Site:
     scenes_dir: Path | None
     everybody: tuple[Person, ...]
     pid: int | None
-    """Of the serving process; None when somebody else started it."""
+    """Id of the serving process; None if somebody else started it."""
 
     def people(self, tasks: Sequence[TaskKind]) -> list[Person]:
         """Everybody who does one of the tasks, in the plan's order."""
@@ -63,12 +63,12 @@ def make_pilot(
 
     Args:
         study: A new folder.
-        dataset: Of its episodes.
-        name: Of the study.
-        scenes_dir: Of licensed scans.
-        splits: Episodes of each split; None = all.
+        dataset: Dataset of its episodes.
+        name: Name of the study.
+        scenes_dir: Folder of licensed scans.
+        splits: Number of episodes of each split; None = all.
         scenes: Only these homes of the dataset; () = all.
-        seed: Of the plan.
+        seed: Seed of the plan.
         choices: Further fields of StudyConfig.
     """
     from personal_viz.study_app.study_files import plan_study
@@ -108,16 +108,16 @@ def make_bot_study(
     """Plans a study for bots, in which everybody does every episode; returns its dataset's folder.
 
     Args:
-        folder: A new one.
-        participants: How many for each task, and in POG for each condition.
-        seed: Of the home and of the plan.
+        folder: A new folder.
+        participants: Number for each task, and in POG for each condition.
+        seed: Seed of the home and of the plan.
         dataset: None = a home is invented in `folder`.
         scenes: Only these homes of the dataset; () = all.
         flow: The pages before the first trial.
-        task: What people do, each one of them.
-        pog_conditions: Of POG.
-        practice: Practice trials of everybody.
-        breaks_every: Trials between two breaks; None = no breaks.
+        task: Tasks of the study, one for each participant.
+        pog_conditions: Conditions of POG.
+        practice: Number of practice trials.
+        breaks_every: Number of trials between two breaks; None = no breaks.
         confidence: Whether people are asked how sure they are.
     """
     from sim.authoring.generation import invent_dataset
@@ -143,7 +143,7 @@ def make_bot_study(
 
 
 def copy_plan(study: Path, folder: Path) -> None:
-    """A planned study without any of its records, for bots: what they do must not stand beside what people do.
+    """Copies a planned study without its records, so that bots never stand among people.
 
     Raises:
         StudyError: The study has no plan.
@@ -159,13 +159,13 @@ def copy_plan(study: Path, folder: Path) -> None:
 
 
 def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str) -> Site:
-    """A study that is being served already, on this machine or by way of a proxy.
+    """A study that is already being served, on this machine or through a proxy.
 
     Args:
-        folder: Of the study; its tokens are read.
-        dataset: Of the study.
-        scenes_dir: Of licensed scans.
-        url: As browsers reach it, `http://127.0.0.1:8080`.
+        folder: Folder of the study, which holds its tokens.
+        dataset: Dataset of the study.
+        scenes_dir: Folder of licensed scans.
+        url: The address for browsers, such as `http://127.0.0.1:8080`.
     """
     plan: StudyPlan = load_plan(folder, load_study(folder))
     tokens, address = load_secrets(folder).tokens, url.rstrip("/")

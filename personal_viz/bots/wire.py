@@ -24,7 +24,7 @@ from .page import BotPage
 ABOVE = 8.0
 """Height of the camera over the place (metres)."""
 ASIDE = 0.05
-"""The place is so far from the picture's middle at most, so that no two clicks have the same ray (metres)."""
+"""Largest distance of the place from the picture's middle, so that no two clicks have the same ray (metres)."""
 _WXYZ_DOWN = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 """A camera (OpenCV axes) that looks straight down: right = +x, down = +z."""
 Ray = tuple[Vector3, Vector3]
@@ -41,7 +41,7 @@ class BotConnection:
         self.is_open = True
 
     async def receive(self) -> bool:
-        """Waits for viser's next words; False when the connection has ended."""
+        """Waits for viser's next message; False if the connection has ended."""
         try:
             data = await self._socket.recv()
         except ConnectionClosed:
@@ -60,7 +60,7 @@ class BotConnection:
         await self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
 
     async def tell(self, said: dict[str, object]) -> bool:
-        """Writes one message of the page's script; False while the page cannot take it."""
+        """Sends one message of the page's script; False while the page cannot take it."""
         box, seat = self.page.letter_box, self.page.seat
         if box is None or seat is None:
             return False
@@ -88,25 +88,25 @@ class BotConnection:
         )
 
     async def send(self, message: dict[str, object]) -> None:
-        """As a browser sends it; nothing when the connection has ended."""
+        """Sends a message as a browser does; does nothing if the connection has ended."""
         try:
             await self._socket.send(msgspec.msgpack.encode(message))
         except ConnectionClosed:
             self.is_open = False
 
     async def close(self) -> None:
-        """Hangs up as a closed tab does."""
+        """Closes the connection as a closed tab does."""
         self.is_open = False
         await self._socket.close()
 
     def abort(self) -> None:
-        """Hangs up as a lost network does: no closing words."""
+        """Drops the connection as a lost network does, without a closing message."""
         self.is_open = False
         self._socket.transport.abort()
 
 
 def ray_to(point: Vector3, rng: np.random.Generator) -> Ray:
-    """The ray of a click at a place, seen from above."""
+    """The ray of a click at a place, from above."""
     x, y, z = point
     dx, dz = (float(value) for value in rng.uniform(-ASIDE, ASIDE, 2))
     length = math.hypot(dx, ABOVE, dz)
@@ -114,7 +114,7 @@ def ray_to(point: Vector3, rng: np.random.Generator) -> Ray:
 
 
 def screen_pos(direction: Vector3) -> tuple[float, float]:
-    """Where on the screen the ray of a camera that looks straight down goes through: right and down, from 0 to 1."""
+    """Screen position (right, down; 0 to 1) of a ray of a camera that looks straight down."""
     half = math.tan(CAMERA["fov"] / 2)
     aspect = CAMERA["image_width"] / CAMERA["image_height"]
     x, y, z = direction

@@ -159,23 +159,6 @@ def test_a_run_writes_figures_table_and_picture_and_prints_one_document(
     assert {path.name for path in (tmp_path / "bench").iterdir()} == {"bench-sim.json", "bench-sim.md", "bench-sim.png"}
 
 
-def test_a_full_disk_leaves_the_old_picture_and_no_part_of_a_new_one(tmp_path: Path) -> None:
-    picture = tmp_path / "bench-sim.png"
-    picture.write_bytes(b"old")
-    code = (
-        "import pathlib, resource, signal, sys; from sim import files\n"
-        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
-        "try: files.write_whole(pathlib.Path(sys.argv[1]), bytes(10_000))\n"
-        "except OSError as error: print(error.strerror)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(picture)], capture_output=True, text=True, timeout=60, check=True
-    )
-    assert done.stdout.strip() == "File too large"
-    assert [path.name for path in tmp_path.iterdir()] == [picture.name]
-    assert picture.read_bytes() == b"old"
-
-
 @pytest.mark.slow
 def test_loads_end_when_there_is_no_time_for_one_more(house: TriangleMesh, tmp_path: Path) -> None:
     write_bench_glb(tmp_path / "house.glb", house)

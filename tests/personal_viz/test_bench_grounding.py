@@ -23,11 +23,9 @@ KEYS = {"literal_ms", "batch_ms", "packed_ms", "bound_ms", "literal_over_packed"
 
 
 @pytest.fixture
-def synthetic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def invented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As where the released dataset is missing."""
     monkeypatch.setattr(inputs, "RELEASE", tmp_path / "none")
-    monkeypatch.setattr(bench, "RELEASE", tmp_path / "none")
-    monkeypatch.setattr(inputs, "_PHRASES_PER_SCENE", 12)
 
 
 @pytest.mark.parametrize("options", [RpgOptions(), RpgOptions(top_k=4, nhood=0, nms_r=0)])
@@ -42,35 +40,34 @@ def test_the_reference_answers_as_the_literal_form(options: RpgOptions) -> None:
     assert literal_rpg(features, phrases, queries, options=options).tolist() == expected.tolist()
 
 
-def test_without_the_release_inputs_have_its_shape_and_are_called_synthetic(synthetic: None) -> None:
+def test_without_the_release_an_invented_homes_episodes_are_answered(invented: None) -> None:
     encoder = make_encoder("hashed")
-    kind, scenes = scene_inputs(encoder, limit=2)
-    assert kind == "synthetic"
-    assert [len(scene.tasks) for scene in scenes] == [65, 65]
-    assert 100 < len(scenes[0].memory.rows) <= 175
-    assert scenes[0].memory.grid.shape == (50, 50)
-    batch = scenes[0].batch(encoder, with_names=False)
-    assert len(batch.phrases) <= 12 < len(scenes[0].batch(encoder, with_names=True).phrases)
+    kind, (scene,) = scene_inputs(encoder)
+    assert kind == "invented"
+    assert len(scene.tasks) == 24
+    assert len(scene.memory.rows) > 20
+    batch = scene.batch(encoder, with_names=False)
+    assert 0 < len(batch.phrases) <= len(scene.batch(encoder, with_names=True).phrases)
     assert bool((solve_batch(batch).index >= 0).all())
 
 
 @pytest.mark.slow
 def test_figures_have_the_shape_that_the_command_prints(
-    synthetic: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    invented: None, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bench, "QUICK", TINY)
     assert Bench("grounding", out=tmp_path, quick=True, json=()).run() == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((tmp_path / "bench-grounding.json").read_text())
-    assert printed["inputs"] == "synthetic"
-    assert [printed[case]["episodes"] for case in ("b1", "b64", "all_episodes")] == [1, 3, 65]
+    assert printed["inputs"] == "invented"
+    assert [printed[case]["episodes"] for case in ("b1", "b64", "all_episodes")] == [1, 3, 24]
     for case in ("b1", "b64", "all_episodes"):
         assert all(printed[case][key] > 0 for key in KEYS)
         ratio = printed[case]["literal_ms"] / printed[case]["packed_ms"]
         assert printed[case]["literal_over_packed"] == pytest.approx(ratio)
     assert set(printed["query_ms"]) == {"hashed"}
     assert printed["cold_s"] == printed["cold_phrase_s"] == {}
-    assert "65 synthetic episodes on 1 maps" in (tmp_path / "bench-grounding.md").read_text()
+    assert "24 invented episodes on 1 maps" in (tmp_path / "bench-grounding.md").read_text()
 
 
 @pytest.mark.bench

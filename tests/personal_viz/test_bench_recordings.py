@@ -4,8 +4,7 @@ import pytest
 
 import personal_viz.bench.recordings as bench
 from personal_viz.bench.harness import Values, run_benchmark
-from personal_viz.bench.recordings import RecordingSettings
-from personal_viz.bench.walkers import RecordedHome, recorded_home, walked
+from personal_viz.bench.recordings import RecordedHome, RecordingSettings, recorded_home, walked
 from sim.types import Action
 
 TINY = RecordingSettings(agent_steps=12, person_steps=5, num_people=2, num_agents=1, repeats=1)

@@ -52,8 +52,8 @@ def test_only_the_parts_that_were_asked_for_are_measured() -> None:
     assert "- store: the store alone, 50 people for 0.5 s." in markdown(report)
 
 
-def test_the_store_acknowledges_every_key() -> None:
-    acks = store_acks_ms(participants=4, rate=40.0, seconds=0.25)
+def test_the_store_acknowledges_every_key(tmp_path: Path) -> None:
+    acks = store_acks_ms(tmp_path, participants=4, rate=40.0, seconds=0.25)
     assert len(acks) == 40
     assert min(acks) > 0
 

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -173,59 +174,39 @@ def targets_met(figures: Figures) -> dict[str, bool | None]:
     return met
 
 
-def _figures(samples: Samples) -> dict:
-    """The fields of `Figures`, computed from the samples."""
+def _figures(samples: Samples) -> dict[str, Any]:
+    """The fields of `Figures`: those named like a sample are its mean."""
     bins = samples.get("depth_bins", np.zeros(DEPTH_BINS, np.int64))
-    single = int(samples.get("depth_single", np.zeros(1, np.int64)).sum())
-    both = int(bins.sum())
-    close = int(bins[: round(STEP_CLOSE * 1e6)].sum())
-    errors = samples.get("measures", np.zeros(0))
-    areas = samples.get("grid_area", np.zeros(0))
-    return {
-        "geodesic_within_1e_4": _mean(samples, "geodesic"),
-        "reachability": _mean(samples, "reachability"),
-        "steps_within_1mm": _mean(samples, "steps"),
-        "snap": _mean(samples, "snap"),
-        "navigable": _mean(samples, "navigable"),
+    num_single = int(samples.get("depth_single", np.zeros(1, np.int64)).sum())
+    num_both = int(bins.sum())
+    num_pixels = num_both + num_single
+    num_close = int(bins[: round(STEP_CLOSE * 1e6)].sum())
+    errors, areas = samples.get("measures", np.zeros(0)), samples.get("grid_area", np.zeros(0))
+    own = {
         "grid_mean_rel_error": _mean(samples, "grid", absolute=True),
-        "grid_reachability": _mean(samples, "grid_reachability"),
         "grid_area_rel_error": float(areas.max()) if len(areas) else None,
-        "depth_median_mm": int(np.searchsorted(np.cumsum(bins), both / 2)) / 1000 if both else None,
-        "depth_within_1mm": close / (both + single) if both + single else None,
+        "depth_median_mm": int(np.searchsorted(np.cumsum(bins), num_both / 2)) / 1000 if num_both else None,
+        "depth_within_1mm": num_close / num_pixels if num_pixels else None,
         "measures_max_abs_error": float(errors.max()) if len(errors) and np.isfinite(errors).all() else None,
-        "further": _further(samples, same_holes=both / (both + single) if both + single else None),
-        "rows": Rows(
-            **{
-                name: len(samples.get(name, ()))
-                for name in ("geodesic", "reachability", "steps", "snap", "grid", "grid_off_mesh")
-            },
-            sensitive=int(samples.get("sensitive", np.zeros(0)).sum()),
-            depth_pixels=both + single,
-            episodes=len(samples.get("success", ())),
-        ),
+        "grid_mean_signed_rel_error": _mean(samples, "grid"),
+        "grid_off_mesh_mean_rel_error": _mean(samples, "grid_off_mesh", absolute=True),
+        "depth_same_holes": num_both / num_pixels if num_pixels else None,
     }
-
-
-def _further(samples: Samples, *, same_holes: float | None) -> Further:
-    return Further(
-        reverse_within_1e_4=_mean(samples, "reverse"),
-        multi_goal_within_1e_4=_mean(samples, "multi_goal"),
-        step_flags=_mean(samples, "step_flags"),
-        slide_steps_within_1mm=_mean(samples, "slide_steps"),
-        slide_flags=_mean(samples, "slide_flags"),
-        navigable_dy_0_1=_mean(samples, "navigable_dy_0_1"),
-        island_radius=_mean(samples, "island_radius"),
-        obstacle_distance=_mean(samples, "obstacle_distance"),
-        grid_mean_signed_rel_error=_mean(samples, "grid"),
-        grid_off_mesh_mean_rel_error=_mean(samples, "grid_off_mesh", absolute=True),
-        grid_off_mesh_reachability=_mean(samples, "grid_off_mesh_reachability"),
-        depth_same_holes=same_holes,
-        success_exact=_mean(samples, "success"),
-        num_steps_exact=_mean(samples, "num_steps"),
-        collisions_exact=_mean(samples, "collisions"),
-        nonfinite_exact=_mean(samples, "nonfinite"),
-        distance_after_step_within_1e_4=_mean(samples, "on_the_way"),
+    counts = {name: len(samples.get(name, ())) for name in ("reachability", "snap", "grid", "grid_off_mesh")}
+    rows = Rows(
+        **counts,
+        geodesic=len(samples.get("geodesic_within_1e_4", ())),
+        steps=len(samples.get("steps_within_1mm", ())),
+        sensitive=int(samples.get("sensitive", np.zeros(0)).sum()),
+        depth_pixels=num_pixels,
+        episodes=len(samples.get("success_exact", ())),
     )
+
+    def fields(model: type[BaseModel]) -> dict[str, float | None]:
+        names = model.model_fields.keys() - {"further", "rows"}
+        return {name: own[name] if name in own else _mean(samples, name) for name in names}
+
+    return {**fields(Figures), "further": Further(**fields(Further)), "rows": rows}
 
 
 def _mean(samples: Samples, name: str, *, absolute: bool = False) -> float | None:

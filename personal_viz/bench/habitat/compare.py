@@ -136,14 +136,17 @@ def _scene(path: Path, house: House) -> TriangleMesh:
 
 def _geodesic(part: Geodesic, maps: dict[str, NavMesh]) -> Samples:
     """Whether ours is as long in rows where Habitat finds a way, and, in all rows, whether both find one."""
-    ways = [("geodesic", row.navmesh, row.start, [row.goal], row.distance) for row in part.pairs]
+    ways = [("geodesic_within_1e_4", row.navmesh, row.start, [row.goal], row.distance) for row in part.pairs]
     ways += [
-        ("reverse", row.navmesh, row.goal, [row.start], row.reverse_distance)
+        ("reverse_within_1e_4", row.navmesh, row.goal, [row.start], row.reverse_distance)
         for row in part.pairs
         if row.reverse_distance is not None
     ]
-    ways += [("multi_goal", row.navmesh, row.start, list(row.goals), row.distance) for row in part.multi_goal]
-    close: dict[str, list[bool]] = {"geodesic": [], "reverse": [], "multi_goal": []}
+    ways += [
+        ("multi_goal_within_1e_4", row.navmesh, row.start, list(row.goals), row.distance) for row in part.multi_goal
+    ]
+    names = ("geodesic_within_1e_4", "reverse_within_1e_4", "multi_goal_within_1e_4")
+    close: dict[str, list[bool]] = {name: [] for name in names}
     reachable = []
     for kind, navmesh, start, goals, theirs in ways:
         if navmesh not in maps:
@@ -170,7 +173,14 @@ def _steps(rows: Sequence[StepRow], navmesh: NavMesh) -> Samples:
                 ends.append(agrees[0])
                 same.append(agrees[1])
     return {
-        **_filled({"steps": steps, "step_flags": flags, "slide_steps": slides, "slide_flags": slide_flags}),
+        **_filled(
+            {
+                "steps_within_1mm": steps,
+                "step_flags": flags,
+                "slide_steps_within_1mm": slides,
+                "slide_flags": slide_flags,
+            }
+        ),
         "sensitive": np.array([row.sensitive for row in rows], bool),
     }
 
@@ -204,29 +214,36 @@ def _episodes(rows: Sequence[EpisodeRow], navmesh: NavMesh) -> Samples:
     """Agreement of the final measures of given trajectories, and of distance_to_goal at each of their rows.
 
     A float that is finite on one side only, or inf on one and nan on the other, is an error of inf. The same non-finite
-    value on both sides is no error, and counts under `nonfinite` alone.
+    value on both sides is no error, and counts under `nonfinite_exact` alone.
     """
     errors: list[float] = []
     exact: dict[str, list[bool]] = {
-        name: [] for name in ("success", "num_steps", "collisions", "nonfinite", "on_the_way")
+        name: []
+        for name in (
+            "success_exact",
+            "num_steps_exact",
+            "collisions_exact",
+            "nonfinite_exact",
+            "distance_after_step_within_1e_4",
+        )
     }
     for row in rows:
         positions = np.array([pose[:3] for pose in row.trajectory])
         distances = distances_to_goal(positions, row.goal_points, navigation=navmesh)
         ours = _measures(row, positions, distances)
-        exact["success"].append(ours.success == row.measures.success)
-        exact["num_steps"].append(ours.num_steps == row.measures.num_steps)
-        exact["collisions"].append(ours.collisions == row.measures.collisions)
+        exact["success_exact"].append(ours.success == row.measures.success)
+        exact["num_steps_exact"].append(ours.num_steps == row.measures.num_steps)
+        exact["collisions_exact"].append(ours.collisions == row.measures.collisions)
         for name in FLOATS:
             theirs, value = getattr(row.measures, name), getattr(ours, name)
             is_same_kind = _kind(value) == ("finite" if theirs is not None else row.nonfinite.get(name))
-            exact["nonfinite"].append(is_same_kind)
+            exact["nonfinite_exact"].append(is_same_kind)
             if not is_same_kind:
                 errors.append(math.inf)
             elif theirs is not None:
                 errors.append(abs(value - theirs))
         for distance, wanted in zip(distances, row.distance_after_step or (), strict=bool(row.distance_after_step)):
-            exact["on_the_way"].append(
+            exact["distance_after_step_within_1e_4"].append(
                 math.isinf(distance) if wanted is None else bool(abs(distance - wanted) <= CLOSE)
             )
     return {**_filled(exact), "measures": np.array(errors)}

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import psutil
 from pydantic import BaseModel, ConfigDict
 
@@ -20,7 +19,7 @@ from .kills import KillSettings, measure_kills
 from .load import LoadSettings, measure_load
 from .restart import RestartSettings, measure_restarts
 from .soak import SoakSettings, measure_soak
-from .store import store_acks_ms
+from .store import StoreSettings, measure_store
 
 PLAN = Plan(
     targets={
@@ -62,21 +61,6 @@ file descriptors after the soak's first measurement."""
 _SEED = 5
 
 
-class StoreSettings(BaseModel):
-    """Settings for measuring the store alone."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    participants: int = 50
-    rate: float = 2.0
-    """Keys per second of each participant."""
-    seconds: float = 10.0
-
-    @property
-    def words(self) -> str:
-        """A description of the work, for the report."""
-        return f"the store alone, {self.participants} people for {self.seconds:g} s."
-
-
 class StudySettings(BaseModel):
     """Settings of all parts."""
 
@@ -103,12 +87,6 @@ QUICK = StudySettings(
     restart=RestartSettings(restarts=2, bots=5, acted_keys=10),
     soak=SoakSettings(seconds=30.0, bots=8),
 )
-
-
-def measure_store(settings: StoreSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
-    """Times the store alone, from handing over a key and its step until they are on disk. It serves no study."""
-    acks = store_acks_ms(participants=settings.participants, rate=settings.rate, seconds=settings.seconds)
-    return {"ack_p50_ms": float(np.quantile(acks, 0.5)), "ack_p95_ms": float(np.quantile(acks, 0.95))}
 
 
 PARTS: dict[str, Callable[..., Values]] = {

@@ -1,48 +1,82 @@
 """Measures the cost of a commit: stores people's keys, without pictures, pages and further processes."""
 
-import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from human_study.design.plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene
+from pydantic import BaseModel, ConfigDict
+
+from human_study.design.plan import StudyScene
+from human_study.design.planning import make_plan
 from human_study.design.secrets import token_hash
-from human_study.design.study import StudyConfig, StudyDataset
+from human_study.design.study import StudyChecks, StudyConfig, StudyDataset, StudyDesign, StudyPractice
 from human_study.store.store import StudyStore, open_store
 from human_study.trial.events import Act, Event, Key, Open, Shown
-from sim.types import PAPER4, Action
+from sim.types import PAPER4, Action, EpisodeKey
+
+from ...bots.figures import quantile
+from ..harness import Progress, Values
 
 SCENE = "BenchHome"
 _HASH = "0" * 64
 
 
-def store_acks_ms(*, participants: int, rate: float, seconds: float) -> list[float]:
+class StoreSettings(BaseModel):
+    """Settings for measuring the store alone."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    participants: int = 50
+    rate: float = 2.0
+    """Keys per second of each participant."""
+    seconds: float = 10.0
+
+    @property
+    def words(self) -> str:
+        """A description of the work, for the report."""
+        return f"the store alone, {self.participants} people for {self.seconds:g} s."
+
+
+def measure_store(settings: StoreSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
+    """Times the store alone, from handing over a key and its step until they are on disk. It serves no study."""
+    acks = store_acks_ms(folder, participants=settings.participants, rate=settings.rate, seconds=settings.seconds)
+    return {"ack_p50_ms": quantile(acks, 0.5), "ack_p95_ms": quantile(acks, 0.95)}
+
+
+def store_acks_ms(folder: Path, *, participants: int, rate: float, seconds: float) -> list[float]:
     """Milliseconds from handing a key and its step to the store until they are on disk, for all keys of all people.
 
     Args:
+        folder: An empty folder.
         participants: Number of people who act at the same time, one thread each, as seats do.
         rate: Keys per second and person.
         seconds: Duration.
     """
-    with tempfile.TemporaryDirectory(prefix="personal-viz-bench-") as name:
-        config = StudyConfig(study="bench", dataset=StudyDataset(sha256=_HASH), task=("pan",), flow=())
-        plan = _plan(config, participants)
-        with open_store(Path(name), config, plan) as store:
-            for person in plan.participants:
-                store.add_participant(person, token_hash(person.code))
-            acks: list[float] = []
-            with ThreadPoolExecutor(participants) as people:
-                waits = [
-                    people.submit(_press, store, person.code, number / participants, rate, seconds, acks)
-                    for number, person in enumerate(plan.participants)
-                ]
-                for wait in waits:
-                    wait.result()
+    config = StudyConfig(
+        study="bench",
+        dataset=StudyDataset(sha256=_HASH),
+        task=("pan",),
+        flow=(),
+        design=StudyDesign(kind="crossed", raters_per_episode=participants),
+        practice=StudyPractice(pan=0, pog=0),
+        checks=StudyChecks(every=None),
+    )
+    home, key = StudyScene(name=SCENE, kind="invented"), EpisodeKey("easy", SCENE, "0")
+    plan = make_plan(config, [home], [key], is_pilot=True)
+    acks: list[float] = []
+    with open_store(folder, config, plan) as store, ThreadPoolExecutor(participants) as people:
+        for person in plan.participants:
+            store.add_participant(person, token_hash(person.code))
+        waits = [
+            people.submit(_press, store, person.code, number / participants, rate, seconds, acks)
+            for number, person in enumerate(plan.participants)
+        ]
+        for wait in waits:
+            wait.result()
     return acks
 
 
 def _press(store: StudyStore, code: str, offset: float, rate: float, seconds: float, acks: list[float]) -> None:
-    """Plays one person: stores a key, its step and its picture at a time."""
+    """Plays one person: stores one key, its step and its picture after another."""
     trial = store.open_trial(code, 1)
     store.append_many(trial.trial_id, trial.epoch, (_opened(),))
     began_s = time.perf_counter() + offset / rate
@@ -73,25 +107,4 @@ def _opened() -> Open:
         actions=PAPER4,
         position=(0.0, 0.0, 1.5),
         yaw=0.0,
-    )
-
-
-def _plan(config: StudyConfig, participants: int) -> StudyPlan:
-    people = []
-    for number in range(1, participants + 1):
-        trial = PlannedTrial(
-            order_no=1,
-            phase="main",
-            task="pan",
-            condition="none",
-            split="easy",
-            scene=SCENE,
-            episode_id="0",
-            rep=number,
-        )
-        people.append(PlannedParticipant(code=f"p{number:02d}", task="pan", arm=0, trials=(trial,)))
-    return StudyPlan(
-        study_version=config.study_version,
-        scenes=(StudyScene(name=SCENE, kind="invented"),),
-        participants=tuple(people),
     )
