@@ -3,7 +3,6 @@
 Scene (and plan) -> PNG. Nothing is staged: views are what a robot sees, portraits what the home is built of.
 """
 
-import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
+from human_study.export.text_tables import csv_lines
 from sim.files import write_whole
 from sim.frames import T_world_camera
 from sim.homes.furniture.families import look_of
@@ -25,7 +25,7 @@ from sim.types import Camera
 
 from .plan import storey_picture
 from .portrait import portrait
-from .views import CROP_SIDE, Crop, category_crops, room_views
+from .views import CROP_SIDE, category_crops, room_views
 
 NUM_VIEWS = 4
 WIDTH = NUM_VIEWS * Camera().width
@@ -95,25 +95,14 @@ def write_crops(folder: Path, scene: Scene, *, seed: int = 0) -> int:
     """
     crops = category_crops(scene, raycaster_of(scene))
     order = np.random.default_rng(seed).permutation(len(crops)).tolist()
-    folder.mkdir(parents=True, exist_ok=True)
-    key = io.StringIO()
-    rows = csv.writer(key, lineterminator="\n")
-    rows.writerow(("file", "category", "family", "object", "scene_kind", "scene_label"))
-    for number, index in enumerate(order, start=1):
-        crop: Crop = crops[index]
-        name = f"{scene.name}-{number:03d}.png"
+    lines = []
+    for number, crop in enumerate((crops[index] for index in order), start=1):
+        name, category = f"{scene.name}-{number:03d}.png", crop.item.category
         write_whole(folder / name, png_bytes(Image.fromarray(crop.rgb)))
-        rows.writerow(
-            (
-                name,
-                crop.item.category,
-                look_of(crop.item.category).family,
-                crop.item.name,
-                scene.kind,
-                scene_label(scene.kind),
-            )
-        )
-    write_whole(folder / f"{scene.name}-key.csv", key.getvalue())
+        family = look_of(category).family
+        lines.append((name, category, family, crop.item.name, scene.kind, scene_label(scene.kind)))
+    heads = ("file", "category", "family", "object", "scene_kind", "scene_label")
+    write_whole(folder / f"{scene.name}-key.csv", csv_lines(heads, lines))
     return len(crops)
 
 
