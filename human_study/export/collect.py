@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from pydantic import BaseModel
+
 from sim.homes.kind import scene_label
 from sim.tasks.run_files import EpisodeRun, Run
 
@@ -160,11 +162,10 @@ class _Results:
 def _trial_row(trial: StoredTrial, events: Sequence[Event], config: StudyConfig, told: Mapping[str, Any]) -> TrialRow:
     """The row of one attempt; `told` holds the fields that are in other records."""
     figures = trial_figures(events, trial.outcome, rule=config.success)
-    same = TrialRow.model_fields.keys() & {known.name for known in fields(trial)}
     return TrialRow.model_validate(
         {
             **dict(figures),
-            **{name: getattr(trial, name) for name in same},
+            **_shared(trial, TrialRow),
             "split": trial.key.split,
             "scene": trial.key.scene,
             "episode_id": trial.key.episode_id,
@@ -215,18 +216,9 @@ def _exclusion_rows(
         name = names.get(entry.target) if entry.target_kind == "trial" else None
         code = name.participant if name is not None else codes.get(entry.target)
         if code is not None:
-            rows.append(
-                ExclusionRow(
-                    target_kind=entry.target_kind,
-                    participant=code,
-                    order_no=name.order_no if name is not None else None,
-                    attempt=name.attempt if name is not None else None,
-                    rule_id=entry.rule_id,
-                    is_planned=entry.rule_id in planned,
-                    reason=entry.reason,
-                    is_undone=entry.is_undone,
-                )
-            )
+            place = name.place if name is not None else {"participant": code, "order_no": None, "attempt": None}
+            is_planned = entry.rule_id in planned
+            rows.append(ExclusionRow(**_shared(entry, ExclusionRow), **place, is_planned=is_planned))
     return sorted(rows, key=lambda row: (row.participant, row.order_no or 0, row.attempt or 0))
 
 
@@ -237,10 +229,14 @@ def _verification_rows(reader: StudyReader, names: Mapping[str, AttemptName]) ->
     for entry in reader.verifications():
         run_no = numbers.setdefault(entry.run_id, len(numbers) + 1)
         if entry.trial_id in names:
-            same = VerificationRow.model_fields.keys() & {known.name for known in fields(entry)}
-            found = {name: getattr(entry, name) for name in same}
-            rows.append(VerificationRow(**names[entry.trial_id].place, run_no=run_no, **found))
+            place = names[entry.trial_id].place
+            rows.append(VerificationRow(**_shared(entry, VerificationRow), **place, run_no=run_no))
     return sorted(rows, key=lambda row: (row.participant, row.order_no, row.attempt, row.run_no))
+
+
+def _shared(record: Any, model: type[BaseModel]) -> dict[str, Any]:
+    """The fields of a stored record that its exported row has under the same name."""
+    return {known.name: getattr(record, known.name) for known in fields(record) if known.name in model.model_fields}
 
 
 def _rounded(key: str, value: Any) -> Any:
