@@ -10,7 +10,7 @@ PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700
 
 
 def make_private(path: Path) -> None:
-    """Give a file or folder to its owner alone, if it is there; what belongs to somebody else stays as it is.
+    """Closes a file or folder to everybody but its owner; one that is missing or somebody else's is left alone.
 
     Raises:
         StudyError: Its mode cannot be changed for another reason.
@@ -28,19 +28,15 @@ def make_private(path: Path) -> None:
 
 
 def private_folder(folder: Path) -> None:
-    """Make a folder that only its owner can enter; one that is there is closed to others.
-
-    Raises:
-        OSError: It cannot be made.
-    """
+    """Makes a folder that only its owner can enter; an existing one is closed to others. Raises OSError."""
     folder.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
     make_private(folder)
 
 
 def write_private(path: Path, text: str) -> None:
-    """Write a small file that only its owner can read, whole or not at all, on disk when this returns.
+    """Writes a small file that only its owner can read, whole or not at all; it is on disk when this returns.
 
-    Its folder, a study's, is made where there is none, and closed to others.
+    The file's folder, which is a study's, is made if necessary and closed to others.
 
     Raises:
         StudyError: It cannot be written.
@@ -49,7 +45,7 @@ def write_private(path: Path, text: str) -> None:
     try:
         private_folder(path.parent)
         with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, PRIVATE_FILE), "w") as file:
-            os.fchmod(file.fileno(), PRIVATE_FILE)  # whatever the umask is, and whoever left a file of this name
+            os.fchmod(file.fileno(), PRIVATE_FILE)  # for any umask, and where a file of this name was left
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
