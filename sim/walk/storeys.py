@@ -25,7 +25,7 @@ def same_storey(y, other_y):
     return abs(y - other_y) < STOREY_GAP
 
 
-def nearest_storey(y: ArrayLike, floors: Sequence[float]) -> NDArray[np.int64]:
+def nearest_storey(y: ArrayLike, floors: ArrayLike) -> NDArray[np.int64]:
     """Index (...) of the storey whose floor is nearest to each height (...); the first wins ties."""
     return np.abs(np.subtract.outer(y, floors)).argmin(axis=-1)
 

@@ -16,7 +16,7 @@ from sim.types import RELAXED_RADIUS, SUCCESS_RADIUS, TURN_STEP, Camera
 from ..render.renderer import Renderer
 from .navigation_map import NavigationMap, Points
 from .object_surface import object_ids_at, object_surface
-from .storeys import same_storey
+from .storeys import nearest_storey, same_storey
 
 SPACING = 0.25
 """Smallest planar distance between two view points, metres (one step)."""
@@ -112,7 +112,7 @@ def _storeys_below(centre: NDArray[np.float64], around: Points, heights: tuple[f
     """
     highest_floor = centre[1] + _FLOOR_ABOVE
     below = around[around[:, 1] <= highest_floor, 1]
-    nearest = np.abs(below[:, None] - np.asarray(heights)).argmin(axis=1)
+    nearest = nearest_storey(below, heights)
     found: list[float] = []
     for index in reversed(range(len(heights))):
         share = np.mean(nearest == index) if len(below) else 0.0

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sim.episodes.dataset import PersonalDataset, read_bytes
 from sim.errors import SceneError
 from sim.types import SPLITS, STOREY_GAP, Split
+from sim.walk.storeys import same_storey
 
 from ..cells import CELL, CellGrid, runs_from_cells
 from ..plan import Furniture, HomePlan, Storey, stored_plan
@@ -102,7 +103,7 @@ def _storeys(recorded: Recorded) -> tuple[Storey, ...]:
         height = float(np.median(left[first : first + inside[first]]))
         if not found or inside[first] >= _FEWEST:
             found.append(height)
-        left = left[np.abs(left - height) >= STOREY_GAP]
+        left = left[~same_storey(left, height)]
     found.sort()
     labels = [_label(recorded, height, index) for index, height in enumerate(found)]
     return tuple(

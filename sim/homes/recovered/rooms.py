@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from sim.episodes.schema import Goal
+from sim.walk.storeys import nearest_storey
 from sim.words.places import ROOM_KINDS, RoomKind
 
 from ...words.colours import COLOURS
@@ -97,8 +98,8 @@ def recovered_rooms(
     and plinths.
     """
     masks = open_cells(grid, storeys)
-    floor_y = np.array([storey.floor_y for storey in storeys])
-    storey_of = {name: int(np.abs(floor_y - goal.floor_y).argmin()) for name, goal in goals.items()}
+    floors = [storey.floor_y for storey in storeys]
+    storey_of = {name: int(nearest_storey(goal.floor_y, floors)) for name, goal in goals.items()}
     regions: list[_Region] = []
     for k, mask in enumerate(masks):
         here = {name: goal for name, goal in sorted(goals.items()) if storey_of[name] == k}

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 from scipy.spatial import KDTree
 
 from sim.walk.floor_grid import FloorGrid
+from sim.walk.storeys import nearest_storey
 
 from ..cells import CELL, CellGrid, Cells
 from ..images import distance_to
@@ -116,7 +117,7 @@ def _strip_costs(points: Points, storeys: tuple[Storey, ...]) -> NDArray[np.floa
     """Cost (N, N) of a straight strip between two points: its length, more between storeys, inf if it is too steep."""
     planar = np.hypot(points[:, None, 0] - points[None, :, 0], points[:, None, 2] - points[None, :, 2])
     rise = np.abs(points[:, None, 1] - points[None, :, 1])
-    storey = np.abs(points[:, 1, None] - [storey.floor_y for storey in storeys]).argmin(axis=1)
+    storey = nearest_storey(points[:, 1], [storey.floor_y for storey in storeys])
     apart = np.abs(storey[:, None] - storey[None, :])
     cost = np.maximum(planar, 1e-3) + 2 * rise + _STOREY_PENALTY * apart**2
     return np.where(rise <= planar * math.tan(_MAX_SLOPE) + 0.02, cost, np.inf)
@@ -224,9 +225,7 @@ def _unknown_cells(known: _KnownFloor, storeys: tuple[Storey, ...], *, grid: Cel
     Their heights are between those of the nearest places, so that a ramp joins half a storey.
     """
     floors = np.array([storey.floor_y for storey in storeys])
-    cell_storey, place_storey = (
-        np.abs(y[:, None] - floors).argmin(axis=1) for y in (known.cells.y, known.places[:, 1])
-    )
+    cell_storey, place_storey = (nearest_storey(y, floors) for y in (known.cells.y, known.places[:, 1]))
     found = known.cells
     for k in range(len(storeys)):
         places = known.places[place_storey == k]

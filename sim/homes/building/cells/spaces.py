@@ -12,6 +12,7 @@ from scipy import ndimage
 
 from sim.compiled import njit
 from sim.types import AGENT_RADIUS
+from sim.walk.storeys import nearest_storey
 
 from ...cells import CellGrid, Cells, cells_from_runs
 from ...images import distance_to, grown, nearest, parts_of, widened
@@ -64,9 +65,9 @@ def layer_heights(cells: Cells, shape: tuple[int, int], storeys: tuple[Storey, .
     Layer 2 * k is storey k, layer 2 * k + 1 the stairs from there up. The highest cell of a column counts.
     """
     floors = np.array([storey.floor_y for storey in storeys])
-    nearest = np.abs(cells.y[:, None] - floors).argmin(axis=1)
-    layer = 2 * nearest
-    above = cells.y - floors[nearest]
+    storey = nearest_storey(cells.y, floors)
+    layer = 2 * storey
+    above = cells.y - floors[storey]
     between = (np.abs(above) > _STAIR_GAP) & (cells.y > floors[0]) & (cells.y < floors[-1])
     layer = np.where(between, layer + np.where(above > 0, 1, -1), layer)
     heights = np.full((2 * len(storeys) - 1, *shape), -np.inf)
