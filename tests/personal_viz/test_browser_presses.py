@@ -18,7 +18,7 @@ from .stage import Stage, staged
 pytestmark = pytest.mark.browser
 
 
-SIZES = ((1000, 600), (1366, 768), (1920, 1080))
+SIZES = ((1000, 600), (1280, 720), (1366, 768), (1600, 900), (1920, 1080))
 """The first is the smallest that the device check lets pass."""
 _ENDING = ("STOP", "Give up", "Confirm")
 _TOOLS = ("Keys", "Larger text", "Leave the study")
