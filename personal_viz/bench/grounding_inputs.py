@@ -17,7 +17,7 @@ from grounding.maps.oracle_noise import OracleVariant, variant_map
 from grounding.methods.rpg import RpgResult, rpg_packed
 from grounding.phrases.ownership_text import parse_phrase
 from grounding.phrases.sources import DatasetPhrases
-from grounding.types import FeatureMap, map_from_cells, require_same_encoder
+from grounding.types import FeatureMap, map_from_cells
 from sim.authoring.generation import invent_dataset
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
@@ -49,38 +49,6 @@ class MapBatch:
     """(B, P) bool, which phrases each episode has."""
 
 
-def make_batch(
-    memory: FeatureMap, tasks: Sequence[Task], phrases: Sequence[Sequence[str]], encoder: TextEncoder
-) -> MapBatch:
-    """Encodes each different phrase and each query once.
-
-    Args:
-        memory: The map.
-        tasks: B tasks.
-        phrases: Phrases of each task.
-        encoder: The map's encoder.
-
-    Raises:
-        AgentError: The map was made with another encoder.
-    """
-    require_same_encoder((memory.encoder, memory.dim), (encoder.name, encoder.dim))
-    different = list(dict.fromkeys(phrase for texts in phrases for phrase in texts))
-    place = {phrase: index for index, phrase in enumerate(different)}
-    uses = np.zeros((len(tasks), len(different)), bool)
-    for episode, texts in enumerate(phrases):
-        uses[episode, [place[phrase] for phrase in texts]] = True
-    vectors = torch.from_numpy(encoder.encode_texts([*different, *(task.queries[0] for task in tasks)]))
-    return MapBatch(
-        memory,
-        # torch has no read-only tensors and warns; a copy of N x E is cheap
-        torch.from_numpy(np.array(memory.rows)),
-        torch.from_numpy(memory.rc.astype(np.int64)),
-        vectors[: len(different)],
-        vectors[len(different) :],
-        torch.from_numpy(uses),
-    )
-
-
 def solve_batch(batch: MapBatch) -> RpgResult:
     """The result of Algorithm 1 for all episodes of the batch."""
     width = batch.memory.grid.shape[1]
@@ -97,12 +65,26 @@ class SceneInputs:
     """Phrases of each task, with the owners' names."""
 
     def batch(self, encoder: TextEncoder, *, with_names: bool) -> MapBatch:
-        """The episodes as a batch; without names, phrases that differ only in the owner become one."""
+        """The episodes with each different text encoded once by the map's encoder.
+
+        Without names, phrases that differ only in the owner become one.
+        """
         texts = [
             phrases if with_names else tuple(dict.fromkeys(parse_phrase(phrase).text for phrase in phrases))
             for phrases in self.phrases
         ]
-        return make_batch(self.memory, self.tasks, texts, encoder)
+        different = list(dict.fromkeys(phrase for phrases in texts for phrase in phrases))
+        uses = [[phrase in phrases for phrase in different] for phrases in texts]
+        vectors = torch.from_numpy(encoder.encode_texts([*different, *(task.queries[0] for task in self.tasks)]))
+        return MapBatch(
+            self.memory,
+            # torch has no read-only tensors and warns; a copy of N x E is cheap
+            torch.from_numpy(np.array(self.memory.rows)),
+            torch.from_numpy(self.memory.rc.astype(np.int64)),
+            vectors[: len(different)],
+            vectors[len(different) :],
+            torch.tensor(uses),
+        )
 
 
 @contextmanager
