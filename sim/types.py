@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ConfigDict
 
 CUT_HEIGHT = 1.9
 """Storeys are cut at most this far above the floor (metres) where they have no ceiling, and in homes built from plans,
@@ -192,6 +193,8 @@ class Observation:
 @dataclass(frozen=True, slots=True)
 class GridSpec:
     """A regular grid on the floor plane: rows grow with z, columns with x."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")  # in files: a field that is unknown is refused
 
     origin_xz: tuple[float, float]
     """World (x, z) of the corner of cell (0, 0), metres."""

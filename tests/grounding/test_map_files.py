@@ -142,6 +142,15 @@ def with_other_grid(part: str, data: bytes):
     return json.dumps(header)
 
 
+def with_unknown_field(part: str, data: bytes):
+    """A grid says something that we do not know."""
+    if part != "header.json":
+        return data
+    header = json.loads(data)
+    header["storeys"][0]["grid"]["secret"] = 1
+    return json.dumps(header)
+
+
 def with_header(**changes):
     return lambda part, data: json.dumps({**json.loads(data), **changes}) if part == "header.json" else data
 
@@ -159,6 +168,7 @@ def with_header(**changes):
         (with_header(layout="objects"), r"header.json: storey0 is without merge_m or captions"),
         (with_header(secret=1), r"header.json: secret is 1; expected: Extra inputs"),
         (with_header(storeys=[]), r"header.json: storeys is .*; expected: Tuple should have at least 1 item"),
+        (with_unknown_field, r"header.json: storeys.0.grid.secret is 1; expected: Unexpected keyword argument"),
         (with_other_grid, r"header.json: storey1 is of another grid than storey0; expected one grid for all storeys"),
         (with_array("rows", vectors(3) * np.nan), r"storey0/rows is with nan or inf in it; expected finite numbers"),
         (with_array("rows", vectors(3)), r"storey0/rows is up to .* off length 1; expected unit vectors"),
