@@ -5,8 +5,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.frames import Rs_from_quats_xyzw
-
 from .gltf_file import GltfFile
 from .gltf_schema import Node
 
@@ -91,4 +89,12 @@ def _rotation(quat_xyzw: tuple[float, float, float, float]) -> NDArray[np.float6
     length = float(np.linalg.norm(quat_xyzw))
     if length == 0:
         return np.eye(3)
-    return Rs_from_quats_xyzw(np.array([quat_xyzw]) / length)[0]
+    # not Rs_from_quats_xyzw: arrays of one cost a file of 65,536 nodes a second more
+    x, y, z, w = (value / length for value in quat_xyzw)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -16,7 +16,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.ownership import ownership_graph
 from sim.episodes.schema import Episode
 from sim.episodes.validate import ValidationReport, validate_dataset
-from sim.errors import DatasetError, SceneError
+from sim.errors import DatasetError, PersonalVizError, SceneError
 from sim.homes.open_home import open_scene
 from sim.homes.plan import load_plan
 from sim.types import SPLITS, Split
@@ -207,6 +207,6 @@ def test_the_invent_verb_writes_whole_homes_and_says_what_is_next(tmp_path: Path
         "scenes/Invented7.semantic.txt",
     ]
     assert "personal-viz validate --dataset" in capsys.readouterr().out
-    with pytest.raises(DatasetError, match="homes is 0; expected at least 1"):
+    with pytest.raises(PersonalVizError, match="--homes is 0; expected a whole number from 1"):
         Invent(homes=0, seed=7, out=tmp_path / "none").run()
     assert not (tmp_path / "none").exists()
