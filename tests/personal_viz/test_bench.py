@@ -184,7 +184,7 @@ def test_what_has_no_time_left_is_named_as_left_out() -> None:
     late = BenchSettings(TINY.sizes, budget_s=0.0)
     found = simulator.measure(late, lambda line: None)
     assert found.values["sizes"] == {}
-    assert found.left_out[:2] == ("30k (no time left)", "40k cluttered (no time left)")
+    assert list(found.left_out[:2]) == ["30k (no time left)", "40k cluttered (no time left)"]
     assert found.values["navmesh_path_us"] is None
 
 
