@@ -209,10 +209,10 @@ def _rows(
         for key, members in by_key.items()
     ]
 
-    def order(row: Row) -> tuple[object, ...]:
+    def order(row: Row) -> tuple[tuple[float, ...], int, str, int, str]:
         number = int(row.key.episode_id) if row.key.episode_id.isdecimal() else 0
         leads = [row.means["difference"].get(name) for name in ("sr", "spl")]
-        largest_first = (1e9 if lead is None else -lead for lead in leads)
-        return *largest_first, SPLITS.index(row.key.split), row.key.scene, number, row.key.episode_id
+        largest_first = tuple(1e9 if lead is None else -lead for lead in leads)
+        return largest_first, SPLITS.index(row.key.split), row.key.scene, number, row.key.episode_id
 
-    return sorted(rows, key=order)  # type: ignore[arg-type]
+    return sorted(rows, key=order)

@@ -7,6 +7,7 @@ any zoom, pixel density or camera angle.
 
 import functools
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, ClassVar
@@ -76,7 +77,7 @@ class StoreyCopies:
         return float(x), float(z)
 
 
-class Surface:
+class Surface(ABC):
     """A storey at a time in one browser, and a mark on it."""
 
     advice: ClassVar[str]
@@ -90,9 +91,9 @@ class Surface:
         self._nodes: list[Any] = []
         self._mark: list[Any] = []
 
+    @abstractmethod
     def show_storey(self, index: int) -> None:
         """Shows one storey, without a mark, and looks at all of it from above."""
-        raise NotImplementedError
 
     def show_mark(self, position: Vector3) -> None:
         """Puts the participant's mark there, and takes an older one away."""
@@ -107,8 +108,9 @@ class Surface:
             node.remove()
         self._nodes, self._mark = [], []
 
+    @abstractmethod
     def _mark_at(self, position: Vector3) -> list[Any]:
-        raise NotImplementedError
+        """The nodes of a mark."""
 
 
 class SceneView(Surface):
