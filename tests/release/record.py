@@ -3,8 +3,11 @@
 They were made on 2026-11-23 from commit 0d21b8b itself. In a clone of it, with this folder copied to tests/release:
 
     git checkout 0d21b8b
-    python -m tests.release.stored          # data/runs, data/study, data/study-agents: what is read back later
-    python -m tests.release.record          # data/*.json: what the program says about them, the homes and the maps
+    python -m tests.release.record          # data/*.json: what the program says about the runs, the homes and the maps
+
+What is read back, data/runs, data/study and data/study-agents, was written at that commit too, by stored.py, which
+`git log -- tests/release/stored.py` still shows. The scene digest in the steps of data/runs was replaced on 2026-11-23:
+HOMES_VERSION 2 draws some grain otherwise, and `replay` refuses runs of another digest. All literals stayed.
 
 A literal names the commit in its file. To change one, write it again at the commit that changes the behaviour and give
 the reason in the file's `reason`. No text of an episode is in any of them: ids and numbers only.
