@@ -4,6 +4,7 @@ Made from a mesh (`floor_grid_from_mesh`, Recast's filters) or from known free c
 """
 
 import hashlib
+import math
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,11 +15,21 @@ from sim.errors import SceneError
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, GridSpec
 
 from .grid_field import Field, lengths_to_goals, path_to_goal, spread
-from .grid_kernels import INSET, Cells, connected_parts, linked_layers, nearest_node, snap_all, with_diagonals
+from .grid_kernels import (
+    INSET,
+    Cells,
+    clamp,
+    connected_parts,
+    linked_layers,
+    nearest_node,
+    slide_end,
+    snap_all,
+    walk,
+    with_diagonals,
+)
 from .height_field import standing_places
 from .navigation_map import Points, StepResult, TopDown
-from .steps import STOP_MARGIN, end_of_walk, has_collided
-from .storeys import same_storey, storey_levels
+from .storeys import no_such_storey, same_storey, storey_levels
 
 if TYPE_CHECKING:
     from sim.mesh import TriangleMesh
@@ -31,6 +42,8 @@ SNAP_CLIMB = 0.2
 """Over a cell, a height difference up to this counts as none; the nearest storey wins (Detour, walkableClimb)."""
 MAX_CLIMB = 0.2
 """Highest step between neighbouring cells, metres (Habitat's agentMaxClimb)."""
+STOP_MARGIN = 1e-4
+"""A blocked walk ends this far before the wall (metres), so that its end is navigable."""
 SLOPE_REACH = 0.3
 """Distance over which a slope is measured, metres (Recast's detailSampleDist, 6 cells)."""
 _KEPT_FIELDS = 8
@@ -148,24 +161,13 @@ class FloorGrid:
         """
         start, end = np.asarray(start, float), np.asarray(end, float)
         ends = self.ends(np.stack([start, end]))
-        wanted = end - start
         if min(ends.nodes) < 0 or self.islands[ends.nodes[0]] != self.islands[ends.nodes[1]]:
-            return StepResult(
-                (float(start[0]), float(start[1]), float(start[2])), has_collided(start, start, wanted=end)
-            )
+            return _step_result(start, start, wanted=end)
         end_u, _, end_v = self._grid_units(end[None])
-        u, v, node = end_of_walk(
-            self.cells,
-            (float(ends.u[0]), float(ends.v[0])),
-            node=int(ends.nodes[0]),
-            end_uv=(float(end_u[0]), float(end_v[0])),
-            margin=STOP_MARGIN / self.grid.cell,
-            slide=slide,
-        )
+        u, v, node = self._end_of_walk((ends.u[0], ends.v[0]), int(ends.nodes[0]), (end_u[0], end_v[0]), slide=slide)
         position = self._points(np.array([u]), np.array([v]), np.array([node]))[0]
         on_floor = np.array([start[0], self.node_y[ends.nodes[0]], start[2]])
-        x, y, z = (float(value) for value in position)
-        return StepResult((x, y, z), has_collided(on_floor, position, wanted=on_floor + wanted))
+        return _step_result(on_floor, position, wanted=on_floor + (end - start))
 
     def distances(self, starts: Points, goals: Points) -> NDArray[np.float64]:
         """Geodesic metres from each start (M, 3) to its nearest goal (N, 3), each counted from its snapped point.
@@ -233,11 +235,7 @@ class FloorGrid:
         """
         nodes = np.arange(len(self.cells.row)) if storey_y is None else np.flatnonzero(self._on_storey(storey_y))
         if not len(nodes):
-            heights = ", ".join(f"{height:.2f}" for height in self.storey_heights)
-            raise SceneError(
-                f"navigation: no free cell at storey_y {storey_y!r}; expected a height near one of [{heights}]. "
-                "Take one of storey_heights."
-            )
+            raise no_such_storey(storey_y, self.storey_heights)
         node = int(rng.choice(nodes))
         u, v = self.cells.col[node] + rng.random(), self.cells.row[node] + rng.random()
         return self._points(np.array([u]), np.array([v]), np.array([node]))[0]
@@ -248,6 +246,28 @@ class FloorGrid:
         nodes = self._on_storey(storey_y)
         free[self.cells.row[nodes], self.cells.col[nodes]] = True
         return TopDown(free, self.grid, float(storey_y))
+
+    def _end_of_walk(
+        self, start_uv: tuple[float, float], node: int, end_uv: tuple[float, float], *, slide: bool
+    ) -> tuple[float, float, int]:
+        """(u, v, node) at the end of a straight walk from a place on `node`.
+
+        Without sliding the walk stops STOP_MARGIN before the first side of a cell that it cannot cross. With sliding it
+        ends at the reachable point nearest to the wanted end, which may be a little farther away than one step (as in
+        Detour).
+        """
+        (u, v), (end_u, end_v) = start_uv, end_uv
+        last, share = walk(self.cells, u, v, node, end_u, end_v)
+        if share >= 1.0:
+            return end_u, end_v, last
+        if slide:
+            return slide_end(self.cells, u, v, node, end_u, end_v)
+        wanted = math.hypot(end_u - u, end_v - v)
+        kept = max(0.0, share * wanted - STOP_MARGIN / self.grid.cell) / wanted
+        u, v = u + kept * (end_u - u), v + kept * (end_v - v)
+        # The last cell may have been entered within the margin: then the end lies in the cell before it.
+        last, _ = walk(self.cells, *start_uv, node, u, v)
+        return (*clamp(self.cells, last, u, v), last)
 
     def _on_storey(self, storey_y: float) -> NDArray[np.bool_]:
         return same_storey(self.node_y, storey_y)
@@ -321,6 +341,13 @@ def floor_grid_from_mesh(
     links = with_diagonals(places.sides, h, np.inf)
     cells = Cells(places.row, places.col, h, links, first_of_columns(places.row, places.col, rows, cols), rows, cols)
     return FloorGrid(cells, places.grid, covered=places.covered, digest=_digest(cells, places.grid))
+
+
+def _step_result(start: Points, end: Points, *, wanted: Points) -> StepResult:
+    """The result of a walk from `start` that ended at `end`; all (3,)."""
+    moved, asked = end - start, wanted - start
+    x, y, z = (float(value) for value in end)
+    return StepResult((x, y, z), bool(moved @ moved + 1e-5 < asked @ asked))
 
 
 def first_of_columns(row: NDArray[np.int32], col: NDArray[np.int32], rows: int, cols: int) -> NDArray[np.int32]:

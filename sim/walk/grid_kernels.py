@@ -84,7 +84,7 @@ def with_diagonals(sides, h, max_climb):
 
 @njit(cache=True, nogil=True)
 def connected_parts(links, is_free):
-    """(N,) number of each free node's connected part by `links` (N, 8), in order of nodes; -1 on other nodes."""
+    """(N,) number of each free node's connected part by `links` (N, K), in order of nodes; -1 on other nodes."""
     parts = np.full(len(links), -1, np.int32)
     queue = np.empty(len(links), np.int32)
     count = 0

@@ -14,6 +14,7 @@ from sim.compiled import njit
 from sim.errors import SceneError
 from sim.types import GridSpec
 
+from .grid_kernels import connected_parts
 from .spans import CLIMB, bounds_of, spans_of
 
 CELL = 0.05
@@ -69,8 +70,9 @@ def standing_places(
     _filter(first, spans.lo, hi, ceiling, walkable, rows, cols, clearance)
     links = _connect(first, hi, ceiling, walkable, rows, cols, clearance)
     fits = walkable & (_wall_distance(walkable, links) >= 2 * math.ceil(radius / CELL - 1e-6))
-    fits &= _in_large_island(fits, links)
-    nodes = np.flatnonzero(fits)
+    islands = connected_parts(links, fits)
+    sizes = np.bincount(islands + 1)
+    nodes = np.flatnonzero(fits & (sizes[islands + 1] >= MIN_ISLAND_CELLS))
     number = np.full(len(fits) + 1, -1, np.int32)
     number[nodes] = np.arange(len(nodes))
     grid = GridSpec((float(low[0]), float(low[2])), CELL, (rows, cols))
@@ -186,27 +188,3 @@ def _wall_distance(walkable, links):
                 if corner >= 0:
                     distance[span] = min(distance[span], distance[corner] + 3)
     return distance
-
-
-@njit(cache=True, nogil=True)
-def _in_large_island(fits, links):
-    """(S,) whether a fitting span belongs to a connected part of MIN_ISLAND_CELLS or more."""
-    large = np.zeros(len(fits), np.bool_)
-    seen = ~fits
-    queue = np.empty(len(fits), np.int64)
-    for seed in range(len(fits)):
-        if seen[seed]:
-            continue
-        queue[0], used, head = seed, 1, 0
-        seen[seed] = True
-        while head < used:
-            for side in range(4):
-                near = links[queue[head], side]
-                if near >= 0 and not seen[near]:
-                    seen[near] = True
-                    queue[used] = near
-                    used += 1
-            head += 1
-        if used >= MIN_ISLAND_CELLS:
-            large[queue[:used]] = True
-    return large

@@ -20,7 +20,7 @@ from .navmesh_places import MAX_SPAN, cells_of, covered_cells, places_near, rand
 from .navmesh_polygons import island_radii, polygons_from_data, triangle_areas
 from .navmesh_search import wall_distance
 from .navmesh_steps import step
-from .storeys import same_storey, storey_levels
+from .storeys import no_such_storey, same_storey, storey_levels
 
 if TYPE_CHECKING:
     from sim.mesh import TriangleMesh
@@ -164,11 +164,7 @@ class NavMesh:
         band = (-np.inf, np.inf) if storey_y is None else (storey_y - STOREY_GAP, storey_y + STOREY_GAP)
         place = random_place(self._polygons, rng, band=band)
         if place is None:
-            heights = ", ".join(f"{height:.2f}" for height in self.storey_heights)
-            raise SceneError(
-                f"navigation: no free place at storey_y {storey_y!r}; expected a height near one of [{heights}]. "
-                "Take one of storey_heights."
-            )
+            raise no_such_storey(storey_y, self.storey_heights)
         return place
 
     def top_down(self, storey_y: float) -> TopDown:

@@ -6,6 +6,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim.errors import SceneError
 from sim.types import STOREY_GAP
 
 BELOW_FLOOR = 0.3
@@ -44,6 +45,15 @@ def storey_clusters(heights: NDArray[np.floating]) -> list[tuple[float, float]]:
     breaks = np.flatnonzero(~same_storey(ordered[1:], ordered[:-1]))
     firsts, lasts = np.append(0, breaks + 1), np.append(breaks, len(ordered) - 1)
     return [(float(ordered[a]), float(ordered[b])) for a, b in zip(firsts, lasts, strict=True)]
+
+
+def no_such_storey(storey_y: float | None, heights: Sequence[float]) -> SceneError:
+    """The error of a map that has no floor at this height; `heights` are those of its storeys."""
+    known = ", ".join(f"{height:.2f}" for height in heights)
+    return SceneError(
+        f"navigation: no free cell at storey_y {storey_y!r}; expected a height near one of [{known}]. "
+        "Take one of storey_heights."
+    )
 
 
 def storey_levels(

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from sim.frames import forward_from_yaw
 from sim.types import GridSpec
-from sim.walk.floor_grid import FloorGrid
-from sim.walk.steps import STOP_MARGIN, has_collided
+from sim.walk.floor_grid import STOP_MARGIN, FloorGrid
 from tests.sim.grids import CELL, at, grid_of
 
 
@@ -64,11 +63,9 @@ def test_pressing_against_a_wall_again_does_not_move_or_pass_it(open_room):
     assert position[0] == pytest.approx(2 - STOP_MARGIN, abs=1e-9)
 
 
-def test_a_step_that_a_wall_shortens_by_less_than_the_rule_is_no_collision(open_room):
-    # 0.25^2 - 1e-5 = 0.06249: a walk of 0.24999 m is still a full step.
+def test_a_whole_step_that_ends_just_before_a_wall_is_no_collision_and_a_shortened_one_is(open_room):
     assert not open_room.step(at(1.74999 - STOP_MARGIN / 10, 1), at(1.99998, 1)).collided
-    assert not has_collided(at(0, 0), at(0.24999, 0), wanted=at(0.25, 0))
-    assert has_collided(at(0, 0), at(0.24990, 0), wanted=at(0.25, 0))
+    assert open_room.step(at(1.7501, 1), at(2.0001, 1)).collided  # moved 0.2498 m: 0.0624 + 1e-5 < 0.0625
 
 
 def test_a_start_off_the_map_is_snapped_first_but_the_collision_counts_from_the_start(open_room):
