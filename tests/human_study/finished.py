@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from human_study.design.plan import StudyScene
-from human_study.design.secrets import token_hash
 from human_study.design.study import StudyConfig
 from human_study.export.verify import TrialHome
 from human_study.store.store import StudyStore
@@ -16,8 +15,8 @@ from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import Action, EpisodeKey, TaskKind
 
 from .small_world import SCENE_DIGEST, SquareRoom, env, episode, plan, study
-from .stores import open_small
-from .test_session import FORWARD, LEFT, RAY
+from .stores import filled
+from .trials import FORWARD, LEFT, RAY, driven
 
 STOREYS = [(0.0, 0.0)]
 SUCCESS: list[Command] = [Start(), *[LEFT] * 3, *[FORWARD] * 5, PressStop(), PressStop()]
@@ -44,7 +43,7 @@ def events_of(key: EpisodeKey, commands: Sequence[Command], *, task: TaskKind) -
         session = PanSession(env(), key=key, task=text, scene_digest=SCENE_DIGEST)
     else:
         session = PogSession(key=key, task=text, storeys=(0.0,), scene_digest=SCENE_DIGEST)
-    return [event for number, command in enumerate(commands) for event in session.handle(command, number).events]  # type: ignore[arg-type]
+    return driven(session, [(command, float(number)) for number, command in enumerate(commands)])
 
 
 def result_of(events: Sequence[Event], key: EpisodeKey, *, task: TaskKind, code: str) -> EpisodeRun | Answer:
@@ -70,16 +69,9 @@ def do_trial(store: StudyStore, code: str, order_no: int, commands: Sequence[Com
     return trial.trial_id
 
 
-def register(store: StudyStore) -> None:
-    """Everybody of the plan; tokens are `token-p01` and so on."""
-    for person in store.plan.participants:
-        store.add_participant(person, token_hash(f"token-{person.code}"))
-
-
 def study_with_trials(folder: Path, config: StudyConfig | None = None) -> None:
     """p01: one right answer. p02: a success, a technical failure, and one trial that still runs."""
-    with open_small(folder, config) as store:
-        register(store)
+    with filled(folder, config) as store:
         do_trial(store, "p01", 1, POINT)
         do_trial(store, "p02", 1, SUCCESS)
         do_trial(store, "p02", 2, FAILURE)

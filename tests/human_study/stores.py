@@ -1,31 +1,37 @@
-"""Stores of a small study, for tests of the store and of what reads it."""
+"""Stores of small studies, for tests of the store and of what reads it."""
 
 import sqlite3
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+from human_study.design.plan import StudyPlan, StudyScene
+from human_study.design.planning import make_plan
 from human_study.design.secrets import token_hash
 from human_study.design.study import StudyConfig
 from human_study.export.collect import collect, exported_codes
 from human_study.export.trial_table import TrialRow
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, Trial, open_store
-from human_study.trial.events import Key, Open
-from sim.types import Action
+from human_study.trial.events import Abandoned, Error, Event, Key, Moment, Open
+from sim.tasks.run_files import EpisodeEnd
+from sim.types import Action, EpisodeKey, Split
 
 from .small_world import SCENE_DIGEST, plan, study
 
 KEY = Key(code="KeyW", action=Action.FORWARD)
 OPEN = Open(
-    task="pan",
-    split="easy",
-    scene="room",
-    episode_id="0",
-    scene_digest=SCENE_DIGEST,
-    max_steps=500,
-    actions=(Action.STOP,),
-    position=(0.0, 0.0, 0.0),
-    yaw=0.0,
+    **{"task": "pan", "split": "easy", "scene": "room", "episode_id": "0", "scene_digest": SCENE_DIGEST},
+    **{"max_steps": 500, "actions": (Action.STOP,), "position": (0.0, 0.0, 0.0), "yaw": 0.0},
 )
+HOUSE_ONCE = {"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5}
+"""In three homes with an episode each: p01 and p02 do one of each and p03 is spare."""
+HOMES = ("A", "B", "C")
+ENDS: dict[str, Event] = {
+    "giveup": Moment(kind="giveup"),
+    "abandoned": Abandoned(away_s=1e4),
+    "technical": Error(message="x", is_fatal=True),
+}
 
 
 def open_small(folder: Path, config: StudyConfig | None = None) -> StudyStore:
@@ -34,11 +40,37 @@ def open_small(folder: Path, config: StudyConfig | None = None) -> StudyStore:
     return open_store(folder, config, plan(config))
 
 
-def filled(folder: Path) -> StudyStore:
-    """A store with the plan's two participants, whose tokens are `token-p01` and `token-p02`."""
-    store = open_small(folder)
-    for person in plan(study()).participants:
-        store.add_participant(person, token_hash(f"token-{person.code}"))
+def plan_homes(
+    config: StudyConfig, homes: Sequence[str] = HOMES, *, splits: Sequence[Split] = ("easy",), **choices: Any
+) -> StudyPlan:
+    """The plan of a study in invented homes that have an episode in each of these splits."""
+    scenes = [StudyScene(name=home, kind="invented") for home in homes]
+    return make_plan(config, scenes, [EpisodeKey(split, home, "0") for home in homes for split in splits], **choices)
+
+
+def open_planned(folder: Path, config: StudyConfig, drawn: StudyPlan | None = None) -> StudyStore:
+    """The store of a planned study, of `HOMES` where nothing else is said, with everybody registered."""
+    store = open_store(folder, config, drawn or plan_homes(config))
+    register(store)
+    return store
+
+
+def started(folder: Path, **changes: object) -> StudyStore:
+    """`open_planned` of a study of PAN in `HOMES`; `HOUSE_ONCE` where nothing else is said."""
+    return open_planned(folder, study(**({"task": ("pan",), "design": HOUSE_ONCE} | changes)))
+
+
+def register(store: StudyStore) -> None:
+    """Everybody of the plan who is not registered; tokens are `token-p01` and so on."""
+    for person in store.plan.participants:
+        if store.code_of_token(token := f"token-{person.code}") is None:
+            store.add_participant(person, token_hash(token))
+
+
+def filled(folder: Path, config: StudyConfig | None = None) -> StudyStore:
+    """The store of a small study with everybody registered."""
+    store = open_small(folder, config)
+    register(store)
     return store
 
 
@@ -48,6 +80,26 @@ def opened(folder: Path) -> tuple[StudyStore, Trial]:
     trial = store.open_trial("p02", 1)
     store.append(trial.trial_id, trial.epoch, OPEN)
     return store, trial
+
+
+def begin_next(store: StudyStore, code: str) -> Trial | None:
+    """The participant's next trial with its first event; None where none is due."""
+    place = store.next_trial(code)
+    if place is None:
+        return None
+    trial = store.open_trial(code, place.order_no)
+    store.append(trial.trial_id, trial.epoch, OPEN)
+    return trial
+
+
+def do_next(store: StudyStore, code: str, *, reason: str = "giveup") -> EpisodeKey | None:
+    """The participant's next trial, ended with this reason; its episode."""
+    trial = begin_next(store, code)
+    if trial is None:
+        return None
+    store.append(trial.trial_id, trial.epoch, ENDS[reason])
+    store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
+    return trial.key
 
 
 def edit(folder: Path, sql: str) -> None:

@@ -1,4 +1,4 @@
-"""Who gets which episode while a study runs: leases, drop-outs, refills, open links, withdrawal."""
+"""Who gets which episode while a study runs: leases, drop-outs, refills and their order, open links, withdrawal."""
 
 import json
 import threading
@@ -6,53 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from human_study.design.plan import StudyScene
-from human_study.design.planning import make_plan
 from human_study.design.secrets import token_hash
 from human_study.journey import has_dropped_out
 from human_study.store.records import read_study
-from human_study.store.store import StudyStore, TrialEndedError, open_store
-from human_study.trial.events import Abandoned, Error, Moment
+from human_study.store.store import StudyStore, TrialEndedError
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd
-from sim.types import EpisodeKey
+from sim.types import SPLITS
 
 from .small_world import study
-from .stores import KEY, OPEN
-
-HOMES = ("A", "B", "C")
-
-
-def started(folder: Path, **changes: object) -> StudyStore:
-    """A study of three homes: p01 and p02 do one episode of each, p03 is spare."""
-    values = {
-        "task": ("pan",),
-        "design": {"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5},
-    }
-    config = study(**(values | changes))
-    keys = [EpisodeKey("easy", home, "0") for home in HOMES]
-    plan = make_plan(config, [StudyScene(name=home, kind="invented") for home in HOMES], keys)
-    store = open_store(folder, config, plan)
-    for person in plan.participants:
-        if store.code_of_token(person.code) is None:
-            store.add_participant(person, token_hash(person.code))
-    return store
-
-
-def do_next(store: StudyStore, code: str, *, reason: str = "giveup") -> EpisodeKey | None:
-    """The participant's next trial, ended with this reason; its episode."""
-    place = store.next_trial(code)
-    if place is None:
-        return None
-    trial = store.open_trial(code, place.order_no)
-    ends = {
-        "giveup": Moment(kind="giveup"),
-        "abandoned": Abandoned(away_s=1e4),
-        "technical": Error(message="x", is_fatal=True),
-    }
-    store.append_many(trial.trial_id, trial.epoch, [OPEN, ends[reason]])
-    store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
-    return trial.key
+from .stores import HOMES, KEY, begin_next, do_next, open_planned, plan_homes, started
 
 
 def homes_done(store: StudyStore, code: str) -> list[str]:
@@ -63,10 +26,8 @@ def homes_done(store: StudyStore, code: str) -> list[str]:
 def test_a_trial_that_is_due_stays_the_same_until_it_ends(tmp_path: Path) -> None:
     with started(tmp_path) as store:
         first = store.next_trial("p01")
-        assert first is not None
         store.open_trial("p01", first.order_no)
         again = store.next_trial("p01")
-        assert again is not None
         assert (again.order_no, again.key) == (first.order_no, first.key)
         assert [do_next(store, "p01") for _ in range(4)][-1] is None
         assert homes_done(store, "p01") == list(HOMES)
@@ -120,10 +81,7 @@ def test_a_technical_failure_is_queued_once_more(tmp_path: Path) -> None:
 
 def test_fifty_who_come_at_once_get_different_places(tmp_path: Path) -> None:
     config = study(task=("pan",), design={"kind": "crossed", "raters_per_episode": 50})
-    plan = make_plan(config, [StudyScene(name="A", kind="invented")], [EpisodeKey("easy", "A", "0")])
-    with open_store(tmp_path, config, plan) as store:
-        for person in plan.participants:
-            store.add_participant(person, token_hash(person.code))
+    with open_planned(tmp_path, config, plan_homes(config, "A")) as store:
         barrier, got = threading.Barrier(50), []
 
         def arrive() -> None:
@@ -135,7 +93,7 @@ def test_fifty_who_come_at_once_get_different_places(tmp_path: Path) -> None:
             thread.start()
         for thread in threads:
             thread.join()
-        assert sorted(got) == sorted(person.code for person in plan.participants)
+        assert sorted(got) == sorted(person.code for person in store.plan.participants)
         assert store.claim_person(None) is None
         slots = [(trial.key, trial.rep) for code in got for trial in store.trials(code)]
         assert len(set(slots)) == len(slots) == 50
@@ -164,10 +122,8 @@ def test_nobody_can_hold_an_episode_that_somebody_has(tmp_path: Path) -> None:
 def test_withdrawal_deletes_what_was_done_and_the_chain_still_verifies(tmp_path: Path) -> None:
     with started(tmp_path) as store:
         key = do_next(store, "p01")
-        place = store.next_trial("p01")
-        assert place is not None
-        running = store.open_trial("p01", place.order_no)
-        store.append_many(running.trial_id, running.epoch, [OPEN, KEY])
+        running = begin_next(store, "p01")
+        store.append(running.trial_id, running.epoch, KEY)
         backup = store.back_up()
         store.withdraw("p01")
         with pytest.raises(TrialEndedError, match="was given back"):
@@ -218,9 +174,7 @@ def test_no_trial_begins_before_consent(tmp_path: Path) -> None:
         store.give_consent("p02", "text", given=False)
         with pytest.raises(StudyError, match=r"has left \(declined\)"):
             store.next_trial("p02")
-        answer = store.participant("p02").consent
-        assert answer is not None
-        assert not answer.given
+        assert not store.participant("p02").consent.given
 
 
 def test_a_lost_key_is_an_error_and_not_a_withdrawal(tmp_path: Path) -> None:
@@ -238,3 +192,30 @@ def test_who_is_screened_out_gives_the_trials_to_others(tmp_path: Path) -> None:
         assert sorted(key.scene for key in iter(lambda: do_next(store, "p03"), None)) == list(HOMES)
         with pytest.raises(StudyError, match=r"has left \(screened_out\)"):
             store.next_trial("p01")
+
+
+def twelve_homes(folder: Path) -> StudyStore:
+    """An episode of each split in each home; p01 to p03 do one episode of each home and p04 is spare."""
+    config = study(task=("pan",), design={"kind": "house-once", "raters_per_episode": 1, "overbook": 1.3})
+    return open_planned(folder, config, plan_homes(config, "ABCDEFGHIJKL", splits=SPLITS))
+
+
+def test_who_comes_back_goes_on_in_the_order_of_the_plan(tmp_path: Path) -> None:
+    with twelve_homes(tmp_path) as store:
+        planned = [trial.key for trial in store.plan.participant("p01").trials]
+        done = [do_next(store, "p01") for _ in range(3)]
+        store.drop_out("p01", "away")
+        done += [do_next(store, "p01") for _ in range(9)]
+        assert done == planned
+        assert store.next_trial("p01") is None
+
+
+def test_a_spare_person_gets_easy_and_hard_episodes_mixed(tmp_path: Path) -> None:
+    with twelve_homes(tmp_path) as store:
+        for code in ("p01", "p02", "p03"):
+            store.drop_out(code, "away")
+        keys = [key for key in (do_next(store, "p04") for _ in range(12)) if key is not None]
+    assert len({key.scene for key in keys}) == 12
+    splits = [key.split for key in keys]
+    assert len(set(splits[:6])) >= 2
+    assert splits != sorted(splits, key=SPLITS.index)

@@ -10,15 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from human_study.design.secrets import token_hash
 from human_study.store.records import read_study
 from human_study.trial.events import Act
 from human_study.trial.session import PanSession
 from sim.types import Pose
 
 from .crash_writer import WALK, walk_until_killed
-from .small_world import SCENE_DIGEST, env, episode, plan, study
-from .stores import open_small
+from .small_world import SCENE_DIGEST, env, episode, study
+from .stores import filled
 
 Ack = tuple[int, int, Pose]
 
@@ -48,9 +47,7 @@ def left_over(pipe: Connection) -> list[Ack]:
 )
 def test_a_trial_survives_kills_at_random_instants(tmp_path: Path, kills: int) -> None:
     config = study()
-    with open_small(tmp_path, config) as store:
-        for person in plan(config, ("0",)).participants:
-            store.add_participant(person, token_hash(person.code))
+    filled(tmp_path, config).close()
     rng = np.random.default_rng(7)
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["tests.human_study.crash_writer"])

@@ -23,7 +23,7 @@ from human_study.trial.events import (
 from sim.errors import StudyError
 from sim.types import Action, GridSpec
 
-from .test_session import RAY
+from .trials import RAY
 
 VERSION_1 = (
     '{"t_s":0.0,"t_cli_ms":null,"kind":"open","task":"pan","split":"easy","scene":"room","episode_id":"0",'

@@ -21,9 +21,9 @@ from sim.errors import StudyError
 from sim.tasks.run_files import read_run
 from sim.types import Action
 
-from .finished import POINT, SUCCESS, TOO_FAR, do_trial, events_of, first_key, register, study_with_trials
+from .finished import POINT, SUCCESS, TOO_FAR, do_trial, events_of, first_key, study_with_trials
 from .small_world import SquareRoom, episode, study
-from .stores import edit, open_small
+from .stores import edit, filled, open_small
 
 
 def rows_of(out: Path, table: str) -> list[dict]:
@@ -60,8 +60,7 @@ def test_finished_trials_become_run_folders_like_those_of_agents(finished: Path)
 
 
 def test_a_golden_bot_gives_the_figures_computed_by_hand(tmp_path: Path) -> None:
-    with open_small(tmp_path / "study") as store:
-        register(store)
+    with filled(tmp_path / "study") as store:
         do_trial(store, "p02", 1, SUCCESS)
         do_trial(store, "p02", 2, TOO_FAR)
         do_trial(store, "p01", 1, POINT)
@@ -116,8 +115,7 @@ def test_the_same_records_give_the_same_bytes(folder: Path) -> None:
 
 
 def test_an_export_works_while_the_study_is_served_and_grows_with_it(tmp_path: Path) -> None:
-    with open_small(tmp_path / "study") as store:
-        register(store)
+    with filled(tmp_path / "study") as store:
         do_trial(store, "p02", 1, SUCCESS)
         (folder,) = export_study(tmp_path / "study", tmp_path / "out")
         before = read_run(folder)
@@ -130,8 +128,7 @@ def test_an_export_works_while_the_study_is_served_and_grows_with_it(tmp_path: P
 
 def test_giving_people_other_codes_changes_no_table(tmp_path: Path) -> None:
     two = study(task=("pan",), design={"kind": "crossed", "raters_per_episode": 2})
-    with open_small(tmp_path / "study", two) as store:
-        register(store)
+    with filled(tmp_path / "study", two) as store:
         do_trial(store, "p01", 1, SUCCESS)
         do_trial(store, "p02", 1, TOO_FAR)
         do_trial(store, "p02", 2, SUCCESS)
@@ -265,8 +262,7 @@ def test_a_folder_that_cannot_be_written_is_named(folder: Path) -> None:
 
 
 def test_giving_up_is_a_result_and_is_exported(tmp_path: Path) -> None:
-    with open_small(tmp_path / "study") as store:
-        register(store)
+    with filled(tmp_path / "study") as store:
         do_trial(store, "p02", 1, [Start(), Move(Action.RIGHT, "KeyD"), GiveUp(), GiveUp()])
         do_trial(store, "p01", 1, [Start(), GiveUp(), GiveUp()])
     folders = export_study(tmp_path / "study", tmp_path / "out")

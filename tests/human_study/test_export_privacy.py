@@ -11,9 +11,9 @@ from human_study.export.study_export import export_study
 from human_study.store.records import DATABASE_FILE, read_study
 from human_study.trial.events import Resized
 
-from .finished import POINT, SUCCESS, do_trial, events_of, register
+from .finished import POINT, SUCCESS, do_trial, events_of
 from .small_world import CANARY, study
-from .stores import open_small
+from .stores import filled
 
 NAME, ADDRESS, AGENT = "Wilhelmina-Canary", "203.0.113.77", "CanaryBrowser/99.5"
 PLATFORM_ID = "5f9canaryplatformid77"
@@ -29,8 +29,7 @@ def rows_of(out: Path, table: str) -> list[dict]:
 
 def test_planted_texts_of_stages_are_in_no_export(tmp_path: Path) -> None:
     """A stage that held a name by mistake would stay in the database: exports keep numbers and yes or no only."""
-    with open_small(tmp_path / "study") as store:
-        register(store)
+    with filled(tmp_path / "study") as store:
         detail = {"webgl2": True, "width": 1437, "height": 911, "agent": AGENT, "address": ADDRESS, "name": NAME}
         store.enter_stage("p02", "device_ok", detail | {"wrong": [NAME, NAME]})
         store.enter_stage(
@@ -47,8 +46,7 @@ def test_planted_texts_of_stages_are_in_no_export(tmp_path: Path) -> None:
 
 
 def test_the_database_and_its_backups_hold_no_plain_word_of_what_people_did(tmp_path: Path) -> None:
-    with open_small(tmp_path / "study") as store:
-        register(store)
+    with filled(tmp_path / "study") as store:
         trial = store.open_trial("p02", 1)
         events = events_of(trial.key, SUCCESS, task="pan")
         marked = [event.model_copy(update={"t_cli_ms": 777123.5}) for event in events]
@@ -66,8 +64,7 @@ def test_no_ground_truth_text_is_in_an_export(finished: Path) -> None:
 
 
 def test_a_platform_id_is_in_neither_as_text(tmp_path: Path) -> None:
-    with open_small(tmp_path / "study") as store:
-        register(store)
+    with filled(tmp_path / "study") as store:
         assert store.claim_person("ab" * 32) == "p01"
         store.enter_stage("p01", "arrived")
         do_trial(store, "p01", 1, POINT)
@@ -77,8 +74,7 @@ def test_a_platform_id_is_in_neither_as_text(tmp_path: Path) -> None:
 
 
 def test_sizes_of_windows_are_rounded(tmp_path: Path) -> None:
-    with open_small(tmp_path / "study") as store:
-        register(store)
+    with filled(tmp_path / "study") as store:
         trial = store.open_trial("p02", 1)
         events = [*events_of(trial.key, SUCCESS, task="pan")[:3], Resized(t_s=3.0, width=1450, height=850)]
         store.append_many(trial.trial_id, trial.epoch, events)
@@ -88,8 +84,7 @@ def test_sizes_of_windows_are_rounded(tmp_path: Path) -> None:
 
 
 def test_the_browser_clock_begins_anew_with_each_opening(tmp_path: Path) -> None:
-    with open_small(tmp_path / "study") as store:
-        register(store)
+    with filled(tmp_path / "study") as store:
         first = store.open_trial("p02", 1)
         events = events_of(first.key, SUCCESS, task="pan")
         clocks = [event.model_copy(update={"t_cli_ms": 5000.0 + 10 * place}) for place, event in enumerate(events[:4])]
@@ -105,8 +100,7 @@ def test_the_browser_clock_begins_anew_with_each_opening(tmp_path: Path) -> None
 @pytest.mark.parametrize("is_interrupted", [False, True])
 def test_nothing_but_a_count_is_left_of_people_who_withdrew(tmp_path: Path, is_interrupted: bool) -> None:
     config = study(task=("pan",), design={"kind": "crossed", "raters_per_episode": 2})
-    with open_small(tmp_path / "study", config) as store:
-        register(store)
+    with filled(tmp_path / "study", config) as store:
         do_trial(store, "p01", 1, SUCCESS)
         gone = do_trial(store, "p02", 1, SUCCESS)
         store.exclude("trial", gone, rule_id="disturbed", reason=NAME)
@@ -129,8 +123,7 @@ def test_nothing_but_a_count_is_left_of_people_who_withdrew(tmp_path: Path, is_i
 
 
 def test_a_withdrawal_in_the_middle_of_a_trial_leaves_a_chain_that_verifies_and_nothing_to_read(tmp_path: Path) -> None:
-    with open_small(tmp_path / "study") as store:
-        register(store)
+    with filled(tmp_path / "study") as store:
         trial = store.open_trial("p02", 1)
         store.append_many(trial.trial_id, trial.epoch, events_of(trial.key, SUCCESS, task="pan")[:5])
         backup = store.back_up()
@@ -149,8 +142,7 @@ def test_a_withdrawal_in_the_middle_of_a_trial_leaves_a_chain_that_verifies_and_
 
 def test_numbers_stay_when_somebody_withdraws(tmp_path: Path) -> None:
     config = study(task=("pan",), design={"kind": "crossed", "raters_per_episode": 4})
-    with open_small(tmp_path / "study", config) as store:
-        register(store)
+    with filled(tmp_path / "study", config) as store:
         for number, code in enumerate(("p01", "p02", "p03", "p04")):
             store.enter_stage(code, "arrived", {"mark": number})
         export_study(tmp_path / "study", tmp_path / "before")

@@ -4,21 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from human_study.design.plan import StudyScene
-from human_study.design.planning import make_plan
-from human_study.design.secrets import token_hash
 from human_study.export.verify import verify_trial
 from human_study.store.progress import SlotCount, study_progress
 from human_study.store.records import read_study
-from human_study.store.store import StudyStore, TrialEndedError, open_store
+from human_study.store.store import StudyStore, TrialEndedError
 from human_study.trial.events import Abandoned, Error, Moment
 from sim.tasks.run_files import Answer, EpisodeEnd
-from sim.types import EpisodeKey, TaskKind
+from sim.types import TaskKind
 
-from .finished import BEGUN, POINT, events_of, register, room
-from .small_world import ROOM, episode, study
-from .stores import OPEN, open_small
-from .test_assigning import do_next, started
+from .finished import BEGUN, POINT, events_of, room
+from .small_world import episode, plan, study
+from .stores import begin_next, do_next, filled, open_planned, plan_homes, started
 
 CROSSED = {"kind": "crossed", "raters_per_episode": 1}
 
@@ -26,20 +22,7 @@ CROSSED = {"kind": "crossed", "raters_per_episode": 1}
 def crossed(folder: Path, *, overbook: float = 1.0) -> StudyStore:
     """Everybody does the room's two episodes; p02 is spare where the plan has more people than needed."""
     config = study(task=("pan",), design=CROSSED | {"overbook": overbook})
-    plan = make_plan(config, [ROOM], [episode(name).key for name in ("0", "1")])
-    store = open_store(folder, config, plan)
-    for person in plan.participants:
-        store.add_participant(person, token_hash(person.code))
-    return store
-
-
-def begin_next(store: StudyStore, code: str) -> tuple[str, EpisodeKey]:
-    """The participant's next trial, begun: (trial id, episode)."""
-    place = store.next_trial(code)
-    assert place is not None
-    trial = store.open_trial(code, place.order_no)
-    store.append(trial.trial_id, trial.epoch, OPEN)
-    return trial.trial_id, trial.key
+    return open_planned(folder, config, plan(config, ("0", "1")))
 
 
 def ends(store: StudyStore, code: str) -> list[tuple[int, str | None, bool]]:
@@ -59,18 +42,17 @@ def slots(store: StudyStore) -> SlotCount:
 
 def test_who_leaves_in_mid_trial_for_good_has_abandoned_it(tmp_path: Path) -> None:
     with started(tmp_path) as store:
-        trial_id, key = begin_next(store, "p01")
+        trial = begin_next(store, "p01")
         assert store.drop_out("p01", "away") == 3
         assert store.drop_out("p01", "away") == 0
-        last = store.events(trial_id)[-1].event
+        last = store.events(trial.trial_id)[-1].event
         assert isinstance(last, Abandoned)
         assert last.t_s is None
         assert ends(store, "p01")[0] == (1, "abandoned", True)
         assert ends(store, "p01")[1:] == [(0, None, True)] * 2
         with pytest.raises(TrialEndedError, match="has ended"):
             store.open_trial("p01", 1)
-        given = {do_next(store, "p03") for _ in range(3)}
-        assert key in given
+        assert trial.key in {do_next(store, "p03") for _ in range(3)}
         assert store.check() >= 2
         with read_study(tmp_path) as reader:
             assert study_progress(reader, now_ns=0).people[0].num_abandoned == 1
@@ -78,27 +60,23 @@ def test_who_leaves_in_mid_trial_for_good_has_abandoned_it(tmp_path: Path) -> No
 
 def test_a_trial_that_was_opened_and_not_begun_is_only_given_back(tmp_path: Path) -> None:
     with started(tmp_path) as store:
-        place = store.next_trial("p01")
-        assert place is not None
-        store.open_trial("p01", place.order_no)
+        store.open_trial("p01", store.next_trial("p01").order_no)
         assert store.drop_out("p01", "away") == 3
         assert ends(store, "p01")[0] == (1, None, True)
 
 
 def test_an_end_that_waits_for_its_outcome_is_not_called_abandoned(tmp_path: Path) -> None:
     with started(tmp_path) as store:
-        trial_id, _ = begin_next(store, "p01")
-        epoch = store.events(trial_id)[-1].epoch
-        store.append(trial_id, epoch, Moment(kind="giveup"))
+        trial = begin_next(store, "p01")
+        store.append(trial.trial_id, trial.epoch, Moment(kind="giveup"))
         store.drop_out("p01", "away")
-        assert [stored.event.kind for stored in store.events(trial_id)] == ["open", "giveup"]
+        assert [stored.event.kind for stored in store.events(trial.trial_id)] == ["open", "giveup"]
         assert ends(store, "p01")[0] == (1, None, True)
 
 
 @pytest.mark.parametrize(("code", "task", "commands"), [("p02", "pan", BEGUN), ("p01", "pog", POINT[:2])])
 def test_what_was_abandoned_is_verified(tmp_path: Path, code: str, task: TaskKind, commands: list) -> None:
-    with open_small(tmp_path) as store:
-        register(store)
+    with filled(tmp_path) as store:
         trial = store.open_trial(code, 1)
         store.append_many(trial.trial_id, trial.epoch, events_of(trial.key, commands, task=task))
         store.drop_out(code, "away")
@@ -131,7 +109,7 @@ def test_where_a_spare_person_can_take_it_that_person_does(tmp_path: Path) -> No
 
 def test_who_comes_back_to_a_crossed_study_finds_the_abandoned_trial_again(tmp_path: Path) -> None:
     with crossed(tmp_path) as store:
-        _, key = begin_next(store, "p01")
+        key = begin_next(store, "p01").key
         assert store.drop_out("p01", "away") == 2
         assert store.drop_out("p01", "away") == 0
         assert {do_next(store, "p01"), do_next(store, "p01")} == {key, episode("1").key, episode("0").key}
@@ -150,11 +128,7 @@ def test_another_attempt_of_who_left_goes_to_a_spare_person(tmp_path: Path) -> N
 def house_once(folder: Path) -> StudyStore:
     """One episode, one person for it, and three spare people."""
     config = study(task=("pan",), design={"kind": "house-once", "raters_per_episode": 1, "overbook": 3.0})
-    plan = make_plan(config, [StudyScene(name="A", kind="invented")], [EpisodeKey("easy", "A", "0")])
-    store = open_store(folder, config, plan)
-    for person in plan.participants:
-        store.add_participant(person, token_hash(person.code))
-    return store
+    return open_planned(folder, config, plan_homes(config, "A"))
 
 
 def test_what_failed_twice_is_given_to_nobody_else(tmp_path: Path) -> None:
@@ -179,7 +153,7 @@ def test_leaving_is_no_failure_and_is_queued_again_each_time(tmp_path: Path) -> 
 
 def test_an_error_after_leaving_changes_no_end(tmp_path: Path) -> None:
     with started(tmp_path) as store:
-        trial_id, _ = begin_next(store, "p01")
+        trial = begin_next(store, "p01")
         store.drop_out("p01", "away")
         store.note_error("p01", "sent text")
-        assert not any(isinstance(stored.event, Error) for stored in store.events(trial_id))
+        assert not any(isinstance(stored.event, Error) for stored in store.events(trial.trial_id))

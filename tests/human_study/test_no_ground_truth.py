@@ -17,8 +17,7 @@ from sim.tasks.run_files import Measures, RuleMeasures
 from sim.types import Action, Task, TaskKind
 
 from .small_world import CANARY, SCENE_DIGEST, env, episode, study
-from .test_session import RAY
-from .trials import new_session
+from .trials import RAY, new_session
 
 View = LookView | PanView | PogView | RateView
 FORBIDDEN_NAMES = {"goal", "goals", "targets", "success", "captions", "extracted_summary", "owner", "measures", "dtg"}

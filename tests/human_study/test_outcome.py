@@ -22,8 +22,7 @@ from sim.types import TaskKind
 
 from .finished import room
 from .small_world import SquareRoom, episode
-from .test_session import FORWARD, RAY, drive, pan_session
-from .trials import driven, new_session
+from .trials import FORWARD, RAY, answer_of, drive, driven, new_session
 
 PIXEL = MapPixel(uv=(50.25, 100.75), origin_xz=(-3.0, -2.0), pixel_m=0.02, shape=(300, 400))
 UPSTAIRS = ClickRay(
@@ -54,13 +53,13 @@ def test_a_point_that_is_not_its_pixels_is_refused(hit: tuple[float, float, floa
     events = pointed(Click(UPSTAIRS, (0.0, 3.0, 0.0), pixel=PIXEL))
     events = [event.model_copy(update={"hit": hit}) if isinstance(event, Clicked) else event for event in events]
     with pytest.raises(StudyError, match="the place of its pixel"):
-        pog_outcome(events, episode(), storeys=[(0.0, 0.0)], participant="p01")
+        answer_of(events)
 
 
 def test_an_end_that_the_server_wrote_without_a_time_gives_an_answer_without_one() -> None:
     events = driven(new_session("pog", TrialTerms(condition="map_open")), [(Start(), 0.0)])
     events.append(Error(message="renderer died", is_fatal=True))
-    assert pog_outcome(events, episode(), storeys=[(0.0, 0.0)], participant="p01").t_s is None
+    assert answer_of(events).t_s is None
 
 
 @pytest.mark.parametrize("kind", ["pan", "pog"])
@@ -77,20 +76,20 @@ def test_a_failure_of_ours_and_somebody_who_never_came_back_have_no_measures(kin
         if kind == "pan":
             found = pan_outcome(events, episode(), navigation=SquareRoom(), participant="p01").end
         else:
-            found = pog_outcome(events, episode(), storeys=[(0.0, 0.0)], participant="p01")
+            found = answer_of(events)
         assert (found.measures is not None) == is_scored, end
         verified = verify_trial(events, found, episode().key, home=room(), participant="p01")
         assert (verified.status, verified.detail) == ("verified", "")
 
 
 def test_without_a_look_the_task_begins_with_the_trial() -> None:
-    events = drive(pan_session(), [FORWARD, FORWARD])
+    events = drive(new_session("pan"), [FORWARD, FORWARD])
     assert task_began_s(events) == 0.0
     assert [step.t_s for step in walked_steps(events)] == [0.5, 1.0]
 
 
 def test_the_first_end_counts() -> None:
-    events = drive(pan_session(max_steps=1), [FORWARD])
+    events = drive(new_session("pan", max_steps=1), [FORWARD])
     end = trial_end([*events, Error(message="late", is_fatal=True)])
     assert end is not None
     assert end[1] == "steps"

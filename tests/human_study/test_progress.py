@@ -8,9 +8,6 @@ from typing import Any
 
 import pytest
 
-from human_study.design.plan import StudyScene
-from human_study.design.planning import make_plan
-from human_study.design.secrets import token_hash
 from human_study.store.progress import (
     MOST_TIMES,
     STUCK_AFTER_S,
@@ -20,18 +17,14 @@ from human_study.store.progress import (
     study_progress,
 )
 from human_study.store.records import read_study
-from human_study.store.store import StudyStore, open_store
-from human_study.trial.events import Error, Moment
 from sim.tasks.run_files import EpisodeEnd
-from sim.types import EpisodeKey
 
 from .finished import study_with_trials
-from .small_world import CANARY, study
-from .stores import KEY, OPEN, edit, filled, opened
+from .small_world import CANARY
+from .stores import KEY, do_next, edit, filled, opened, started
 
 S = 10**9
 FLOW = {"flow": ("device", "consent", "instructions", "quiz")}
-HOUSE_ONCE = {"task": ("pan",), "design": {"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5}}
 
 
 def progress_of(folder: Path, *, after_s: float = 0.0) -> StudyProgress:
@@ -48,27 +41,6 @@ def progress_of(folder: Path, *, after_s: float = 0.0) -> StudyProgress:
 def person(folder: Path, code: str, *, after_s: float = 0.0) -> PersonProgress:
     """One participant's."""
     return next(known for known in progress_of(folder, after_s=after_s).people if known.code == code)
-
-
-def started(folder: Path, **changes: object) -> StudyStore:
-    """Three homes; under house-once p01 and p02 do one episode of each and p03 is spare."""
-    config = study(**changes)
-    homes = [StudyScene(name=name, kind="invented") for name in ("A", "B", "C")]
-    plan = make_plan(config, homes, [EpisodeKey("easy", home.name, "0") for home in homes])
-    store = open_store(folder, config, plan)
-    for known in plan.participants:
-        store.add_participant(known, token_hash(known.code))
-    return store
-
-
-def do_next(store: StudyStore, code: str, reason: str = "giveup") -> None:
-    """The participant's next trial, ended with this reason."""
-    place = store.next_trial(code)
-    assert place is not None
-    trial = store.open_trial(code, place.order_no)
-    end = Error(message="x", is_fatal=True) if reason == "technical" else Moment(kind="giveup")
-    store.append_many(trial.trial_id, trial.epoch, [OPEN, end])
-    store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
 
 
 def leaves(value: object, path: str = "") -> Iterator[tuple[str, object]]:
@@ -157,7 +129,7 @@ WAY: list[tuple[tuple[str, dict[str, Any]], str]] = [
 
 
 def test_every_stage_has_its_place(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE, **FLOW) as store:
+    with started(tmp_path, **FLOW) as store:
         with read_study(tmp_path) as reader:
             before = study_progress(reader, now_ns=0).people[0]
         places = []
@@ -177,7 +149,7 @@ def test_who_is_out_is_shown_as_out(tmp_path: Path, stage: str) -> None:
 
 
 def test_withdrawn_and_dropped_out_people_give_their_slots_back(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         do_next(store, "p01")
         do_next(store, "p02")
         store.withdraw("p01")
@@ -192,7 +164,7 @@ def test_withdrawn_and_dropped_out_people_give_their_slots_back(tmp_path: Path) 
 
 
 def test_a_spare_person_who_takes_over_is_counted_from_then_on(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         store.drop_out("p01", "away")
         do_next(store, "p03")
         found = progress_of(tmp_path)
@@ -202,10 +174,10 @@ def test_a_spare_person_who_takes_over_is_counted_from_then_on(tmp_path: Path) -
 
 
 def test_two_failures_of_ours_in_one_trial_are_said_and_not_done(tmp_path: Path) -> None:
-    with started(tmp_path, task=("pan",)) as store:
-        do_next(store, "p01", "technical")
+    with started(tmp_path, design={"kind": "crossed", "raters_per_episode": 1}) as store:
+        do_next(store, "p01", reason="technical")
         assert progress_of(tmp_path).slots[0].num_held == 3
-        do_next(store, "p01", "technical")
+        do_next(store, "p01", reason="technical")
         found = progress_of(tmp_path)
     assert found.slots[0] == SlotCount("pan", "none", "easy", num_done=0, num_held=2, num_free=0, num_failed=1)
     assert (found.people[0].num_technical, found.people[0].num_done, found.people[0].trial_no) == (2, 0, 2)

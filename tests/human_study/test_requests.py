@@ -22,17 +22,16 @@ from human_study.store.requests import (
 from human_study.store.store import StudyStore, TrialEndedError, open_store
 from sim.errors import StudyError
 
-from .finished import SUCCESS, do_trial, register
+from .finished import SUCCESS, do_trial
 from .small_world import episode, plan, study
-from .stores import KEY, OPEN, open_small
+from .stores import KEY, OPEN, filled
 
 
 def prepared(folder: Path) -> StudyStore:
     """A served study in which p02 has done a trial."""
     save_study(folder, study())
     save_plan(folder, plan(study()))
-    store = open_small(folder)
-    register(store)
+    store = filled(folder)
     do_trial(store, "p02", 1, SUCCESS)
     return store
 

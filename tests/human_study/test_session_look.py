@@ -17,14 +17,27 @@ from human_study.trial.commands import (
     Tick,
 )
 from human_study.trial.events import Act, MapOff, MapOn, TimedOut
-from human_study.trial.outcome import pan_outcome, pog_outcome, task_began_s
+from human_study.trial.outcome import task_began_s
 from human_study.trial.terms import Look, TrialTerms, terms_of
 from human_study.trial.views import LookView, PanView, PogView
 from sim.types import Action, TaskKind
 
-from .small_world import SquareRoom, episode, study
-from .test_session import FORWARD, LEFT, RAY
-from .trials import HOME_LOOK, MAP_LOOK, driven, kinds, new_session, rebuilt_session, resumed
+from .small_world import study
+from .trials import (
+    FORWARD,
+    HOME_LOOK,
+    LEFT,
+    MAP_LOOK,
+    RAY,
+    answer_of,
+    begun,
+    driven,
+    kinds,
+    new_session,
+    rebuilt_session,
+    resumed,
+    run_of,
+)
 
 LOOKS: list[tuple[TaskKind, TrialTerms]] = [("pan", MAP_LOOK), ("pog", HOME_LOOK)]
 
@@ -44,8 +57,7 @@ def test_a_look_comes_first_and_says_what_is_shown_and_for_how_long(kind: TaskKi
 
 @pytest.mark.parametrize(("kind", "terms"), LOOKS)
 def test_the_map_cannot_be_left_before_the_shortest_look(kind: TaskKind, terms: TrialTerms) -> None:
-    session = new_session(kind, terms)
-    session.handle(Start(), 0.0)
+    session = begun(kind, terms)
     early = session.handle(CloseMap(), 4.9)
     assert early.events[0].reason == "too_early"  # type: ignore[union-attr]
     assert isinstance(early.view, LookView)
@@ -112,7 +124,7 @@ def test_the_steps_of_a_walk_are_timed_from_the_robots_first_picture() -> None:
     session = new_session("pan", MAP_LOOK)
     stop = [(PressStop(), 45.0), (PressStop(), 46.0)]
     events = driven(session, [(Start(), 0.0), (CloseMap(), 42.0), (LEFT, 43.0), (FORWARD, 44.5), *stop])
-    run = pan_outcome(events, episode(), navigation=SquareRoom(), participant="p02")
+    run = run_of(events)
     assert [step.t_s for step in run.steps] == [1.0, 2.5, 4.0]
     assert [event.t_s for event in events if isinstance(event, Act)] == [43.0, 44.5, 46.0]
     assert task_began_s(events) == 42.0
@@ -123,7 +135,7 @@ def test_a_pog_answer_is_timed_from_the_texts() -> None:
     events = driven(
         session, [(Start(), 0.0), (CloseMap(), 20.0), (Click(RAY, (-2.0, 0.5, 0.0)), 27.0), (Confirm(), 30.5)]
     )
-    answer = pog_outcome(events, episode(), storeys=[(0.0, 0.0)], participant="p01")
+    answer = answer_of(events)
     assert (answer.t_s, answer.reason) == (10.5, "click")
 
 
@@ -195,8 +207,7 @@ def test_a_look_that_was_over_when_the_person_left_is_not_shown_again() -> None:
     ],
 )
 def test_a_lost_webgl_context_ends_only_what_it_draws(kind: TaskKind, terms: TrialTerms, is_fatal: bool) -> None:
-    session = new_session(kind, terms)
-    session.handle(Start(), 0.0)
+    session = begun(kind, terms)
     update = session.handle(PageChanged("context_lost", t_cli_ms=7.0), 1.0)
     assert kinds(update.events) == (["context_lost", "error"] if is_fatal else ["context_lost"])
     assert session.end_reason == ("technical" if is_fatal else None)
@@ -232,7 +243,7 @@ def test_a_step_that_comes_after_the_time_limit_is_not_taken() -> None:
     session = new_session("pan", TrialTerms(condition="none", task_max_s=10.0))
     events = driven(session, [(Start(), 0.0), (LEFT, 9.9), (FORWARD, 10.0), (FORWARD, 11.0)])
     assert kinds(events) == ["open", "shown", "key", "act", "shown", "timeout"]
-    run = pan_outcome(events, episode(), navigation=SquareRoom(), participant="p02")
+    run = run_of(events)
     assert (len(run.steps), run.end.reason) == (1, "timeout")
     assert run.end.measures is not None
     assert run.end.measures.rules["paper"] is not None
@@ -242,7 +253,7 @@ def test_a_step_that_comes_after_the_time_limit_is_not_taken() -> None:
 def test_a_mark_that_was_not_confirmed_in_time_is_no_answer() -> None:
     session = new_session("pog", TrialTerms(condition="map_open", task_max_s=10.0))
     events = driven(session, [(Start(), 0.0), (Click(RAY, (-2.0, 0.5, 0.0)), 5.0), (Tick(), 10.5)])
-    answer = pog_outcome(events, episode(), storeys=[(0.0, 0.0)], participant="p01")
+    answer = answer_of(events)
     assert (answer.reason, answer.candidates, answer.t_s) == ("timeout", (), 10.5)
 
 
@@ -258,8 +269,7 @@ def test_time_away_does_not_use_up_the_time_limit() -> None:
     ("second_s", "kind"), [(1.2, "dropped"), (1.5, "giveup"), (6.0, "giveup"), (6.1, "giveup_armed")]
 )
 def test_giving_up_asks_once_again(second_s: float, kind: str) -> None:
-    session = new_session("pan", TrialTerms(condition="none"))
-    session.handle(Start(), 0.0)
+    session = begun("pan", TrialTerms(condition="none"))
     first = session.handle(GiveUp(), 1.0)
     assert kinds(first.events) == ["giveup_armed"]
     assert first.view.is_giving_up  # type: ignore[union-attr]
@@ -268,8 +278,7 @@ def test_giving_up_asks_once_again(second_s: float, kind: str) -> None:
 
 
 def test_an_unanswered_question_about_giving_up_goes_away_by_itself() -> None:
-    session = new_session("pog", TrialTerms(condition="map_open"))
-    session.handle(Start(), 0.0)
+    session = begun("pog", TrialTerms(condition="map_open"))
     session.handle(GiveUp(), 1.0)
     wait_s = session.wait_s(1.0)
     assert wait_s == pytest.approx(5.0, abs=0.1)

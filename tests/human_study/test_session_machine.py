@@ -31,8 +31,7 @@ from human_study.trial.terms import Look, TrialTerms
 from human_study.trial.views import LookView, PanView, PogView, RateView
 from sim.types import Action
 
-from .test_session import RAY
-from .trials import new_session, rebuilt_session
+from .trials import RAY, new_session, rebuilt_session
 
 MAX_STEPS = 6
 TERMS = st.sampled_from(

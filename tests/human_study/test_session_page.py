@@ -17,13 +17,11 @@ from human_study.trial.commands import (
     Tick,
 )
 from human_study.trial.events import Confidence, Net, Resized
-from human_study.trial.outcome import end_reason, pan_outcome, pog_outcome
+from human_study.trial.outcome import end_reason
 from human_study.trial.terms import TrialTerms
 from human_study.trial.views import PanView, PogView, RateView
 
-from .small_world import SquareRoom, episode
-from .test_session import LEFT, RAY
-from .trials import driven, kinds, new_session, rebuilt_session, resumed
+from .trials import LEFT, RAY, answer_of, begun, driven, kinds, new_session, rebuilt_session, resumed, run_of
 
 ASKING = TrialTerms(condition="map_open", asks_confidence=True)
 STOPPED = [(Start(), 0.0), (LEFT, 1.0), (PressStop(), 2.0), (PressStop(), 3.0)]
@@ -53,8 +51,7 @@ def test_round_trips_are_kept() -> None:
 
 
 def test_a_round_trip_that_is_no_number_is_refused() -> None:
-    session = new_session("pog", TrialTerms(condition="map_open"))
-    session.handle(Start(), 0.0)
+    session = begun("pog", TrialTerms(condition="map_open"))
     with pytest.raises(ValueError, match="finite"):
         session.handle(Measure(float("nan")), 1.0)
 
@@ -78,7 +75,7 @@ def test_who_has_answered_is_asked_how_sure_the_answer_is() -> None:
     assert isinstance(update.view, PanView)
     assert update.view.is_over
     assert session.handle(Rate(5), 6.0).events == ()
-    run = pan_outcome([*events, *update.events], episode(), navigation=SquareRoom(), participant="p02")
+    run = run_of([*events, *update.events])
     assert (run.end.reason, [step.t_s for step in run.steps]) == ("stop", [1.0, 3.0])
 
 
@@ -86,7 +83,7 @@ def test_the_question_changes_neither_answer_nor_time() -> None:
     session = new_session("pog", ASKING)
     events = driven(session, [(Start(), 0.0), (Click(RAY, (-2.0, 0.5, 0.0)), 6.0), (Confirm(), 8.0), (Rate(1), 20.0)])
     assert kinds(events) == ["open", "click", "confirm", "confidence"]
-    assert pog_outcome(events, episode(), storeys=[(0.0, 0.0)], participant="p01").t_s == 8.0
+    assert answer_of(events).t_s == 8.0
 
 
 @pytest.mark.parametrize("ending", [[(GiveUp(), 1.0), (GiveUp(), 2.0)], [(Fail("renderer died"), 1.0)]])

@@ -11,35 +11,18 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, multiple, precondition, rule
 
-from human_study.design.plan import StudyPlan, StudyScene
-from human_study.design.planning import make_plan
-from human_study.design.secrets import token_hash
-from human_study.design.study import StudyConfig
 from human_study.store.progress import study_progress
 from human_study.store.records import StudyReader, read_study
-from human_study.store.store import StudyStore, SupersededError, Trial, TrialEndedError, open_store
+from human_study.store.store import StudyStore, SupersededError, Trial, TrialEndedError
 from human_study.trial.events import Shown
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd
-from sim.types import EpisodeKey
 
-from .small_world import study
-from .stores import OPEN
+from .stores import OPEN, started
 
-HOMES = ("A", "B", "C")
 CODES = st.sampled_from(["p01", "p02", "p03"])
 REASONS = st.sampled_from(["stop", "giveup", "abandoned", "technical"])
-
-
-def three_homes() -> tuple[StudyConfig, StudyPlan]:
-    """A study in which p01 and p02 have an episode in each of three homes, and p03 is spare."""
-    config = study(
-        task=("pan",),
-        design={"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5},
-        flow=("consent", "instructions"),
-    )
-    homes = [StudyScene(name=home, kind="invented") for home in HOMES]
-    return config, make_plan(config, homes, [EpisodeKey("easy", home, "0") for home in HOMES])
+FLOW = ("consent", "instructions")
 
 
 class StoreMachine(RuleBasedStateMachine):
@@ -50,7 +33,6 @@ class StoreMachine(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.folder = Path(tempfile.mkdtemp(prefix="store-machine-"))
-        self.config, self.plan = three_homes()
         self.store: StudyStore | None = None
         self.steps: dict[str, list[int]] = defaultdict(list)
         """Acknowledged events of each trial."""
@@ -71,13 +53,10 @@ class StoreMachine(RuleBasedStateMachine):
 
     @initialize()
     def begin(self) -> None:
-        self.store = self._opened()
-        for person in self.plan.participants:
-            self.store.add_participant(person, token_hash(person.code))
+        self.store = started(self.folder, flow=FLOW)
 
     @rule(code=CODES, given=st.booleans())
     def answer_about_consent(self, code: str, given: bool) -> None:
-        assert self.store is not None
         self.store.give_consent(code, "text", given=given)
         self.consent[code] = given
         if not given:
@@ -86,7 +65,6 @@ class StoreMachine(RuleBasedStateMachine):
     @rule(target=trials, code=CODES)
     def go_on(self, code: str) -> Trial | object:
         """The participant's next trial in a new tab; refused without consent and for those who left."""
-        assert self.store is not None
         try:
             due = self.store.next_trial(code)
             if due is None:
@@ -107,7 +85,6 @@ class StoreMachine(RuleBasedStateMachine):
     @rule(trial=trials, count=st.integers(1, 3))
     def write(self, trial: Trial, count: int) -> None:
         """Events of a tab; only the newest of a running trial may write, and all or none are stored."""
-        assert self.store is not None
         steps = [next(self.numbers) for _ in range(count)]
         first = [] if self.steps[trial.trial_id] else [OPEN]
         shown = [Shown(step=step, frame_hash=None) for step in steps]
@@ -123,7 +100,6 @@ class StoreMachine(RuleBasedStateMachine):
     @rule(trial=trials, reason=REASONS)
     def finish(self, trial: Trial, reason: str) -> None:
         """The first end stays, whoever tells another one later."""
-        assert self.store is not None
         first = self.outcomes.get(trial.trial_id)
         try:
             stored = self.store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
@@ -140,7 +116,6 @@ class StoreMachine(RuleBasedStateMachine):
     @rule(code=CODES)
     def leave(self, code: str) -> None:
         """What was under way is abandoned, and what was not begun has no end."""
-        assert self.store is not None
         with read_study(self.folder) as reader:
             running = [
                 trial.trial_id for trial in reader.trials(code) if trial.trial_id and trial.is_due and trial.attempt
@@ -153,7 +128,6 @@ class StoreMachine(RuleBasedStateMachine):
     @precondition(lambda self: not self.withdrawn)
     @rule(code=CODES)
     def withdraw(self, code: str) -> None:
-        assert self.store is not None
         self.store.withdraw(code)
         self.withdrawn.add(code)
         self.out.add(code)
@@ -161,7 +135,6 @@ class StoreMachine(RuleBasedStateMachine):
     @rule()
     def crash(self) -> None:
         """The program ends without closing anything; a new one opens the same files."""
-        assert self.store is not None
         # what SQLite and the lock would keep of a killed process is nothing: give the files up as they are
         survivors = {path.name: path.read_bytes() for path in self.folder.iterdir() if path.name != "study.db-shm"}
         self.store.close()
@@ -169,7 +142,7 @@ class StoreMachine(RuleBasedStateMachine):
         self.folder.mkdir()
         for name, content in survivors.items():
             (self.folder / name).write_bytes(content)
-        self.store = self._opened()
+        self.store = started(self.folder, flow=FLOW)
 
     @invariant()
     def promises_hold(self) -> None:
@@ -214,9 +187,6 @@ class StoreMachine(RuleBasedStateMachine):
             status = [known for known in reader.trials(trial.code) if known.trial_id == trial.trial_id]
         return status[0].has_ended or status[0].is_released
 
-    def _opened(self) -> StudyStore:
-        return open_store(self.folder, self.config, self.plan)
-
 
 def _check_slots(reader: StudyReader) -> None:
     """One live holder of each episode, condition and repetition."""
@@ -246,14 +216,11 @@ def test_whoever_writes_first_the_same_is_kept(tmp_path: Path) -> None:
 
 def _kept_after(folder: Path, codes: list[str]) -> list[tuple[object, ...]]:
     """What is stored when these people do their next trials in this order."""
-    config, plan = three_homes()
-    with open_store(folder, config, plan) as store:
-        for person in plan.participants:
-            store.add_participant(person, token_hash(person.code))
+    with started(folder, flow=FLOW) as store:
+        for person in store.plan.participants:
             store.give_consent(person.code, "text", given=True)
         for code in codes:
             due = store.next_trial(code)
-            assert due is not None
             trial = store.open_trial(code, due.order_no)
             store.append_many(trial.trial_id, trial.epoch, [Shown(step=due.order_no, frame_hash=None)])
             store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
@@ -261,17 +228,9 @@ def _kept_after(folder: Path, codes: list[str]) -> list[tuple[object, ...]]:
     with read_study(folder) as reader:
         return [
             (
-                trial.code,
-                trial.key,
-                trial.attempt,
-                trial.outcome,
-                trial.prior_visits_scene,
-                *_events(reader, trial.trial_id),
+                *(trial.code, trial.key, trial.attempt, trial.outcome, trial.prior_visits_scene),
+                *(line.event for line in reader.events(trial.trial_id or "")),
             )
             for code in ("p01", "p02")
             for trial in reader.trials(code)
         ]
-
-
-def _events(reader: StudyReader, trial_id: str | None) -> list[object]:
-    return [line.event for line in reader.events(trial_id or "")]

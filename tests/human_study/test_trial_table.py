@@ -16,7 +16,7 @@ from sim.types import Action
 
 from .finished import SUCCESS, TOO_FAR, do_trial, events_of, study_with_trials
 from .small_world import plan, study
-from .stores import OPEN, edit, open_small, rows_of
+from .stores import OPEN, edit, filled, open_small, rows_of
 
 
 def hidden(t_s: float) -> Event:
@@ -83,9 +83,7 @@ def test_practice_and_attention_trials_are_in_the_table_and_never_counted(tmp_pa
 
 
 def test_rules_of_person_and_trial_are_told_once_each(tmp_path: Path) -> None:
-    with open_small(tmp_path) as store:
-        for person in store.plan.participants:
-            store.add_participant(person, token_hash(person.code))
+    with filled(tmp_path) as store:
         trial_id = do_trial(store, "p02", 1, TOO_FAR)
         store.exclude("participant", "p02", rule_id="attention", reason="two of two missed")
         store.exclude("trial", trial_id, rule_id="disturbed", reason="telephone")
@@ -155,9 +153,7 @@ def test_a_page_in_the_background_for_too_long_is_flagged(tmp_path: Path) -> Non
     away = [(hidden(1.0), visible(61.0)), (hidden(1.0), visible(61.5))]
     for limit_s, flags in ((60.0, [False, True]), (None, [False, False]), (0.0, [True, True])):
         folder = tmp_path / str(limit_s)
-        with open_small(folder, study(hidden_max_s=limit_s)) as store:
-            for person in store.plan.participants:
-                store.add_participant(person, token_hash(person.code))
+        with filled(folder, study(hidden_max_s=limit_s)) as store:
             for number, pair in enumerate(away, start=1):
                 trial = store.open_trial("p02", number)
                 store.append_many(trial.trial_id, trial.epoch, begun(*pair))

@@ -15,9 +15,9 @@ from human_study.trial.outcome import has_begun, technical_outcome
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import TaskKind
 
-from .finished import POINT, SUCCESS, do_trial, register, room
+from .finished import POINT, SUCCESS, do_trial, room
 from .small_world import episode
-from .stores import open_small, rows_of
+from .stores import filled, rows_of
 
 NOTE = Error(message="connection closed: sent text", is_fatal=False)
 BROKEN = Error(message="the home cannot be opened", is_fatal=True)
@@ -27,8 +27,7 @@ BROKEN = Error(message="the home cannot be opened", is_fatal=True)
 def stray(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     """A study in which p02's second trial failed before it began."""
     folder = tmp_path / "study"
-    with open_small(folder) as store:
-        register(store)
+    with filled(folder) as store:
         do_trial(store, "p01", 1, POINT)
         do_trial(store, "p02", 1, SUCCESS)
         trial = store.open_trial("p02", 2)
@@ -78,8 +77,7 @@ def test_any_other_end_before_the_beginning_fails() -> None:
 
 
 def test_an_error_of_the_connection_waits_for_the_trial_to_begin(tmp_path: Path) -> None:
-    with open_small(tmp_path) as store:
-        register(store)
+    with filled(tmp_path) as store:
         trial = store.open_trial("p02", 1)
         store.note_error("p02", "sent text")
         assert store.events(trial.trial_id) == ()

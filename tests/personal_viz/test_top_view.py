@@ -16,7 +16,7 @@ from sim.mesh import FLAT, Scene, SceneObject, TriangleMesh
 from sim.types import GridSpec
 
 from ..human_study.small_world import HALF, SquareRoom
-from ..human_study.test_session import RAY
+from ..human_study.trials import RAY
 
 GREY, RED, BLUE = (120, 120, 120), (200, 30, 30), (20, 40, 220)
 VIEW = TopView(GridSpec((-4.0, -3.0), 0.02, (300, 400)), 3.0, "Storey 1 of 1", b"")
