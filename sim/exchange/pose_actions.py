@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 from sim.errors import RunFileError, short
 from sim.frames import wrap_angle
@@ -25,16 +25,12 @@ _STILL = 1e-6
 """Metres and radians below which a robot has not moved."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Walk:
-    """A start and the actions from it."""
+class _Walk(NamedTuple):
+    """The states of a robot, and the actions between them."""
 
-    start: Pose
-    actions: tuple[Action, ...]
-    poses: tuple[Pose, ...]
-    """The pose after each action."""
-    rows: tuple[int, ...]
-    """The row of each pose after an action."""
+    states: list[tuple[Pose, int]]
+    """Each pose with its row; one more than there are actions."""
+    actions: list[Action]
 
 
 def run_from_poses(
@@ -52,14 +48,19 @@ def run_from_poses(
     if reading.free is not None:
         walk = _free_walk(poses, stops=bool(actions) and actions[-1] is Action.STOP)
     elif actions is None:
-        walk = _inferred_walk(table, reading, poses)
+        found = [
+            _inferred(table.wheres[row], *poses[row - 1 : row + 1], rounding=reading.rounding)
+            for row in range(1, len(poses))
+        ]
+        walk = _Walk(_states(poses), found)
     else:
         walk = _given_walk(table, reading, poses, actions, start)
     if not tells_tilt(table, reading):
         walk = _with_counted_tilt(walk)
-    max_steps = reading.free.max_steps if reading.free else MAX_STEPS
     walk = _ended(table, reading, walk, is_told=actions is not None)
-    has_stopped = bool(walk.actions) and walk.actions[-1] is Action.STOP
+    (first, _), *states = walk.states
+    max_steps = reading.free.max_steps if reading.free else MAX_STEPS
+    has_stopped = walk.actions[-1:] == [Action.STOP]
     reason: EndReason = "stop" if has_stopped else "steps" if len(walk.actions) == max_steps else "abandoned"
     sliding = table.facts.get("allow_sliding")
     times = _times(table)
@@ -68,19 +69,18 @@ def run_from_poses(
             split=key.split,
             scene=key.scene,
             episode_id=key.episode_id,
-            position=walk.start.position,
-            yaw=walk.start.yaw,
+            position=first.position,
+            yaw=first.yaw,
             motion="free" if reading.free else "paper",
             allow_sliding=reading.allow_sliding if sliding is None else truth_of(table.where, "allow_sliding", sliding),
         ),
         steps=tuple(
             Step(action=action, position=pose.position, yaw=pose.yaw, tilt=pose.tilt, t_s=times[row])
-            for action, pose, row in zip(walk.actions, walk.poses, walk.rows, strict=True)
+            for action, (pose, row) in zip(walk.actions, states, strict=True)
         ),
         end=EpisodeEnd(reason=reason),
     )
-    wheres = (table.wheres[0], *(table.wheres[row] for row in walk.rows), table.wheres[-1])
-    return wheres, run
+    return (table.wheres[0], *(table.wheres[row] for _, row in states), table.wheres[-1]), run
 
 
 def _given_actions(table: PoseTable) -> list[Action | None] | None:
@@ -136,10 +136,11 @@ def _given_walk(
             f"{table.wheres[row]}: found no action; expected one in every row but the first (pose after the action) or "
             "the last (pose before it). Write the row again."
         )
+    states = _states(poses)
     if not is_full:
-        return _Walk(poses[0], tuple(named), tuple(poses[1:]), tuple(range(1, count)))
+        return _Walk(states, named)
     if rows == "after-action":
-        return _Walk(start, tuple(named), tuple(poses), tuple(range(count)))
+        return _Walk([(start, 0), *states], named)
     if rows is None:
         raise RunFileError(
             f"{table.where}: every row has an action, and nothing says whether a row's pose is before or after it; "
@@ -150,46 +151,36 @@ def _given_walk(
             f"{table.wheres[-1]}: the last action is {named[-1].value!r} and the pose after it is missing; expected "
             "'stop', or one more row. Leave the last action empty to end the run before it."
         )
-    return _Walk(poses[0], tuple(named), (*poses[1:], poses[-1]), (*range(1, count), count - 1))
+    return _Walk([*states, states[-1]], named)
 
 
-def _inferred_walk(table: PoseTable, reading: PoseReading, poses: Sequence[Pose]) -> _Walk:
-    actions = []
-    for row in range(1, len(poses)):
-        action = _inferred(poses[row - 1], poses[row], rounding=reading.rounding)
-        if action is None:
-            before, after = poses[row - 1], poses[row]
-            turned, tilted = wrap_angle(after.yaw - before.yaw), wrap_angle(after.tilt - before.tilt)
-            raise RunFileError(
-                f"{table.wheres[row]}: moved {math.dist(before.position, after.position):.3f} m, turned "
-                f"{math.degrees(turned):.1f} and tilted {math.degrees(tilted):.1f} degrees since the row before; "
-                "expected one action: a move of 0.25 m or less, or a turn or look of 30 degrees. "
-                "Runs with other actions are imported with --motion free."
-            )
-        actions.append(action)
-    return _Walk(poses[0], tuple(actions), tuple(poses[1:]), tuple(range(1, len(poses))))
+def _states(poses: Sequence[Pose]) -> list[tuple[Pose, int]]:
+    return [(pose, row) for row, pose in enumerate(poses)]
 
 
-def _inferred(before: Pose, after: Pose, *, rounding: float) -> Action | None:
-    """The only action that can lead from one pose to the next, or None.
+def _inferred(where: str, before: Pose, after: Pose, *, rounding: float) -> Action:
+    """The only action that can lead from one pose to the next.
 
     A robot that does not move has walked against a wall: every other action that poses can show changes the pose.
     (Looks show only where the file has the tilt.) `check_steps` checks whether a move is possible.
     """
+    moved = math.dist(before.position, after.position)
     turned, tilted = wrap_angle(after.yaw - before.yaw), wrap_angle(after.tilt - before.tilt)
-    if abs(turned) <= ANGLE_TOLERANCE and abs(tilted) <= ANGLE_TOLERANCE:
-        return Action.FORWARD
-    if math.dist(before.position, after.position) > rounding:
-        return None
     for action, turn, tilt in (
+        (Action.FORWARD, 0.0, 0.0),
         (Action.LEFT, TURN_STEP, 0.0),
         (Action.RIGHT, -TURN_STEP, 0.0),
         (Action.LOOK_UP, 0.0, TURN_STEP),
         (Action.LOOK_DOWN, 0.0, -TURN_STEP),
     ):
-        if abs(wrap_angle(turned - turn)) <= ANGLE_TOLERANCE and abs(wrap_angle(tilted - tilt)) <= ANGLE_TOLERANCE:
+        is_turned = max(abs(wrap_angle(turned - turn)), abs(wrap_angle(tilted - tilt))) <= ANGLE_TOLERANCE
+        if is_turned and (action is Action.FORWARD or moved <= rounding):
             return action
-    return None
+    raise RunFileError(
+        f"{where}: moved {moved:.3f} m, turned {math.degrees(turned):.1f} and tilted {math.degrees(tilted):.1f} "
+        "degrees since the row before; expected one action: a move of 0.25 m or less, or a turn or look of 30 degrees. "
+        "Runs with other actions are imported with --motion free."
+    )
 
 
 def _free_walk(poses: Sequence[Pose], *, stops: bool) -> _Walk:
@@ -199,13 +190,13 @@ def _free_walk(poses: Sequence[Pose], *, stops: bool) -> _Walk:
         turned = wrap_angle(after.yaw - before.yaw)
         is_turn = math.dist(before.position, after.position) < _STILL and abs(turned) >= _STILL
         actions.append((Action.LEFT if turned > 0 else Action.RIGHT) if is_turn else Action.FORWARD)
-    walk = _Walk(poses[0], tuple(actions), tuple(poses[1:]), tuple(range(1, len(poses))))
+    walk = _Walk(_states(poses), actions)
     return _with_stop(walk, may_rename=True) if stops else walk
 
 
 def _ended(table: PoseTable, reading: PoseReading, walk: _Walk, *, is_told: bool) -> _Walk:
     """The walk, with STOP as its last action where the file or the person says that it stopped."""
-    has_stopped = bool(walk.actions) and walk.actions[-1] is Action.STOP
+    has_stopped = walk.actions[-1:] == [Action.STOP]
     fact = table.facts.get("stopped")
     stopped = reading.stopped if fact is None else truth_of(table.where, "stopped", fact)
     if fact is None and has_stopped:
@@ -226,11 +217,10 @@ def _ended(table: PoseTable, reading: PoseReading, walk: _Walk, *, is_told: bool
 
 def _with_stop(walk: _Walk, *, may_rename: bool) -> _Walk:
     """The walk with STOP at its end, in a new row or in a last row that repeats its predecessor and has no action."""
-    poses = (walk.start, *walk.poses)
-    if may_rename and len(poses) > 1 and _is_same(poses[-2], poses[-1]):
-        return _Walk(walk.start, (*walk.actions[:-1], Action.STOP), walk.poses, walk.rows)
-    last_row = walk.rows[-1] if walk.rows else 0
-    return _Walk(walk.start, (*walk.actions, Action.STOP), (*walk.poses, poses[-1]), (*walk.rows, last_row))
+    states, actions = walk
+    if may_rename and len(states) > 1 and _is_same(states[-2][0], states[-1][0]):
+        return _Walk(states, [*actions[:-1], Action.STOP])
+    return _Walk([*states, states[-1]], [*actions, Action.STOP])
 
 
 def _is_same(one: Pose, other: Pose) -> bool:
@@ -240,11 +230,11 @@ def _is_same(one: Pose, other: Pose) -> bool:
 
 def _with_counted_tilt(walk: _Walk) -> _Walk:
     """The walk with the tilt as the sum of its looks."""
-    tilt, poses = 0.0, []
-    for action, pose in zip(walk.actions, walk.poses, strict=True):
+    tilt, states = 0.0, walk.states[:1]
+    for action, (pose, row) in zip(walk.actions, walk.states[1:], strict=True):
         tilt += TURN_STEP * ((action is Action.LOOK_UP) - (action is Action.LOOK_DOWN))
-        poses.append(Pose(pose.position, pose.yaw, tilt))
-    return _Walk(walk.start, walk.actions, tuple(poses), walk.rows)
+        states.append((Pose(pose.position, pose.yaw, tilt), row))
+    return _Walk(states, walk.actions)
 
 
 def _times(table: PoseTable) -> list[float]:

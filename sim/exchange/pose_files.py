@@ -120,8 +120,6 @@ def poses_from_table(table: PoseTable, reading: PoseReading, start: Pose) -> tup
         RunFileError: A value is missing or not finite, columns are missing, a convention is missing, or a rotation is
             impossible for a robot on a floor.
     """
-    if not table.wheres:
-        raise RunFileError(f"{table.where}: found no pose; expected at least the start. Write the file again.")
     positions, has_height = _positions(table, reading, start)
     yaws, tilts = _yaws_and_tilts(table, reading, start)
     if abs(tilts[0]) > (math.pi / 2 if reading.free else ANGLE_TOLERANCE):
@@ -192,15 +190,14 @@ def _yaws_and_tilts(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """World yaw and camera tilt of each row (T,), radians."""
     way, frame = _rotation(table), reading.frame
-    tilts = np.zeros(len(table.wheres))
-    if table.has("tilt") or table.has("tilt_deg"):
-        tilts = table.numbers("tilt")[:, 0] if table.has("tilt") else np.radians(table.numbers("tilt_deg")[:, 0])
-        if reading.poses == "camera" and way != "yaw":
-            raise RunFileError(
-                f"{table.where}: found a tilt beside a camera's rotation, which has one; expected one of them. "
-                "Leave the tilt out."
-            )
     is_turned_camera = reading.poses == "camera" and way != "yaw"
+    tilts = table.angles("tilt")
+    if tilts is not None and is_turned_camera:
+        raise RunFileError(
+            f"{table.where}: found a tilt beside a camera's rotation, which has one; expected one of them. "
+            "Leave the tilt out."
+        )
+    tilts = np.zeros(len(table.wheres)) if tilts is None else tilts
     if is_turned_camera and reading.camera_axes is None:
         raise RunFileError(
             f"{table.where}: the camera's axes are not declared; expected opencv, opengl or flu. Give --camera-axes: "
@@ -219,8 +216,7 @@ def _yaws_and_tilts(
 
 def _rotations(table: PoseTable, reading: PoseReading, way: str) -> NDArray[np.float64]:
     """Rotations (T, 3, 3) in the file's frame."""
-    if way == "yaw":
-        yaws = table.numbers("yaw")[:, 0] if table.has("yaw") else np.radians(table.numbers("yaw_deg")[:, 0])
+    if (yaws := table.angles("yaw")) is not None:
         return Rs_from_yaws(yaws, frame=reading.frame)
     if reading.frame == "gps":
         raise RunFileError(f"{table.where}: found a rotation in frame gps; expected a compass (yaw). Declare start.")

@@ -138,7 +138,7 @@ def read_npz_table(path: Path) -> PoseTable:
     for name, array in _read_arrays(path).items():
         is_fact = canonical(name) in NAMES and array.size == 1
         fields[name] = array.reshape(-1)[0].item() if is_fact else array.tolist()
-    return _table_of_arrays(path, str(path), fields, {}, expected=_ARRAYS)
+    return next(_tables_of_arrays(path, str(path), fields, {}, expected=_ARRAYS))
 
 
 def _is_row(line: str) -> bool:
@@ -227,7 +227,7 @@ def _tables_of_records(
         columns = {name: [row.get(name) for _, row in group] for name in names}
         own = {name: columns.pop(name)[-1] for name in NAMES if name in columns}
         listed = tuple(columns.pop("action")) if "action" in columns else actions
-        unknown = [name for name in columns if canonical(name) is None and vector_name(name) is None]
+        unknown = [name for name in columns if canonical(name) is None]
         yield PoseTable(
             where=group[0][0],
             path=path,
@@ -255,69 +255,60 @@ def _tables_of_episode(path: Path, where: str, episode: Row, shared: Row) -> Ite
         rows = episode.get(name)
         if isinstance(rows, list) and rows and isinstance(rows[0], dict):
             return _tables_of_list(path, f"{where}: {name}", rows, facts, _actions(where, episode))
-    return iter([_table_of_arrays(path, where, episode, facts, expected=_JSON)])
+    return _tables_of_arrays(path, where, episode, facts, expected=_JSON)
 
 
-def _table_of_arrays(path: Path, where: str, fields: Row, facts: Row, *, expected: str) -> PoseTable:
+def _tables_of_arrays(path: Path, where: str, fields: Row, facts: Row, *, expected: str) -> Iterator[PoseTable]:
     """The table of an episode that has one list per column or vector; other fields are facts, or unknown."""
-    columns: dict[str, list[object]] = {}
+    lists: dict[str, list[object]] = {}
     ignored = []
-    first_field = ""
     for name, values in fields.items():
-        at, found = f"{where}: {name}", _columns(f"{where}: {name}", name, values)
-        if found is None:
-            is_fact = canonical(name) == "action" or (canonical(name) in NAMES and not isinstance(values, list))
-            ignored += [] if is_fact else [name]
-            continue
-        first_field = first_field or name
-        for column, numbers in found.items():
-            if column in columns:
-                raise RunFileError(f"{at}: gives {column} a second time; expected it once. Leave one of them out.")
-            length = len(next(iter(columns.values()), numbers))
-            if len(numbers) != length:
-                raise RunFileError(f"{at}: has {len(numbers)} rows; expected {length} as before. Write the file again.")
-            columns[column] = numbers
-    if not columns:
+        ours = canonical(name)
+        if isinstance(values, list) and (vector_name(name) or ours not in (None, "action", *NAMES)):
+            lists[name] = values
+        elif ours != "action" and (ours not in NAMES or isinstance(values, list)):
+            ignored.append(name)
+    if not lists:
         raise RunFileError(f"{where}: found {short(list(fields))}; expected {expected}. Write the file again.")
-    wheres = tuple(f"{where}: {first_field}[{row}]" for row in range(len(next(iter(columns.values())))))
-    return PoseTable(where, path, wheres, columns, _actions(where, fields), facts | _facts(fields), tuple(ignored))
-
-
-def _columns(where: str, name: str, values: object) -> dict[str, list[object]] | None:
-    """The columns in a list of an episode; None for a field that is no list or is unknown."""
-    vector, scalar = vector_name(name), canonical(name)
-    if not isinstance(values, list) or (vector is None and (scalar in (None, "action") or scalar in NAMES)):
-        return None
-    if vector is None:
-        return {str(scalar): [_alone(value) for value in values]}
-    columns: dict[str, list[object]] = {}
-    for index, value in enumerate(values):
-        row = _vector(f"{where}[{index}]", vector, value)
-        if index and list(row) != list(columns):
-            raise RunFileError(
-                f"{where}[{index}]: found {len(row)} numbers; expected {len(columns)} as in the first. "
-                "Write the row again."
-            )
-        for column, number in row.items():
-            columns.setdefault(column, []).append(number)
-    return columns
+    first, *_ = lists
+    count = len(lists[first])
+    if not count:
+        raise RunFileError(f"{where}: found no pose; expected at least the start. Write the file again.")
+    records: list[tuple[str, Row]] = []
+    for name, values in lists.items():
+        if len(values) != count:
+            raise RunFileError(f"{where}: {name}: has {len(values)} rows; expected {count} as before. Write it again.")
+    for index in range(count):
+        at = f"{where}: {first}[{index}]"
+        row = _flat((f"{where}: {name}[{index}]", name, values[index]) for name, values in lists.items())
+        if records and list(row) != list(records[0][1]):
+            columns = ", ".join(records[0][1])
+            raise RunFileError(f"{at}: gives {', '.join(row)}; expected {columns} as in the first. Write it again.")
+        records.append((at, row))
+    facts = facts | _facts(fields)
+    return _tables_of_records(path, records, facts, actions=_actions(where, fields), ignored=ignored)
 
 
 def _record(where: str, value: object) -> Row:
-    """One JSON record, flat; unknown fields keep their names."""
+    """One JSON record or vector, flat; unknown fields keep their names."""
     if isinstance(value, list):
         return _vector(where, "pose", value)
     if not isinstance(value, dict):
         raise RunFileError(f"{where} is {short(value)}; expected a record or a list of numbers. Write the row again.")
+    return _flat((f"{where}.{name}", name, field) for name, field in cast(Row, value).items())
+
+
+def _flat(fields: Iterable[tuple[str, str, object]]) -> Row:
+    """The columns in fields (place, name, value) of one pose."""
     row: Row = {}
-    for name, field in cast(Row, value).items():
+    for where, name, field in fields:
         vector = vector_name(name)
         if name in _NESTED and isinstance(field, dict):
             parts = _record(where, field)
         elif vector is not None:
-            parts = _vector(f"{where}.{name}", vector, field)
+            parts = _vector(where, vector, field)
         else:
-            parts = {canonical(name) or name: _alone(field)}
+            parts = {canonical(name) or name: field[0] if isinstance(field, list) and len(field) == 1 else field}
         for part, content in parts.items():
             if part in row and canonical(part) is not None:
                 raise RunFileError(f"{where}: gives {part} a second time; expected it once. Leave one of them out.")
@@ -338,11 +329,6 @@ def _vector(where: str, name: str, value: object) -> Row:
     return dict(zip(vector_columns(where, name, len(value)), value, strict=True))
 
 
-def _alone(value: object) -> object:
-    """The value itself, or the only element of a list of one."""
-    return value[0] if isinstance(value, list) and len(value) == 1 else value
-
-
 def _facts(fields: Row) -> Row:
     """Facts about a whole episode in a JSON object."""
     named = ((canonical(name), value) for name, value in fields.items())
@@ -354,7 +340,7 @@ def _actions(where: str, fields: Row) -> tuple[object, ...] | None:
         if canonical(name) == "action":
             if not isinstance(value, list):
                 raise RunFileError(f"{where}: {name} is {short(value)}; expected a list. Write the file again.")
-            return tuple(map(_alone, value))
+            return tuple(one[0] if isinstance(one, list) and len(one) == 1 else one for one in value)
     return None
 
 

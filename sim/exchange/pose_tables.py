@@ -78,6 +78,12 @@ class PoseTable:
         """
         return np.array([[self._number(name, row) for name in names] for row in range(len(self.wheres))], np.float64)
 
+    def angles(self, name: str) -> NDArray[np.float64] | None:
+        """(T,) radians of a column that is in radians or, as `<name>_deg`, in degrees; None without either."""
+        if self.has(name):
+            return self.numbers(name)[:, 0]
+        return np.radians(self.numbers(f"{name}_deg")[:, 0]) if self.has(f"{name}_deg") else None
+
     def _number(self, name: str, row: int) -> float:
         value = self.columns[name][row]
         number = number_of(value)
