@@ -3,9 +3,7 @@
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
-from pydantic import BaseModel
-
-from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, Run, RunInfo
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, Run, RunInfo, run_texts
 from sim.types import TaskKind
 
 from ..design.plan import StudyScene
@@ -97,15 +95,6 @@ def result_of(events: Sequence[Event], outcome: Outcome, *, code: str) -> Episod
 
 def run_files(run: Run) -> dict[str, tuple[bytes, int]]:
     """Content and number of results of each file of a run folder, by path."""
-    num_results = len(run.episodes) + len(run.answers)
-    found = {f"{run.info.run_id}/run.json": (run.info.model_dump_json(indent=2).encode() + b"\n", num_results)}
-    if run.episodes:
-        lines = [line for walk in run.episodes for line in (walk.start, *walk.steps, walk.end)]
-        found[f"{run.info.run_id}/steps.jsonl"] = (_lines(lines), len(run.episodes))
-    if run.answers:
-        found[f"{run.info.run_id}/answers.jsonl"] = (_lines(run.answers), len(run.answers))
-    return found
-
-
-def _lines(models: Sequence[BaseModel]) -> bytes:
-    return "".join(f"{model.model_dump_json()}\n" for model in models).encode()
+    counts = {"steps.jsonl": len(run.episodes), "answers.jsonl": len(run.answers)}
+    counts["run.json"] = sum(counts.values())
+    return {f"{run.info.run_id}/{name}": (text.encode(), counts[name]) for name, text in run_texts(run).items()}

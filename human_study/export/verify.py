@@ -23,7 +23,7 @@ from ..trial.outcome import (
     opening,
     pan_outcome,
     pog_outcome,
-    technical_outcome,
+    unscored_outcome,
 )
 
 POSITION_TOLERANCE = 1e-4
@@ -123,7 +123,7 @@ def recompute(
     task = opening(events).task
     is_failure = end_reason(events) is None or any(isinstance(event, Error) and event.is_fatal for event in events)
     if outcome.reason == "technical" and is_failure:
-        end = technical_outcome(episode.key, task, participant=participant)
+        end = unscored_outcome(episode.key, task, reason="technical", participant=participant)
         return end if isinstance(end, Answer) else episode_run(events, end=end, participant=participant)
     if task == "pog":
         return pog_outcome(events, episode, storeys=home.storeys, participant=participant)

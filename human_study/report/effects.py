@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pandas import concat
+from scipy.sparse import csr_array
 from scipy.special import stdtr, stdtrit
 
 from sim.types import SPLITS
@@ -164,9 +165,12 @@ class WithinDesign:
             participant_index: (N,), from 0, each at least once.
             episode_index: (N,), from 0, each at least once.
         """
-        self._factors = [participant_index, episode_index]
-        self._sizes = [int(index.max()) + 1 for index in self._factors]
-        gram = self._sums_of_dummies()
+        self._factors = (participant_index, episode_index)
+        self._sizes = tuple(int(index.max()) + 1 for index in self._factors)
+        levels = np.column_stack([participant_index, self._sizes[0] + episode_index])
+        firsts = np.arange(0, levels.size + 1, 2)
+        self._dummies = csr_array((np.ones(levels.size), levels.ravel(), firsts), (len(levels), sum(self._sizes)))
+        gram = (self._dummies.T @ self._dummies).toarray()
         sizes, axes = np.linalg.eigh(gram)
         kept = sizes > _TINY * sizes[-1]
         self._inverse = (axes[:, kept] / sizes[kept]) @ axes[:, kept].T
@@ -197,19 +201,7 @@ class WithinDesign:
 
     def _within(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """The residuals of values (N,) when each level of each factor has a mean of its own."""
-        pairs = list(zip(self._factors, self._sizes, strict=True))
-        sums = np.concatenate([np.bincount(index, values, minlength=size) for index, size in pairs])
-        levels = np.split(self._inverse @ sums, np.cumsum(self._sizes)[:-1])
-        return values - sum(level[index] for level, index in zip(levels, self._factors, strict=True))
-
-    def _sums_of_dummies(self) -> NDArray[np.float64]:
-        """Number of trials that each pair of levels shares, (K, K)."""
-        firsts = np.concatenate([[0], np.cumsum(self._sizes)])
-        gram = np.zeros((firsts[-1], firsts[-1]))
-        for first, one in zip(firsts, self._factors, strict=False):
-            for second, other in zip(firsts, self._factors, strict=False):
-                np.add.at(gram, (first + one, second + other), 1.0)
-        return gram
+        return values - self._dummies @ (self._inverse @ (self._dummies.T @ values))
 
 
 def holm(p_values: list[float]) -> list[float]:

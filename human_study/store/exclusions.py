@@ -67,14 +67,12 @@ def find_target(reader: StudyReader, *, trial: str | None, participant: str | No
             "Give --trial p03/12 or --participant p03."
         )
     if participant is not None:
-        _require_participant(reader, participant)
-        return ExclusionTarget(participant, ())
+        return ExclusionTarget(reader.participant(participant).code, ())
     assert trial is not None
     found = _TRIAL.fullmatch(trial)
     if found is None:
         raise StudyError(f"--trial {trial}: expected a participant's code and a place in the order, such as p03/12.")
     code, order_no = found[1], int(found[2])
-    _require_participant(reader, code)
     attempts = [status for status in reader.trials(code) if status.order_no == order_no]
     return ExclusionTarget(code, _opened(attempts, trial))
 
@@ -85,9 +83,3 @@ def _opened(attempts: Sequence[StoredTrial], trial: str) -> tuple[str, ...]:
         found = "never opened" if attempts else "not assigned"
         raise StudyError(f"--trial {trial}: was {found}; expected a trial that has begun. See study status.")
     return ids
-
-
-def _require_participant(reader: StudyReader, code: str) -> None:
-    codes = reader.codes()
-    if code not in codes:
-        raise StudyError(f"found no participant {code!r}; expected one of {codes[0]} to {codes[-1]}. See study status.")

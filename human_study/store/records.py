@@ -339,7 +339,9 @@ class StudyReader:
 
     def _require_known(self, code: str) -> None:
         if not self.rows("SELECT 1 FROM participant WHERE code = ?", code):
-            raise StudyError(f"{self._path}: found no participant {code!r}; expected one of {list(self.codes())}.")
+            codes = self.codes()
+            ends = " to ".join((*codes[:1], *codes[1:][-1:]))
+            raise StudyError(f"{self._path}: found no participant {code!r}; expected one of {ends}. See study status.")
 
     def _people(self, code: str | None = None) -> list[Person]:
         """All participants, or the given one, without decrypting anything."""

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from sim.types import TaskKind
 
 from ..design.plan import StudyPlan
-from ..design.study import Condition, StudyConfig
+from ..design.study import StudyConfig
+from ..trial.terms import terms_of
 
 TRIAL_S: dict[TaskKind, float] = {"pan": 120.0, "pog": 60.0}
 """Seconds from the text to the answer, assumed before the pilot; the pilot's own times replace them."""
@@ -82,14 +83,6 @@ def announced_minutes(config: StudyConfig, plan: StudyPlan | None = None) -> int
 
 def _mean_look_s(config: StudyConfig, task: TaskKind) -> float:
     """Seconds of looking before a trial, averaged over the conditions of the task."""
-    limits = [_look_s(config, condition) for condition in config.conditions(task)]
-    return sum(limits) / len(limits)
-
-
-def _look_s(config: StudyConfig, condition: Condition) -> float:
-    """Seconds of looking before a trial of a condition."""
-    if condition in ("topdown", "glb"):
-        return max(config.memory.min_s, min(LOOK_S, config.memory.max_s or LOOK_S))
-    if condition == "map_first":
-        return max(config.pog.look_min_s, min(LOOK_S, config.pog.look_max_s or LOOK_S))
-    return 0.0
+    looks = [terms_of(config, condition).look for condition in config.conditions(task)]
+    seconds = [0.0 if look is None else max(look.min_s, min(LOOK_S, look.max_s or LOOK_S)) for look in looks]
+    return sum(seconds) / len(seconds)

@@ -146,13 +146,8 @@ def pog_outcome(
     )
 
 
-def technical_outcome(key: EpisodeKey, task: TaskKind, *, participant: str) -> Outcome:
-    """The end of a trial that our failure stopped: without measures, never counted."""
-    return unscored_outcome(key, task, reason="technical", participant=participant)
-
-
 def unscored_outcome(key: EpisodeKey, task: TaskKind, *, reason: EndReason, participant: str) -> Outcome:
-    """The end of a trial without measures."""
+    """The end of a trial without measures, which never counts: our failure, or a participant who never came back."""
     if task == "pan":
         return EpisodeEnd(reason=reason)
     return Answer(

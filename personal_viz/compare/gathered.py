@@ -5,7 +5,6 @@ the runs of its own scene.
 """
 
 import hashlib
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from pathlib import Path
 from sim.episodes.schema import Episode
 from sim.errors import RunFileError
 from sim.tasks.metrics import read_runs, run_folders
-from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo
+from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo, run_texts
 from sim.types import ClutterLevel, EndReason, EpisodeKey, SceneKind, TaskKind, WhoKind
 from sim.words.english import how_many
 
@@ -165,17 +164,13 @@ def _require_one_version(trials: Sequence[Trial]) -> None:
 
 
 def _split(run: Run, into: Path, number: int) -> None:
-    lines: dict[tuple[str, str], list[str]] = defaultdict(list)
-    for item in run.episodes:
-        block = (item.start, *item.steps, item.end)
-        lines[(item.key.scene, "steps.jsonl")] += [line.model_dump_json() for line in block]
-    for answer in run.answers:
-        lines[(answer.key.scene, "answers.jsonl")].append(answer.model_dump_json())
-    for (scene, name), found in lines.items():
+    for scene in {item.key.scene for item in (*run.episodes, *run.answers)}:
+        episodes = tuple(item for item in run.episodes if item.key.scene == scene)
+        answers = tuple(item for item in run.answers if item.key.scene == scene)
         folder = into / scene / f"{number:05d}"
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "run.json").write_text(run.info.model_dump_json(), encoding="utf-8")
-        (folder / name).write_text("\n".join(found) + "\n", encoding="utf-8")
+        folder.mkdir(parents=True)
+        for name, text in run_texts(run.model_copy(update={"episodes": episodes, "answers": answers})).items():
+            (folder / name).write_text(text, encoding="utf-8")
 
 
 def _trial(info: RunInfo, item: EpisodeRun | Answer) -> Trial:

@@ -16,7 +16,7 @@ from sim.files import write_whole
 from sim.frames import quat_xyzw_from_yaw
 from sim.homes.kind import scene_label, scene_terms
 
-from ..tasks.run_files import EpisodeRun, Run
+from ..tasks.run_files import EpisodeRun, Run, run_texts
 
 ExportFormat = Literal["jsonl", "tum", "minari"]
 
@@ -96,20 +96,6 @@ def merge_parts(runs: Sequence[Run]) -> list[Run]:
     ]
 
 
-def write_run_folder(run: Run, folder: Path) -> None:
-    """Writes a run folder as the runner does: `read_run` gives the same run.
-
-    Raises:
-        OSError: The folder cannot be written.
-    """
-    write_whole(folder / "run.json", run.info.model_dump_json(indent=2) + "\n")
-    if run.episodes:
-        lines = [line for episode in run.episodes for line in (episode.start, *episode.steps, episode.end)]
-        write_whole(folder / "steps.jsonl", "".join(line.model_dump_json() + "\n" for line in lines))
-    if run.answers:
-        write_whole(folder / "answers.jsonl", "".join(answer.model_dump_json() + "\n" for answer in run.answers))
-
-
 def write_tum_files(run: Run, folder: Path) -> list[Path]:
     """One file `<split>-<scene>-<id>[-<participant>].tum` per PAN episode, in order; a repeated name gets `-2`, `-3`...
 
@@ -166,7 +152,8 @@ def _target(out: Path, run: Run, format: ExportFormat) -> Path:
 
 def _write(run: Run, format: ExportFormat, folder: Path) -> None:
     if format == "jsonl":
-        write_run_folder(run, folder)
+        for name, text in run_texts(run).items():
+            write_whole(folder / name, text)
     elif format == "tum":
         write_tum_files(run, folder)
     else:

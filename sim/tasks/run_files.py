@@ -7,7 +7,7 @@
 import hashlib
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -376,6 +376,18 @@ def read_run(folder: Path) -> Run:
             raise RunFileError(f"{answers}:{number}: expected only lines of kind 'answer'. {_ADVICE}")
         found.append(line)
     return Run(info=info, episodes=runs, answers=tuple(found))
+
+
+def run_texts(run: Run) -> dict[str, str]:
+    """The text of each file of a run folder, by name; `read_run` reads the same run from them."""
+    lines = [line for walk in run.episodes for line in (walk.start, *walk.steps, walk.end)]
+    texts = {"run.json": run.info.model_dump_json(indent=2) + "\n"}
+    texts |= {"steps.jsonl": _text_of(lines)} if run.episodes else {}
+    return texts | ({"answers.jsonl": _text_of(run.answers)} if run.answers else {})
+
+
+def _text_of(lines: Iterable[BaseModel]) -> str:
+    return "".join(f"{line.model_dump_json()}\n" for line in lines)
 
 
 def read_run_info(folder: Path) -> RunInfo:

@@ -9,7 +9,7 @@ from human_study.export.verify import TrialHome
 from human_study.store.store import StudyStore
 from human_study.trial.commands import Click, Command, Confirm, Fail, Move, PressStop, Start
 from human_study.trial.events import Event
-from human_study.trial.outcome import Outcome, pan_outcome, pog_outcome, technical_outcome
+from human_study.trial.outcome import Outcome, pan_outcome, pog_outcome, unscored_outcome
 from human_study.trial.session import PanSession, PogSession
 from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import Action, EpisodeKey, TaskKind
@@ -61,7 +61,7 @@ def do_trial(store: StudyStore, code: str, order_no: int, commands: Sequence[Com
     events = [stored.event for stored in store.events(trial.trial_id)]
     outcome: Outcome
     if any(isinstance(command, Fail) for command in commands):
-        outcome = technical_outcome(trial.key, trial.task, participant=code)
+        outcome = unscored_outcome(trial.key, trial.task, reason="technical", participant=code)
     else:
         result = result_of(events, trial.key, task=trial.task, code=code)
         outcome = result.end if isinstance(result, EpisodeRun) else result

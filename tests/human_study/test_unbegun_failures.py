@@ -11,7 +11,7 @@ from human_study.export.verify import verify_trial
 from human_study.report.report import study_report
 from human_study.report.source import read_source
 from human_study.trial.events import Error, Event, Moment
-from human_study.trial.outcome import has_begun, technical_outcome
+from human_study.trial.outcome import has_begun, unscored_outcome
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import TaskKind
 
@@ -32,7 +32,7 @@ def stray(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
         do_trial(store, "p02", 1, SUCCESS)
         trial = store.open_trial("p02", 2)
         store.append_many(trial.trial_id, trial.epoch, request.param)
-        store.finish_trial(trial.trial_id, technical_outcome(trial.key, "pan", participant="p02"))
+        store.finish_trial(trial.trial_id, unscored_outcome(trial.key, "pan", reason="technical", participant="p02"))
     return folder
 
 
@@ -64,7 +64,7 @@ def test_figures_that_were_put_into_its_row_are_found(stray: Path, tmp_path: Pat
 @pytest.mark.parametrize("task", ["pan", "pog"])
 def test_it_is_verified(events: list[Event], task: TaskKind) -> None:
     assert not has_begun(events)
-    outcome = technical_outcome(episode().key, task, participant="p02")
+    outcome = unscored_outcome(episode().key, task, reason="technical", participant="p02")
     assert verify_trial(events, outcome, episode().key, home=room(), participant="p02").status == "verified"
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from human_study.export.verify import FAR_OFF, TrialHome, Verification, verify_trial
 from human_study.trial.events import Act, Error, Event
-from human_study.trial.outcome import Outcome, pan_outcome, pog_outcome, technical_outcome
+from human_study.trial.outcome import Outcome, pan_outcome, pog_outcome, unscored_outcome
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun
 from sim.types import Action
 
@@ -104,7 +104,7 @@ def test_a_click_whose_ray_meets_the_home_elsewhere_is_drift() -> None:
 
 def test_a_technical_failure_is_verified_up_to_where_it_failed() -> None:
     events = events_of(episode().key, FAILURE, task="pan")
-    end = technical_outcome(episode().key, "pan", participant="p02")
+    end = unscored_outcome(episode().key, "pan", reason="technical", participant="p02")
     assert verify(events, end).status == "verified"
     assert verify(events, EpisodeEnd(reason="giveup")).status == "failed"
 

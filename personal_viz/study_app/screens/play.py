@@ -17,7 +17,7 @@ from human_study.store.store import SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.trial.commands import Command, Rate, Resume, Start, Tick
 from human_study.trial.events import Error, Event
-from human_study.trial.outcome import has_begun, pan_outcome, pog_outcome, technical_outcome
+from human_study.trial.outcome import has_begun, pan_outcome, pog_outcome, unscored_outcome
 from human_study.trial.session import PanSession, PogSession
 from human_study.trial.terms import terms_of
 from human_study.trial.views import LookView, PanView, PogView, RateView, SessionUpdate
@@ -221,7 +221,7 @@ class TrialPlay:
             self._note_failure(error)
         outcome = result.end if isinstance(result, EpisodeRun) else result
         if outcome is None or outcome.reason == "technical":
-            result, outcome = None, technical_outcome(trial.key, trial.task, participant=trial.code)
+            result, outcome = None, unscored_outcome(trial.key, trial.task, reason="technical", participant=trial.code)
         self._link.finish_trial(trial.trial_id, outcome)
         self._watch.end(result)
         return result
