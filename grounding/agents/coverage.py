@@ -34,11 +34,7 @@ class VisibleFloor:
     """The free cells of a storey, and which of them an ideal sensor could see."""
 
     def __init__(self, navigation: NavigationMap, start: NDArray[np.float64]) -> None:
-        """Computes the floor that can be seen from the places on the start's storey that can be reached on foot.
-
-        Args:
-            navigation: Navigation map of the scene.
-            start: (3,) where the exploration begins, world metres.
+        """Computes the floor seen from all places that can be reached on foot from `start` (3,), world metres.
 
         Raises:
             SceneError: The start is not on any floor.

@@ -69,10 +69,7 @@ def explore(
     """Explores the start's storey; the same arguments give the same exploration.
 
     Args:
-        scene: The home.
         start: First pose; `start_on_storey` draws one.
-        seed: The agent's seed.
-        max_steps: The largest number of actions.
         camera: The robot's camera; a smaller picture with the same field of view is faster and shows less far away.
         plan: The home's plan, for rooms and doors; None leaves them out.
         on_step: Gets the first view (step None) and every step; it changes nothing.
@@ -146,7 +143,6 @@ def frames_of(
     """The views of an exploration in the world frame, rendered again with colours and instance ids.
 
     Args:
-        scene: The same home.
         exploration: Gives the poses. The pose after STOP is left out: it equals the one before.
         camera: Camera of the pictures; it may differ from the agent's.
         every: Every n-th pose is used, beginning with the first.

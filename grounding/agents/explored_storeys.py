@@ -33,10 +33,7 @@ def storey_explorations(
 
     Args:
         dataset: Holds the episodes; their goals are not used.
-        scene: The home.
-        folder: Folder of the files.
         seed: Seed of starts and agents.
-        camera: The robot's camera.
         say: Gets a line about the progress; it changes nothing.
 
     Raises:

@@ -96,7 +96,6 @@ def find_frontiers(
         robot: The robot's x, z and yaw.
         is_tilted: Whether the camera looks down.
         can_look: Whether the camera may be tilted.
-        camera: The robot's camera.
     """
     members = _groups(ground, costs, banned=banned)
     if not members:

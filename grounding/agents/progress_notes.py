@@ -11,9 +11,7 @@ Say = Callable[[str], None]
 def scene_note(folder: Path | None, scene: str) -> Iterator[Say]:
     """Yields a function that notes the present work in the scene in a few words; the note is removed at the end.
 
-    Args:
-        folder: Folder of the notes; None = no notes. A note that cannot be written is left out.
-        scene: Name of the scene.
+    Without a folder, or where it cannot be written, there are no notes.
     """
     if folder is None:
         yield lambda text: None

@@ -32,7 +32,6 @@ class CachedTextEncoder:
         """Wraps `encoder`; reads nothing yet.
 
         Args:
-            encoder: Encodes unknown texts.
             file: Keeps the vectors between runs; its name must hold everything that they depend on. None = no file.
             max_texts: With this many texts in memory, all are forgotten.
         """

@@ -86,7 +86,6 @@ def load_pretrained(source: str, classes: Mapping[str, str], options: ModelOptio
     Args:
         source: A model id, or a folder as `save_pretrained` writes it.
         classes: Which `transformers` class loads which `model_type`.
-        options: Device, batches, autocast, downloads.
 
     Raises:
         MissingDependencyError: Extra `models` is not installed.

@@ -56,9 +56,6 @@ class SceneGrounder:
         """Reads the scene's episode files; the home is explored and mapped when the first answer is needed.
 
         Args:
-            dataset: Holds the episodes.
-            scene: One of its scenes.
-            settings: Method, map and phrases.
             folders: Folders of the maps; needed unless they are oracle maps.
             model: How a real encoder runs, with the autocast of the settings; None = its defaults.
 
@@ -122,14 +119,10 @@ def select_jobs(
     """One job per scene, in order of scene names.
 
     Args:
-        dataset: Holds the episodes.
-        settings: The evaluated method, map and phrases.
-        splits: Splits to evaluate.
         scenes: Scenes to evaluate; None = all.
         limit: At most this many episodes of each split, a sample spread over the scenes; None = all.
         sample_seed: Seed of that sample.
         folders: Folders of the maps; None for oracle maps.
-        model: Options for `SceneGrounder`.
 
     Raises:
         DatasetError: A named scene is unknown, or a file is damaged.
@@ -150,7 +143,6 @@ def evaluate(
 
     Args:
         jobs: One per scene.
-        writer: Stores the answers.
         processes: Worker processes; 1 uses this process. Answers and their order do not depend on it.
         on_episode: Called after each answer is on disk.
 

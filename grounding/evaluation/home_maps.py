@@ -105,15 +105,8 @@ def home_maps(
 ) -> Callable[[Episode], Memory]:
     """Gives each episode of a scene the map of the storey on which it starts.
 
-    The home's file is read, or made by walking the home, when the first map is needed.
-
-    Args:
-        dataset: Holds the episodes.
-        scene: One of its scenes.
-        settings: Settings of the map.
-        folders: Folders for exploration and map.
-        encoder: The encoder of queries, which must be the map's.
-        model: Options of a real encoder.
+    The home's file is read, or made by walking the home, when the first map is needed. Its encoder must be that of the
+    queries, `encoder`.
 
     Returns:
         A function that raises SceneError if the home cannot be opened, RunFileError if a map is missing or damaged or
@@ -148,14 +141,6 @@ def make_home_map(
     say: Say,
 ) -> None:
     """Explores every storey of the home on which episodes start, unless that was done before, and saves its map.
-
-    Args:
-        dataset: Holds the episodes.
-        scene_name: One of its scenes.
-        settings: Settings of the map.
-        folders: Folders for exploration and map.
-        model: Options of a real encoder.
-        say: Gets a line about the present work.
 
     Raises:
         SceneError: The home cannot be opened.
@@ -198,10 +183,8 @@ def build_map(
 
     Args:
         dataset: Dataset of the home; `hashed` and `minilm` use oracle perception with the captions of its episodes.
-        home: The home.
         walks: Results of `explore` in this home.
         encoder: An `EncoderName`.
-        camera: Camera of the mapped pictures.
 
     Raises:
         SceneError: A walk was made in another home.

@@ -35,13 +35,8 @@ _AGAIN = "Build the map again, e.g. with personal-viz map or explore."
 def save_memory(path: Path, memory: HomeMemory, source: MapSource) -> None:
     """Writes a map and makes its folder; at any time the file is either the complete old one or the complete new one.
 
-    Args:
-        path: `.npz` file.
-        memory: At least one storey, all of one encoder and layout.
-        source: The place that was mapped.
-
     Raises:
-        RunFileError: The memory is empty, its storeys do not fit together, or the file cannot be written.
+        RunFileError: The memory is empty, its storeys differ in encoder or layout, or the file cannot be written.
     """
     layouts = {"objects" if isinstance(item.memory, ObjectMap) else "grid" for item in memory.storeys}
     spaces = {(item.memory.encoder, item.memory.dim) for item in memory.storeys}

@@ -69,8 +69,6 @@ class GridMapBuilder:
         Args:
             encoder: Encodes the views; with `features="patches"` it must have `encode_patches`.
             cell: Side of a cell, metres; 1, or 1 divided by a whole number.
-            features: Whether patches or whole views are encoded.
-            views: Facts about the views.
 
         Raises:
             AgentError: The encoder or `cell` does not fit.

@@ -98,7 +98,6 @@ class OccupancyMapper:
         Args:
             depth_m: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing.
             T_map_camera: (4, 4) pose of the camera (OpenCV axes).
-            camera: Camera of the picture.
         """
         assert depth_m.shape == (camera.height, camera.width), depth_m.shape
         x, y, z = T_map_camera[:3, 3]
@@ -119,12 +118,7 @@ class OccupancyMapper:
         self._grow(*box.tolist())
 
     def stand(self, xz: tuple[float, float], *, radius: float = AGENT_RADIUS) -> None:
-        """Marks the robot's own footprint free, whatever the views say: the robot stands there.
-
-        Args:
-            xz: Middle of the robot, metres.
-            radius: Radius of the footprint, metres.
-        """
+        """Marks the footprint (metres) of a robot free, whatever the views say: the robot stands there."""
         cell = self.grid.cell
         reach = int(np.ceil(radius / cell)) + 1
         (row, col) = self.grid.rc_from_xz(np.array(xz))

@@ -104,10 +104,7 @@ def oracle_home(dataset: PersonalDataset, scene: str) -> OracleHome:
 def objects_map(home: OracleHome, encoder: TextEncoder, *, floor_id: str | None) -> FeatureMap:
     """The map `objects`: a cell holds the unit sum of its objects' unit text vectors, or nothing.
 
-    Args:
-        home: From `oracle_home`.
-        encoder: Encodes the objects' texts.
-        floor_id: Label of the storey whose objects are on the map; None merges all storeys.
+    It holds the objects of the storey with label `floor_id`; None merges all storeys.
 
     Raises:
         SceneError: No object has this label.
@@ -155,15 +152,10 @@ def lower_median(heights: np.ndarray) -> float:
 def object_texts(
     dataset: PersonalDataset, scene: Scene, *, level: ParaphraseLevel = 0, seed: int = 0
 ) -> dict[int, str]:
-    """Instance id to text: the caption of an episode that targets the object, else its category.
+    """Instance id to text: the caption of an episode that targets the object, else its category; paraphrased.
 
     This is ground truth: it enters a map only through `oracle_perception.OraclePerception`, and the map says so.
-
-    Args:
-        dataset: The scene's episodes.
-        scene: Holds the objects; furniture that is in no episode (clutter) gets its category too.
-        level: How far the captions are from the annotators' words; see `paraphrase`.
-        seed: Seed of the paraphrases.
+    Furniture that is in no episode (clutter) gets its category too.
 
     Raises:
         DatasetError: The scene is unknown or a file is damaged.

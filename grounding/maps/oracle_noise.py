@@ -55,10 +55,7 @@ def variant_map(
     """The map of a storey, made worse.
 
     Args:
-        home: From `oracle_home`.
-        encoder: Encodes the texts.
         floor_id: Label of the storey; None merges all storeys.
-        variant: Says how to make the map worse.
         clutter_texts: Texts of other homes (`other_texts`); drawn from when the variant has clutter.
 
     Raises:

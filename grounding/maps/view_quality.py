@@ -42,7 +42,6 @@ def patches_of(frame: Frame, shape: tuple[int, int], *, max_depth: float) -> Pat
     nearer it is to 1 m, and the more of it shows that one surface.
 
     Args:
-        frame: The view.
         shape: Rows and columns (h, w) of patches.
         max_depth: Farther returns count as none, planar metres.
     """

@@ -147,7 +147,6 @@ def smoothed(values: NDArray[np.floating], rc: NDArray[np.integer], *, sigma: fl
     """Gaussian mean (K, N) of values (K, N) over the stored cells; empty cells weigh nothing, so borders do not fade.
 
     Args:
-        values: Scores of the cells.
         rc: (N, 2) rows and columns of the cells.
         sigma: Width in cells; 0 leaves the values unchanged.
     """

@@ -149,13 +149,9 @@ def rpg_dense(
 
 
 def nms_peaks(scores: Tensor, rc: Tensor, *, top_k: int, nms_r: int) -> Tensor:
-    """Each row's `top_k` best cells (L, top_k), greedy: arg-max, drop all within `nms_r`, repeat; -1 = no more.
+    """Each row's best cells (L, top_k) by scores (L, N): arg-max, drop all within `nms_r` (Chebyshev), repeat.
 
-    Args:
-        scores: (L, N); -inf is never a peak.
-        rc: (N, 2).
-        top_k: Peaks per row.
-        nms_r: Chebyshev radius in cells.
+    -inf is never a peak; -1 = no more peaks.
     """
     peaks = torch.full((len(scores), top_k), -1, dtype=torch.int64)
     find_peaks(scores.numpy(), rc.long().numpy(), top_k, nms_r, np.float32(TIE), peaks.numpy())

@@ -31,7 +31,6 @@ def paraphrase(caption: str, category: str, *, level: ParaphraseLevel, seed: int
     """The caption at this level; the same arguments give the same text.
 
     Args:
-        caption: A description of an object.
         category: The object's category; its words are never replaced and never dropped.
         level: 0 to 3, as in the module's docstring.
         seed: Chooses among the possible wordings.

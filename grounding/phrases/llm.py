@@ -73,11 +73,7 @@ class ChatPhrases:
     """A `PhraseSource` that asks a model once per description."""
 
     def __init__(self, options: LlmOptions, *, warn: Callable[[str], None] | None = None) -> None:
-        """Sends no request yet.
-
-        Args:
-            options: Address of the model.
-            warn: Gets each problem in one line; default prints to stderr.
+        """Sends no request yet; `warn` gets each problem in one line, by default it goes to stderr.
 
         Raises:
             AgentError: The key's environment variable is not set.

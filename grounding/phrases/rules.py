@@ -55,12 +55,7 @@ class RulePhrases:
 
 
 def phrases_in(text: str, *, also: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """The phrases "X owns Y in the Z" of a paragraph, each once, in order.
-
-    Args:
-        text: The paragraph.
-        also: Owners known from elsewhere; those that the text does not name are ignored.
-    """
+    """The phrases "X owns Y in the Z" of a paragraph, each once, in order; `also` as in `names_in`."""
     names = names_in(text, also=also)
     reader = _Reader()
     for sentence in sentences_of(text):

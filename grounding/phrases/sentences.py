@@ -96,12 +96,7 @@ def sentences_of(text: str) -> list[str]:
 
 
 def names_in(text: str, *, also: Iterable[str] = ()) -> tuple[str, ...]:
-    """People who own something in the text, in the order of their first mention.
-
-    Args:
-        text: The paragraph.
-        also: Names known from elsewhere (the query's); kept where the text has them.
-    """
+    """People who own something in the text, or are among `also`, in the order of their first mention in the text."""
     flat = ". ".join(sentences_of(text))
     found = set(also)
     for pattern in _name_patterns():

@@ -51,9 +51,7 @@ def distance_curve(row: MethodTrials, draws: HomeDraws) -> tuple[DistancePoint, 
 def knob_curves(rows: Sequence[MethodTrials], *, seed: int) -> tuple[KnobCurve, ...]:
     """A curve for each method and option with at least two values on maps that differ only in this option.
 
-    Args:
-        rows: Rows of all maps.
-        seed: Seed of the bootstrap; all values of a curve get the same draws of homes.
+    All values of a curve get the same draws of homes.
     """
     curves = []
     for knob in KNOBS:

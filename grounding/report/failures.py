@@ -51,9 +51,7 @@ def failure_of(
     """The kind of failure of an answer.
 
     Args:
-        episode: The episode, with its targets.
         answer: An answer that failed according to its measures.
-        goals: All objects of the home.
         storeys: From `scene_storeys`.
     """
     if not answer.candidates:

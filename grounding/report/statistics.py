@@ -63,12 +63,7 @@ class HomeDraws:
     """Homes resampled with replacement; every figure uses the same draws, so that differences are paired."""
 
     def __init__(self, homes: Sequence[str], *, seed: int) -> None:
-        """Draws the homes.
-
-        Args:
-            homes: Names; the order does not matter.
-            seed: The same seed and homes give the same draws.
-        """
+        """Draws from the different names in `homes`, in any order; the same seed and names give the same draws."""
         self._place = {name: index for index, name in enumerate(sorted(set(homes)))}
         count = len(self._place)
         rng = np.random.default_rng(seed)

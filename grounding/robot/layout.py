@@ -115,7 +115,6 @@ def read_intrinsics(
     Colour and depth must be registered: the same camera, or one mapped onto the other.
 
     Args:
-        path: File from `find_files`.
         colour_size: (width, height) of colour pictures.
         depth_size: (width, height) of depth pictures.
 

@@ -8,16 +8,10 @@ from scipy.sparse.csgraph import maximum_flow
 
 
 def flow_of(edges: Sequence[tuple[str, str, int]], *, source: str, sink: str) -> dict[tuple[str, str], int]:
-    """A largest possible flow, the same one for the same edges in the same order.
+    """A largest possible flow as amounts > 0 by (tail, head).
 
-    Args:
-        edges: (tail, head, capacity > 0), each pair once; the choice among equal flows depends on the order in which
-            nodes first appear.
-        source: Node where all flow begins.
-        sink: Node where all flow ends.
-
-    Returns:
-        (tail, head) to the amount, without edges that have no flow.
+    The edges are (tail, head, capacity > 0), each pair once. The choice among equal flows depends only on the order in
+    which nodes first appear.
     """
     numbers: dict[str, int] = {}
     for name in (source, sink, *(name for edge in edges for name in edge[:2])):

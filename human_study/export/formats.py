@@ -19,12 +19,7 @@ Row = TypeVar("Row", bound=BaseModel)
 
 
 def table_bytes(model: type[BaseModel], rows: Sequence[BaseModel]) -> dict[str, bytes]:
-    """The table in each format, by file ending.
-
-    Args:
-        model: Model of each row; gives the columns, even for a table without rows.
-        rows: The rows, in the order in which they are written.
-    """
+    """The table in each format, by file ending; the rows' model gives the columns, even of a table without rows."""
     columns = columns_of(model)
     names = [column.name for column in columns]
     nested = [column.name for column in columns if column.type == "JSON"]

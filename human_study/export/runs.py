@@ -36,13 +36,10 @@ def trial_run_info(
     """The `run.json` of the run folder for a participant's trials of one task and condition.
 
     Args:
-        config: The study.
         home: The home of the trial; trials in homes of one kind share a folder.
         code: The participant's code in the run.
-        task: The trial's task.
         condition: The trial's condition; part of the run's name where the task has several.
         created_utc: ISO 8601.
-        app_version: Version of the program that took the records.
         study_version: The version in the records; None = that of `config`. In studies of the first format the two
             differ.
         mixes_kinds: Whether the study has homes of several kinds; then the run's name holds the kind.
@@ -81,13 +78,7 @@ def created_utc(created_ns: int) -> str:
 
 
 def result_of(events: Sequence[Event], outcome: Outcome, *, code: str) -> EpisodeRun | Answer:
-    """The result of a finished trial as run files hold it, under a person's exported code.
-
-    Args:
-        events: All events of the trial, in order; only PAN needs them.
-        outcome: The stored outcome.
-        code: The person's exported code.
-    """
+    """The result of a finished trial as run files hold it, under an exported code; only PAN needs its events."""
     if isinstance(outcome, EpisodeEnd):
         return episode_run(events, end=outcome, participant=code)
     return outcome.model_copy(update={"participant": code})

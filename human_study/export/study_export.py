@@ -44,14 +44,8 @@ TABLES: dict[str, tuple[str, type[BaseModel]]] = {
 def export_study(folder: Path, out: Path) -> list[Path]:
     """Writes a study's records to a folder, whole or not at all.
 
-    An earlier export of the same study in that folder is replaced. The export works while the study is served.
-
-    Args:
-        folder: The study's folder.
-        out: Folder of the export: new, empty, or an earlier export of this study.
-
-    Returns:
-        The run folders, by run id.
+    `out` is new, empty, or an earlier export of this study, which is replaced. The export works while the study is
+    served. Returns the run folders, by run id.
 
     Raises:
         StudyError: The store cannot be read or was changed; or `out` cannot be written or holds anything else.

@@ -19,7 +19,6 @@ def markdown_table(heads: Sequence[str], lines: Iterable[Sequence[str]], *, num_
     """A table in Markdown.
 
     Args:
-        heads: Headings of the columns.
         lines: Cells, with Markdown escaped where needed.
         num_text: Number of columns at the left that hold text; the others hold numbers, set to the right. None = all
             hold text.

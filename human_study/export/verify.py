@@ -69,14 +69,7 @@ class Verification:
 def verify_trial(
     events: Sequence[Event], outcome: Outcome, key: EpisodeKey, *, home: TrialHome, participant: str
 ) -> Verification:
-    """Compares a finished trial with the result that its events give.
-
-    Args:
-        events: All events of the trial, in order.
-        outcome: The stored outcome.
-        key: The trial's episode.
-        home: The home of the trial.
-        participant: The participant's public code.
+    """Compares a finished trial with the result that all its events, in order, give.
 
     Raises:
         DatasetError: The home has no such episode.
@@ -108,14 +101,9 @@ def verify_trial(
 def recompute(
     events: Sequence[Event], outcome: Outcome, episode: Episode, *, home: TrialHome, participant: str
 ) -> EpisodeRun | Answer:
-    """The result that a finished trial's events give.
+    """The result that all events of a finished trial give.
 
-    Args:
-        events: All events of the trial, in order.
-        outcome: The stored outcome. It is used only to tell a technical failure, which has no measures.
-        episode: The trial's episode, with its targets.
-        home: The home of the trial.
-        participant: The participant's public code.
+    The stored outcome is used only to tell a technical failure, which has no measures.
 
     Raises:
         StudyError: The events are not those of a finished trial of this episode.

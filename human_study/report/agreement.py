@@ -148,10 +148,8 @@ def nearest_object(point: NDArray[np.float64], objects: Sequence[tuple[str, tupl
 def krippendorff_alpha(counts: NDArray[np.integer]) -> float | None:
     """Krippendorff's alpha for names: 1 = all agree, 0 = as by chance; None where nothing differs or nothing repeats.
 
-    Args:
-        counts: (N, C), number of people who put episode n into category c; episodes of one person do not count.
-
-    The formula is that of Krippendorff, "Computing Krippendorff's alpha-reliability" (2011), nominal data.
+    `counts` (N, C) are people who put episode n into category c; episodes of one person do not count. The formula is
+    that of Krippendorff, "Computing Krippendorff's alpha-reliability" (2011), nominal data.
     """
     table = counts[counts.sum(axis=1) >= 2].astype(np.float64)
     sizes = table.sum(axis=1)
@@ -167,10 +165,8 @@ def krippendorff_alpha(counts: NDArray[np.integer]) -> float | None:
 def gwet_ac1(counts: NDArray[np.integer]) -> float | None:
     """Gwet's AC1: like alpha, but steady where nearly all answers are alike; None where no episode has two people.
 
-    Args:
-        counts: (N, C) as for `krippendorff_alpha`, at least two categories, used or not.
-
-    The formula is that of Gwet, "Computing inter-rater reliability and its variance" (2008), missing answers allowed.
+    `counts` (N, C) as for `krippendorff_alpha`, with at least two categories, used or not. The formula is that of Gwet,
+    "Computing inter-rater reliability and its variance" (2008), missing answers allowed.
     """
     table = counts[counts.sum(axis=1) >= 1].astype(np.float64)
     sizes = table.sum(axis=1)

@@ -151,13 +151,7 @@ def hidden_count(rows: Sequence[TrialRow], limit_s: float | None) -> HiddenCount
 
 
 def flow_counts(people: Sequence[ParticipantRow], rows: Sequence[TrialRow], *, num_deleted: int) -> list[FlowCount]:
-    """The number of participants at each point of the study.
-
-    Args:
-        people: Rows of the participants.
-        rows: Their trials.
-        num_deleted: Participants who withdrew and whose records were deleted; they are in no table.
-    """
+    """The number of participants at each point of the study; the `num_deleted` with deleted records are in no table."""
     opened: dict[str, set[str]] = defaultdict(set)
     for row in rows:
         if row.attempt > 0:
@@ -219,12 +213,7 @@ def verification_counts(rows: Sequence[TrialRow]) -> list[VerificationCount]:
 
 
 def exclusion_counts(rows: Sequence[TrialRow], uses: Sequence[ExclusionRow]) -> list[ExclusionCount]:
-    """Counts per rule, with the given reasons.
-
-    Args:
-        rows: Rows of the study's trials.
-        uses: Every use of a rule; undone ones do not count.
-    """
+    """Counts per rule, with the given reasons; undone uses do not count."""
     reasons: dict[str, set[str]] = defaultdict(set)
     is_planned: dict[str, bool] = {}
     for use in uses:

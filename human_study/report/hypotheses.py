@@ -60,10 +60,8 @@ def hypothesis_rows(
     """A row per name of `primary` in the study file.
 
     Args:
-        names: The names, as in the study file.
         differences: People minus agents on the same episodes.
         memory: Effects of conditions, of all splits together.
-        aggregate: How cells and totals are averaged.
     """
     rows = [_tested(name, differences, memory, aggregate) for name in names]
     adjusted = holm([1.0 if row.p is None else row.p for row in rows])
@@ -132,12 +130,7 @@ def _untested(name: str, why: str) -> HypothesisRow:
 
 
 def agent_pairs(agents: Sequence[TrialGroup], episodes: AbstractSet[str]) -> list[AgentPairRow]:
-    """A row per pair of agents of the same task that did the same episodes: McNemar's exact test.
-
-    Args:
-        agents: Agents with all their runs.
-        episodes: Episodes that people did.
-    """
+    """McNemar's exact test of each pair of agents of one task, with all their runs, on episodes that people did."""
     pairs = [_pair(first, second, episodes) for first, second in combinations(agents, 2) if first.task == second.task]
     return [row for row in pairs if row.n]
 

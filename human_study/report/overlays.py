@@ -56,13 +56,7 @@ class _Row:
 
 
 def overlay_keys(groups: Sequence[TrialGroup], task: TaskKind, *, most: int) -> list[EpisodeKey]:
-    """The episodes that most people did, beginning with those on which people differ most.
-
-    Args:
-        groups: People and agents.
-        task: The overlays' task.
-        most: Largest number of episodes.
-    """
+    """At most `most` episodes: those that most people did, and of these the ones on which people differ most."""
     hits: dict[EpisodeKey, list[float]] = {}
     for group in (group for group in groups if group.task == task and group.kind == "human"):
         for trial in _drawn(group):
@@ -102,8 +96,6 @@ def overlay_svg(
 
     Args:
         groups: People and agents, with all runs of each agent.
-        key: The episode.
-        task: The overlay's task.
         storey: The storey under the paths; None = only a frame.
         targets: Middles (x, z) of the right objects.
     """

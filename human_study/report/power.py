@@ -145,12 +145,7 @@ def power_report(design: PowerDesign, *, assumptions: PowerAssumptions) -> Power
 
 
 def design_of(config: StudyConfig, plan: StudyPlan | None = None) -> PowerDesign:
-    """A study's design for its first task; splits of different sizes count as their mean.
-
-    Args:
-        config: The study.
-        plan: Gives the exact people and drawn episodes; None = there is no plan yet, and the study file gives them.
-    """
+    """A study's design for its first task, by the study file where there is no plan; splits count as their mean."""
     task, kind = config.task[0], config.design.kind
     arms, raters = len(config.conditions(task)), config.design.raters_per_episode
     sizes = [RELEASED[split] if size == "all" else size for split, size in config.dataset.splits.items()]

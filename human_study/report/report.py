@@ -243,11 +243,7 @@ def _rows(groups: ReportGroups, aggregate: Aggregate) -> list[ReportRow]:
 
 
 def report_groups(source: ReportSource, *, rule: SuccessRule | None = None) -> ReportGroups:
-    """The trials that the report counts.
-
-    Args:
-        source: Runs of people and agents, and the records of the people's study.
-        rule: Success rule of the PAN trials; None = the study file's, or `paper`.
+    """The trials that the report counts; without a rule, PAN counts by that of the study file, or else `paper`.
 
     Raises:
         StudyError: There is no run of people, their runs are of two studies, or an agent did none of their episodes.

@@ -97,8 +97,6 @@ def estimate_of(
     """Mean of a measure over at least one trial that has it, in its own unit; shares are in percent.
 
     Args:
-        trials: Trials of one row.
-        measure: One of their columns.
         aggregate: How splits are put together.
         is_share: Whether the measure is 0 or 100, so that the interval must stay between them.
         seed: Seed of the bootstrap; None = none is made.

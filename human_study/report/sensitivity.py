@@ -34,7 +34,6 @@ def sensitivity_rows(group: TrialGroup, rows: Sequence[TrialRow], aggregate: Agg
     Args:
         group: People, or differences of people's trials.
         rows: Rows of the study's trials; () = they are missing, and the rows that need them say so.
-        aggregate: How cells and totals are averaged, as in the tables.
     """
     trials = group.trials
     ways = {MAIN: trials}

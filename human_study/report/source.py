@@ -44,10 +44,7 @@ class ReportSource:
 
 
 def read_source(folders: Sequence[Path]) -> ReportSource:
-    """Everything in the named folders.
-
-    Args:
-        folders: Run folders, folders of run folders, exports (with `trials.jsonl`), study folders (with `study.db`).
+    """Everything in run folders, folders of run folders, and at most one study folder or export.
 
     Raises:
         StudyError: There are records of more than one study, or records are damaged.

@@ -153,8 +153,6 @@ def trials_of(
 
     Args:
         values: Finite numbers.
-        participants: Any text.
-        episodes: Any text.
         strata: Any text; None = one stratum for all.
         shares: Share of each stratum that occurs in the mean, in any unit; None = all the same.
         weight: Whether each trial or each participant counts the same within a stratum.
@@ -182,12 +180,7 @@ def rate(trials: Trials, *, seed: int | None = 0) -> Estimate:
 
 
 def mean(trials: Trials, *, seed: int | None = 0) -> Estimate:
-    """Mean of any measure, or of differences on the same episodes.
-
-    Args:
-        trials: At least one trial.
-        seed: Seed of the bootstrap; None = none is made.
-    """
+    """Mean of any measure, or of differences on the same episodes, over at least one trial; `seed` as for `rate`."""
     return _estimate(trials, interval=mean_interval(trials), seed=seed)
 
 
@@ -233,9 +226,8 @@ def clustered_variance(
 def rate_interval(trials: Trials) -> Interval | None:
     """Two-way interval of a share, built on the logit scale; None where one trial says nothing about others.
 
-    Args:
-        trials: At least one trial, all values within 0 and 1. If each participant and episode occurs once, or there is
-            one run, the interval is Wilson's. If all values are equal, it is exact and counts people, not trials.
+    All values are within 0 and 1. If each participant and episode occurs once, or there is one run, the interval is
+    Wilson's. If all values are equal, it is exact and counts people, not trials.
     """
     assert ((trials.values >= 0) & (trials.values <= 1)).all()
     n, share = len(trials.values), min(max(trials.mean, 0.0), 1.0)  # weights sum to 1 but for rounding

@@ -149,8 +149,6 @@ def trial_groups(
     """Trials by row name, people first, and counts of trials that are left out.
 
     Args:
-        runs: Runs of people and agents.
-        rule: Success rule of PAN.
         rows: Trials of the people's study. Trials that a rule excludes have no run; their rows count here, if these are
             under the same success rule.
         row_rule: Success rule of the rows.
@@ -200,12 +198,7 @@ def averaged_agent(agent: TrialGroup, episodes: Iterable[str]) -> TrialGroup:
 
 
 def difference(people: TrialGroup, agent: TrialGroup) -> TrialGroup:
-    """People minus the agent, trial by trial on the same episodes; holds only figures that both have.
-
-    Args:
-        people: Any group of people.
-        agent: An agent with one trial per episode, from `averaged_agent`.
-    """
+    """People minus an agent from `averaged_agent`, trial by trial on the same episodes; only figures that both have."""
     theirs = agent.trials.set_index("episode")[_ALL_MEASURES]
     apart = people.trials[people.trials["episode"].isin(theirs.index)].copy()
     apart[_ALL_MEASURES] -= theirs.loc[apart["episode"]].to_numpy()

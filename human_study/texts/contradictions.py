@@ -50,9 +50,7 @@ def disagreements(text: str, config: StudyConfig, *, plan: StudyPlan, task: Task
 
     Args:
         text: The text as participants of the task would read it.
-        config: The study.
         plan: Gives numbers of trials and the announced time.
-        task: The readers' task.
     """
     plain = " ".join(re.sub(r"[*_`]", "", text).split())
     found = []

@@ -80,7 +80,6 @@ def ethics_documents(config: StudyConfig, plan: StudyPlan | None, *, consent: st
     """Each document by its file name, Markdown.
 
     Args:
-        config: The study.
         plan: Gives the numbers of people, trials and homes; None = not planned yet, and they are marked as open.
         consent: The consent form as the participants will read it; None = the form that a new study begins with.
     """

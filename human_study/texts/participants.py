@@ -90,13 +90,7 @@ def told_text(texts: Mapping[str, str], name: str, task: TaskKind) -> str:
 
 
 def instruction_texts(config: StudyConfig, task: TaskKind, conditions: Sequence[Condition]) -> tuple[str, ...]:
-    """The program's own pages on task, keys and rules; each begins with its heading.
-
-    Args:
-        config: The study.
-        task: The participant's task.
-        conditions: All conditions that the participant will meet, in any order.
-    """
+    """The program's own pages on task, keys and rules for all these conditions; each begins with its heading."""
     text = filled("pages.md", words_of(config, task=task, conditions=conditions))
     return tuple(f"# {page}" for page in f"\n{text}".split("\n# ")[1:])
 

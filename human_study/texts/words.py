@@ -78,7 +78,6 @@ def words_of(
     """Every value and passage that a template can name.
 
     Args:
-        config: The study.
         plan: Gives the announced time where the study file does not, and says whether this is a pilot.
         task: The reader's task; None = a reader of the whole study.
         conditions: All conditions that the reader will meet; None = all conditions of the task.
@@ -139,7 +138,6 @@ def filled_text(text: str, words: Mapping[str, Any], *, where: Path) -> str:
     Args:
         text: May name any of the words in double braces, or mark a field of the study file as to be filled in.
         words: From `words_of`.
-        where: The text's file, for a message.
 
     Raises:
         StudyError: The text names an unknown word, or is not a valid template.

@@ -148,7 +148,6 @@ class TrialSession(ABC, Generic[TaskViewT]):
         """Handles one command; after the end only `Rate` has an effect.
 
         Args:
-            command: The participant's command.
             now_s: Seconds on a steady clock, the same one for the whole life of this object.
             busy: Whether the picture of an earlier action is still being sent: presses are then dropped and logged.
 

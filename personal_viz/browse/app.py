@@ -27,10 +27,6 @@ OWN_HOSTS = ("127.0.0.1", "localhost")
 def browser_app(library: Library, *, port: int = 0) -> Iterator[str]:
     """The address of the running app, which ends with the block.
 
-    Args:
-        library: The episodes, runs and homes to show.
-        port: A port of 127.0.0.1; 0 takes a free one.
-
     Raises:
         PersonalVizError: The port is taken.
     """

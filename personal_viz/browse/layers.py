@@ -63,12 +63,7 @@ class Layers:
     """The nodes of one browser's 3-D view, on one storey of a home at a time."""
 
     def __init__(self, client: viser.ClientHandle, on_object: OnObject) -> None:
-        """Shows nothing yet.
-
-        Args:
-            client: The browser.
-            on_object: Called with the index of the object node whose box is clicked.
-        """
+        """Shows nothing yet; `on_object` is called with the index of the object node whose box is clicked."""
         self._scene, self._on_object = client.scene, on_object
         self._home: tuple[OpenHome, int] | None = None
         self._home_nodes: list[Any] = []
@@ -102,7 +97,6 @@ class Layers:
         """Shows everything of an episode that stands on the storey that is shown.
 
         Args:
-            shown: The episode.
             hidden: Labels of runs that are switched off.
             layers: Layers that are switched on.
         """

@@ -103,9 +103,7 @@ class Library:
 
         Args:
             episodes: The episodes in the order of the list.
-            runs: Runs and answers of people and agents.
             texts: What the episodes of each scene say about its objects.
-            homes: Opens the scenes.
         """
         self.episodes, self.homes = tuple(episodes), homes
         self._runs = sorted(runs, key=lambda run: run.info.who_kind != "human")
@@ -175,11 +173,8 @@ def open_library(
     """Reads all episodes and runs; homes are opened when somebody looks at them.
 
     Args:
-        dataset: Folder of the episodes.
-        runs: Run folders to show beside the episodes.
         scenes_dir: Folder of the scans; None = invented or schematic homes.
         scenes: Scenes to list; () = all.
-        clutter: Level for homes without a scan.
 
     Raises:
         DatasetError: An episode file is damaged, a scene is unknown, or there is no episode.

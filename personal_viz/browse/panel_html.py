@@ -61,7 +61,6 @@ def runs_html(shown: ShownEpisode, *, hidden: set[str], walked: int | None, note
     """Runs and answers of the episode as tables with check boxes.
 
     Args:
-        shown: The episode.
         hidden: Titles of those whose path or points are not drawn.
         walked: Place of the run along which the slider leads.
         notes: What a reader must know about them, one line each.
@@ -76,7 +75,6 @@ def graph_html(shown: ShownEpisode, *, marked: int | None = None, notes: Sequenc
     """The ownership graph as a drawing, people left and objects right, an edge for each thing owned.
 
     Args:
-        shown: The episode.
         marked: Index of the object node that is marked, with its edges and owners; None = none.
         notes: A short note on each object, such as "storey 2"; empty texts for none.
     """

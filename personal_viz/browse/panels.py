@@ -46,10 +46,8 @@ class Panels:
         """Builds the panels.
 
         Args:
-            client: The browser.
             put: Takes messages; called on viser's event loop, it must not wait.
             scenes: Choices of the filter.
-            has_runs: Whether any run was given.
         """
         self._client, self._put = client, put
         self._html: dict[Part, viser.GuiHtmlHandle] = {}

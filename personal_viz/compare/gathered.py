@@ -99,7 +99,6 @@ def gather(
     Args:
         folders: Run folders, or folders of run folders.
         dataset_digest: Digest of the episode files that the runs must be on.
-        episodes: All episodes of the dataset.
         into: An empty folder; `scene_runs` reads it.
 
     Raises:

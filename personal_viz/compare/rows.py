@@ -139,12 +139,6 @@ def sections(
 ) -> list[Section]:
     """The tables of a comparison: scans before other homes, PAN before POG, oracle maps last.
 
-    Args:
-        trials: All trials.
-        runs: The runs that they came from, without steps.
-        queries: Query of each episode.
-        folders: Folder of each episode's recording.
-
     Raises:
         RunFileError: A run was never scored, or a trial would count twice.
     """

@@ -84,13 +84,9 @@ class _Sheet:
 
 
 def sheet_png(scene: Scene, episode: Episode, traces: Sequence[Trace], *, renderer: Renderer | None) -> bytes:
-    """The contact sheet as PNG, 1,900 pixels wide.
+    """The contact sheet of at least one run as PNG, 1,900 pixels wide.
 
-    Args:
-        scene: The home in which the runs were made.
-        episode: The episode.
-        traces: The runs of the episode; at least one.
-        renderer: Draws what the robots saw; None = the maps and pictures of a scan are left out.
+    The renderer draws what the robots saw; without one, maps and pictures of a scan are left out.
     """
     walks = [trace for trace in traces if isinstance(trace.run, EpisodeRun)]
     answers = [trace for trace in traces if not isinstance(trace.run, EpisodeRun)]

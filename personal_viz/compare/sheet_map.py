@@ -84,8 +84,6 @@ def draw_floor(
     Args:
         axes: Shaped as `floor.aspect`.
         floor: One of `floors_of`.
-        scene: The home.
-        goal: The episode's targets and success region.
         traces: PAN runs, or answers; never both.
         words: Whether objects, marks and the scale are named; thumbnails have no room for it.
     """

@@ -39,10 +39,8 @@ def storey_picture(scene: Scene, plan: HomePlan | None, floor_y: float, *, size:
     """A storey from above, at most `size` = (width, height) pixels large, north (-z) up.
 
     Args:
-        scene: Any home.
         plan: Its plan, which names rooms; None = rooms have no names.
         floor_y: One of the scene's storey heights, metres.
-        size: Pixels that the picture may take.
     """
     mesh = storey_mesh(scene, floor_y)
     used = mesh.vertices[np.unique(mesh.faces)].astype(float)

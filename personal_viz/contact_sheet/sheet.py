@@ -45,10 +45,7 @@ Tile = tuple[Image.Image, str]
 def contact_sheet_picture(scene: Scene, plan: HomePlan | None) -> Image.Image:
     """The contact sheet of a home, WIDTH pixels wide.
 
-    Args:
-        scene: Any home.
-        plan: What it was made of: names its rooms, and its pieces are drawn as portraits. None = a scan, whose objects
-            are cut out of views.
+    A plan names the rooms, and its pieces are drawn as portraits; without one (a scan) objects are cut out of views.
     """
     renderer = raycaster_of(scene)
     heights = scene.navigation.storey_heights
@@ -78,17 +75,9 @@ def portraits(plan: HomePlan) -> list[Tile]:
 
 
 def write_crops(folder: Path, scene: Scene, *, seed: int = 0) -> int:
-    """Writes one crop of each category without any label, and `<scene>-key.csv` that says what each shows.
+    """Writes one crop of each category without any label, and `<scene>-key.csv` that tells them; returns their number.
 
     Crops are numbered in a random order, so that neither names nor order give the answer away.
-
-    Args:
-        folder: Made where it is missing.
-        scene: Any home with objects.
-        seed: Seed of the order.
-
-    Returns:
-        How many crops were written.
 
     Raises:
         OSError: The folder cannot be written.
@@ -107,13 +96,7 @@ def write_crops(folder: Path, scene: Scene, *, seed: int = 0) -> int:
 
 
 def png_bytes(picture: Image.Image, *, label: str = "", **options: Any) -> bytes:
-    """The picture as PNG; the same pixels give the same bytes.
-
-    Args:
-        picture: Any picture.
-        label: The file's description, which says what kind of home it shows.
-        options: Further options of Pillow, such as `dpi`.
-    """
+    """The picture as PNG with a label of the kind of home; the same pixels and Pillow `options` give the same bytes."""
     data, about = io.BytesIO(), PngInfo()
     if label:
         about.add_text("Description", label)

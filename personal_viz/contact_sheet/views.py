@@ -66,16 +66,8 @@ class Crop:
 def room_views(scene: Scene, renderer: Renderer, *, rooms: Mapping[int, str], count: int) -> list[View]:
     """The best views of `count` different rooms; more than one of a room where there are fewer rooms.
 
-    A good view shows many objects, is deep, and has nothing right before the camera.
-
-    Args:
-        scene: Any home.
-        renderer: Renderer of its mesh.
-        rooms: Name of the room of each object, by instance id.
-        count: How many views.
-
-    Returns:
-        Fewer where the home has no more places to stand.
+    A good view shows many objects, is deep, and has nothing right before the camera. There are fewer where the home has
+    no more places to stand.
     """
     views = [view for floor_y in scene.navigation.storey_heights for view in _views(scene, renderer, rooms, floor_y)]
     views.sort(key=lambda view: (-view.score, view.pose.position, view.pose.yaw))
@@ -92,10 +84,8 @@ def room_views(scene: Scene, renderer: Renderer, *, rooms: Mapping[int, str], co
 def object_crop(item: SceneObject, scene: Scene, renderer: Renderer) -> tuple[int, Crop] | None:
     """An object cut out of the 640 x 480 view from its best view point, with its number of pixels there.
 
-    The crop is CROP_SIDE pixels of that view, or the whole object scaled down where it is larger.
-
-    Returns:
-        None where no place to stand shows it well.
+    The crop is CROP_SIDE pixels of that view, or the whole object scaled down where it is larger. None where no place to
+    stand shows the object well.
     """
     camera = Camera()
     found = view_points_around(item, scene.mesh, navigation=scene.navigation, renderer=renderer, camera=camera)

@@ -19,12 +19,7 @@ _BESIDE = "figure:has(> svg[role=img]) { display: inline-block; width: 440px; ma
 
 
 def report_files(report: PogReport, gallery: Gallery | None) -> dict[str, str | bytes]:
-    """Content by file name.
-
-    Args:
-        report: The numbers.
-        gallery: Failures; None where the dataset is not at hand.
-    """
+    """Content by file name; without a gallery (the dataset is not at hand) no failures."""
     drawn = _figures(report)
     files: dict[str, str | bytes] = {
         f"{name}.{end}": body for name, both in drawn.items() for end, body in both.items()

@@ -69,7 +69,6 @@ def failure_gallery(
 
     Args:
         runs: Runs on this dataset; people's are left out.
-        dataset: The episodes.
         beside: Folders that hold the run folders: maps are there too.
         per_method: Most failures that are drawn of each method on each map variant.
         seed: Seed of the sample, which is the same for the same runs.

@@ -99,7 +99,6 @@ def serve_folder(folder: Path, *, page: str = "index.html", port: int = 0) -> It
 
     Args:
         folder: Programs on this machine can read everything below it, except hidden files and links out of it.
-        page: The folder's first page.
         port: 0 = a free port.
 
     Raises:
