@@ -84,8 +84,8 @@ def room_views(scene: Scene, renderer: Renderer, *, rooms: Mapping[int, str], co
 def object_crop(item: SceneObject, scene: Scene, renderer: Renderer) -> tuple[int, Crop] | None:
     """An object cut out of the 640 x 480 view from its best view point, with its number of pixels there.
 
-    The crop is CROP_SIDE pixels of that view, or the whole object scaled down where it is larger. None where no place to
-    stand shows the object well.
+    The crop is CROP_SIDE pixels of that view, or the whole object scaled down where it is larger. None where no place
+    to stand shows the object well.
     """
     camera = Camera()
     found = view_points_around(item, scene.mesh, navigation=scene.navigation, renderer=renderer, camera=camera)
