@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 
-from sim.tasks.run_files import Answer, AnswerMeasures, Run, RunInfo
+from sim.tasks.run_files import Answer, AnswerMeasures, Run
 from sim.types import EpisodeKey
+
+from ..sim.worlds import run_info
 
 CONFIG = {"map": "oracle", "encoder": "hashed", "all_storeys": False, "phrases": "none"}
 
@@ -38,18 +40,9 @@ def answer_to(
 
 def run_of(who: str, answers: Sequence[Answer], *, config: dict | None = None, **changes: object) -> Run:
     """A run of `personal-viz ground`."""
-    values = {
-        "run_id": "-".join([who, str(changes.get("seed", 0)), *map(str, (config or {}).values())]),
-        "who": who,
-        "who_kind": "agent",
-        "scene_kind": "oracle-map",
-        "dataset_digest": "d",
-        "seed": 0,
-        "config": CONFIG | (config or {}),
-        "git_commit": "abc",
-        "created_utc": "2026-01-01T00:00:00+00:00",
-    }
-    return Run(info=RunInfo.model_validate(values | changes), answers=tuple(answers))
+    run_id = "-".join([who, str(changes.get("seed", 0)), *map(str, (config or {}).values())])
+    values = {"who": who, "scene_kind": "oracle-map", "seed": 0, "config": CONFIG | (config or {}), "git_commit": "abc"}
+    return Run(info=run_info(str(changes.pop("run_id", run_id)), **values | changes), answers=tuple(answers))
 
 
 def keys(split: str, homes: int, each: int) -> list[EpisodeKey]:

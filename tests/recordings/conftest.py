@@ -12,9 +12,11 @@ from sim.mesh import Scene, TriangleMesh
 from sim.render.raycast import Raycaster
 from sim.tasks.pan import PanEnv
 from sim.tasks.rules import score_run
-from sim.tasks.run_files import Answer, AnswerMeasures, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo
+from sim.tasks.run_files import Answer, AnswerMeasures, EpisodeEnd, EpisodeRun, EpisodeStart, Run
 from sim.types import Action, EpisodeKey
 from sim.walk.floor_grid import floor_grid_from_mesh
+
+from ..sim.worlds import run_info as info
 
 KEY = EpisodeKey("easy", "BoxHouse", "7")
 BOXES = [  # low corner, high corner, colour
@@ -134,19 +136,6 @@ def walk(home: Scene, episode: Episode, actions: Sequence[Action], *, participan
     return EpisodeRun(
         start=start, steps=env.steps, end=EpisodeEnd(reason="stop" if stopped else "giveup", measures=measures)
     )
-
-
-def info(run_id: str, **changes: object) -> RunInfo:
-    """`run.json` of a run on the house."""
-    values = {
-        "run_id": run_id,
-        "who": run_id,
-        "who_kind": "agent",
-        "scene_kind": "invented",
-        "dataset_digest": "d",
-        "created_utc": "2026-01-01T00:00:00+00:00",
-    }
-    return RunInfo.model_validate(values | changes)
 
 
 def to_the_table() -> list[Action]:

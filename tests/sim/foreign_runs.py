@@ -1,12 +1,13 @@
-"""Small datasets and rows as another simulator writes them, for tests of the import."""
+"""Small datasets as another simulator uses them, for tests of the import."""
 
-import gzip
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 from sim.episodes.dataset import PersonalDataset
+
+from . import synthetic
+from .synthetic import example_content, example_episode, example_goal, example_view_point
 
 Rows = list[dict[str, Any]]
 
@@ -16,50 +17,28 @@ def quat(yaw_deg: float) -> list[float]:
     return [0.0, math.sin(half), 0.0, math.cos(half)]
 
 
-def write_dataset(root: Path, scene: str, episodes: Rows, *, split: str = "easy") -> PersonalDataset:
-    """A dataset of one scene; each row has id, start, rotation, goals (name, position, view_points)."""
-    goals = {f"{scene}.basis.glb_thing": [goal for row in episodes for goal in row["goals"]]}
+def write_dataset(root: Path, scene: str, episodes: Rows) -> PersonalDataset:
+    """A dataset of one scene; each row has id, start, rotation, goals (see `goal_row`)."""
     records = [
-        {
-            "episode_id": row["id"],
-            "scene_id": f"made/{scene}/{scene}.basis.glb",
-            "scene_dataset_config": "",
-            "object_category": "thing",
-            "object_id": [goal["object_name"] for goal in row["goals"]],
-            "description": [["a thing"] for _ in row["goals"]],
-            "owner": "Nell",
-            "floor_id": "0",
-            "summary": "Nell owns things.",
-            "extracted_summary": [],
-            "query": ["Find it."],
-            "start_position": row["start"],
-            "start_rotation": row["rotation"],
-            "info": {"geodesic_distance": 1.0, "euclidean_distance": 1.0, "closest_goal_object_id": 0},
-        }
+        example_episode(
+            scene=scene,
+            episode_id=row["id"],
+            object_category="thing",
+            object_id=[goal["object_name"] for goal in row["goals"]],
+            description=[["a thing"] for _ in row["goals"]],
+            start_position=row["start"],
+            start_rotation=row["rotation"],
+        )
         for row in episodes
     ]
-    content = {
-        "goals_by_category": goals,
-        "episodes": records,
-        "category_to_task_category_id": {},
-        "category_to_scene_annotation_category_id": {},
-    }
-    path = root / split / "content" / f"{scene}.json.gz"
-    path.parent.mkdir(parents=True)
-    path.write_bytes(gzip.compress(json.dumps(content).encode()))
-    return PersonalDataset(root)
+    goals = {f"{scene}.basis.glb_thing": [goal for row in episodes for goal in row["goals"]]}
+    content = example_content(scene=scene, episodes=records, goals_by_category=goals)
+    return PersonalDataset(synthetic.write_dataset(root, {("easy", scene): content}))
 
 
 def goal_row(name: str, position: list[float], view_points: list[list[float]]) -> dict[str, Any]:
-    points = [{"agent_state": {"position": point, "rotation": [0, 0, 0, 1]}, "iou": 0.5} for point in view_points]
-    return {
-        "position": position,
-        "object_id": 1,
-        "object_name": name,
-        "object_category": "thing",
-        "floor_id": "0",
-        "view_points": points,
-    }
+    points = [example_view_point(x, z, y=y, quat_xyzw=[0, 0, 0, 1], iou=0.5) for x, y, z in view_points]
+    return example_goal(position=position, object_id=1, object_name=name, object_category="thing", view_points=points)
 
 
 def two_starts(root: Path, start: tuple[float, float, float], *, yaws_deg: tuple[float, float]) -> PersonalDataset:

@@ -1,9 +1,12 @@
 """Small meshes with known answers, for tests of the renderer and of navigation."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.mesh import TriangleMesh
+from sim.mesh import FLAT, TriangleMesh
 
 Quad = tuple[NDArray[np.float64], tuple[int, int, int], int]
 
@@ -49,3 +52,32 @@ def mesh_of(*quads: Quad, textures: tuple[NDArray[np.uint8], ...] = (), texture:
         np.tile(uv, (len(quads), 1, 1)),
         textures,
     )
+
+
+def triangles(corners: NDArray, **changes: Any) -> TriangleMesh:
+    """Loose grey triangles (F, 3, 3) without textures, unless `changes` say otherwise."""
+    count = len(corners)
+    plain = TriangleMesh(
+        np.asarray(corners, np.float32).reshape(-1, 3),
+        np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+        np.full((count, 3), 90, np.uint8),
+        np.zeros(count, np.int32),
+        np.full(count, FLAT, np.int16),
+        np.zeros((count, 3, 2), np.float32),
+    )
+    return replace(plain, **changes)
+
+
+def joined(first: TriangleMesh, second: TriangleMesh) -> TriangleMesh:
+    """Both meshes as one; vertices and textures are kept apart."""
+    texture = np.where(second.face_texture < 0, second.face_texture, second.face_texture + len(first.textures))
+    moved = replace(second, faces=second.faces + len(first.vertices), face_texture=texture.astype(np.int16))
+    names = ("vertices", "faces", "face_rgb", "face_instance", "face_texture", "face_uv")
+    both = {name: np.concatenate([getattr(first, name), getattr(moved, name)]) for name in names}
+    return replace(first, **both, textures=first.textures + second.textures)
+
+
+def area(mesh: TriangleMesh) -> NDArray[np.float64]:
+    """(F,) square metres of each face."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sim.copies.atlas import NUM_SHEETS, SHEET_SIDE, atlased
 from sim.mesh import FLAT, TriangleMesh
 
-from .meshes import floor, mesh_of
+from .meshes import floor, joined, mesh_of
 
 UNIT = np.array([[0, 0], [0, 1], [1, 1], [1, 0]], np.float32)[[[0, 1, 2], [0, 2, 3]]]
 
@@ -37,6 +37,7 @@ def colours(mesh: TriangleMesh, weights: NDArray[np.float64]) -> NDArray[np.floa
     return shown
 
 
+CHECKS = np.kron([[0, 255], [255, 0]], np.ones((16, 16)))[..., None].repeat(3, axis=2).astype(np.uint8)
 PLACES = np.random.default_rng(0).dirichlet([1, 1, 1], 200)
 
 
@@ -76,17 +77,7 @@ def test_a_few_small_textures_keep_every_texel() -> None:
 
 def test_texels_are_shared_by_surface() -> None:
     small, large = squares(*[plain((5, 5, 5), 2048, 2048)] * 2), squares(*[plain((9, 9, 9), 2048, 2048)] * 6, side=3.0)
-    both = replace(
-        small,
-        vertices=np.concatenate([small.vertices, large.vertices]),
-        faces=np.concatenate([small.faces, large.faces + len(small.vertices)]),
-        face_rgb=np.concatenate([small.face_rgb, large.face_rgb]),
-        face_instance=np.zeros(16, np.int32),
-        face_texture=np.concatenate([small.face_texture, large.face_texture + 2]).astype(np.int16),
-        face_uv=np.concatenate([small.face_uv, large.face_uv]),
-        textures=small.textures + large.textures,
-    )
-    atlas = atlased(both)
+    atlas = atlased(joined(small, large))
     sizes = np.array([atlas.textures[texture].shape[1] for texture in atlas.face_texture])
     pixels = np.ptp(atlas.face_uv[..., 0], axis=1) * sizes
     np.testing.assert_allclose(pixels[4:], 504, atol=1.5)
@@ -107,8 +98,7 @@ def test_what_no_face_shows_does_not_mix_into_its_neighbours() -> None:
 
 
 def test_a_texture_that_repeats_stays_alone_and_repeats() -> None:
-    checks = np.kron([[0, 255], [255, 0]], np.ones((16, 16)))[..., None].repeat(3, axis=2).astype(np.uint8)
-    mesh = squares(checks, plain((1, 2, 3), 8, 8))
+    mesh = squares(CHECKS, plain((1, 2, 3), 8, 8))
     repeated = replace(mesh, face_uv=np.where(np.arange(4)[:, None, None] < 2, mesh.face_uv * 7 - 2.25, mesh.face_uv))
     atlas = atlased(repeated)
     assert sorted(image.shape[:2] for image in atlas.textures) == [(16, 16), (32, 32)]
@@ -116,8 +106,7 @@ def test_a_texture_that_repeats_stays_alone_and_repeats() -> None:
 
 
 def test_the_light_on_textures_stays_on_their_corners() -> None:
-    checks = np.kron([[0, 255], [255, 0]], np.ones((16, 16)))[..., None].repeat(3, axis=2).astype(np.uint8)
-    mesh = squares(checks, plain((1, 2, 3), 8, 8))
+    mesh = squares(CHECKS, plain((1, 2, 3), 8, 8))
     light = np.random.default_rng(5).integers(0, 256, (8, 3)).astype(np.uint8)
     atlas = atlased(replace(mesh, face_uv=mesh.face_uv * [[[7]], [[7]], [[1]], [[1]]], vertex_rgb=light))
     np.testing.assert_array_equal(atlas.faces, mesh.faces)

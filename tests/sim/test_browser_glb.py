@@ -5,6 +5,7 @@ import json
 import struct
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from sim.scans.glb import load_glb
 from sim.types import Camera, Pose
 from sim.walk.floor_grid import floor_grid_from_mesh
 
-from .meshes import floor, mesh_of
+from .meshes import floor, joined, mesh_of, triangles
 
 
 @pytest.fixture(scope="module")
@@ -51,9 +52,9 @@ def triangles_of(data: bytes) -> NDArray[np.float64]:
     return np.concatenate([mesh.vertices[mesh.faces] for mesh in loaded.geometry.values()])
 
 
-def loaded(data: bytes, folder: Path) -> TriangleMesh:
+def loaded(data: bytes, folder: Path, *, colours: Literal["linear", "srgb"] = "linear") -> TriangleMesh:
     (folder / "copy.glb").write_bytes(data)
-    return load_glb(folder / "copy.glb", up="y")
+    return load_glb(folder / "copy.glb", up="y", colours=colours)
 
 
 def rays_from_above(mesh: TriangleMesh, num: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -101,7 +102,7 @@ def test_a_planned_homes_copy_looks_like_the_home(scene: Scene, tmp_path: Path) 
     assert scene.mesh.vertex_rgb is not None
     assert (scene.mesh.face_texture >= 0).any()
     full = storey_mesh(scene, 0.0)
-    copy = load_glb_bytes(browser_glb(scene, 0.0), tmp_path)
+    copy = loaded(browser_glb(scene, 0.0), tmp_path, colours="srgb")
     camera, rng = Camera(160, 120), np.random.default_rng(5)
     apart = []
     for _ in range(6):
@@ -111,12 +112,6 @@ def test_a_planned_homes_copy_looks_like_the_home(scene: Scene, tmp_path: Path) 
         apart.append(np.abs(one.rgb.astype(int) - other.rgb).mean())
     assert np.mean(apart) < 4
     assert len(copy.faces) < len(full.faces), "what is flat and evenly lit needs few triangles"
-
-
-def load_glb_bytes(data: bytes, folder: Path) -> TriangleMesh:
-    """As `loaded`, with vertex colours as they are shown."""
-    (folder / "copy.glb").write_bytes(data)
-    return load_glb(folder / "copy.glb", up="y", colours="srgb")
 
 
 def flat_coloured(scene: Scene) -> Scene:
@@ -189,19 +184,9 @@ def colours_at(mesh: TriangleMesh, faces: NDArray[np.int64], points: NDArray[np.
 
 @pytest.mark.slow
 def test_loose_triangles_do_not_exceed_faces_and_bytes() -> None:
-    num = 320_000
-    corners = np.random.default_rng(2).uniform(0, 1.5, (num, 1, 3)) + np.random.default_rng(3).normal(
-        0, 0.02, (num, 3, 3)
-    )
-    ground = mesh_of(floor(0, 0, 4, 4))
-    soup = TriangleMesh(
-        np.concatenate([ground.vertices, corners.reshape(-1, 3)]).astype(np.float32),
-        np.concatenate([ground.faces, np.arange(3 * num).reshape(-1, 3) + 4]).astype(np.int32),
-        np.full((num + 2, 3), 90, np.uint8),
-        np.zeros(num + 2, np.int32),
-        np.full(num + 2, FLAT, np.int16),
-        np.zeros((num + 2, 3, 2), np.float32),
-    )
+    num, ground = 320_000, mesh_of(floor(0, 0, 4, 4))
+    spread = np.random.default_rng(3).normal(0, 0.02, (num, 3, 3))
+    soup = joined(ground, triangles(np.random.default_rng(2).uniform(0, 1.5, (num, 1, 3)) + spread))
     data = browser_glb(Scene("Soup", "scan", soup, (), floor_grid_from_mesh(ground), "soup"), 0.0)
     assert 0.9 * MAX_BYTES < len(data) <= MAX_BYTES
     assert len(triangles_of(data)) <= MAX_FACES
@@ -255,8 +240,7 @@ def test_light_on_textures_comes_back_as_it_was_rendered(tmp_path: Path) -> None
     smooth = np.kron(rng.integers(60, 256, (4, 4, 3)), np.ones((16, 16, 1))).astype(np.uint8)
     mesh = mesh_of(floor(-1, -1, 0, 1), floor(0, -1, 1, 1), textures=(smooth,), texture=0)
     lit = replace(mesh, face_uv=mesh.face_uv * 3, vertex_rgb=rng.integers(90, 256, (8, 3)).astype(np.uint8))
-    (tmp_path / "copy.glb").write_bytes(glb_from_mesh(lit))
-    copy = load_glb(tmp_path / "copy.glb", up="y", colours="srgb")
+    copy = loaded(glb_from_mesh(lit), tmp_path, colours="srgb")
     shown = replace(copy, textures=(smooth,))  # JPEG's own losses left out
     camera = Camera(120, 120, 90.0, 0.0)
     view = T_world_camera(Pose((0.0, 0.9, 0.0), 0.0, -np.pi / 2), camera)
@@ -289,16 +273,8 @@ def test_textures_are_downsized_and_keep_their_coordinates() -> None:
 
 def test_more_colours_than_a_palette_holds_are_thinned() -> None:
     count = 70_000
-    mesh = mesh_of(floor(0, 0, 1, 1))
     colours = np.arange(count, dtype=np.int64)[:, None] >> np.array([16, 8, 0]) & 0xFF
-    many = replace(
-        mesh,
-        faces=np.repeat(mesh.faces[:1], count, axis=0),
-        face_rgb=colours.astype(np.uint8),
-        face_instance=np.zeros(count, np.int32),
-        face_texture=np.full(count, -1, np.int16),
-        face_uv=np.zeros((count, 3, 2), np.float32),
-    )
+    many = triangles(np.tile(np.eye(3), (count, 1, 1)), face_rgb=colours.astype(np.uint8))
     assert triangles_of(glb_from_mesh(many)).shape == (count, 3, 3)
 
 

@@ -9,31 +9,22 @@ from sim.authoring.captions import are_mixed_up, caption_of, ownership_sentence
 from sim.authoring.descriptions import OwnedItem, write_description
 from sim.episodes.ownership import parse_ownership, queries_for
 from sim.homes.invented.plans import invent_plan
-from sim.homes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Storey, Wall
+from sim.homes.plan import Furniture, HomePlan, Opening, Rect, Wall
 
-GREY = Finish(rgb=(128, 128, 128))
+from . import plans
+from .plans import GROUND, Vec
 
 
-def piece(category: str, look: str, centre: tuple[float, float, float], size: tuple[float, float, float]) -> Furniture:
-    return Furniture(
-        name=f"{category}_1",
-        category=category,
-        centre=centre,
-        size=size,
-        finish=GREY,
-        caption=f"{look} {category}",
-        room="study",
-    )
+def piece(category: str, look: str, centre: Vec, size: Vec) -> Furniture:
+    return plans.piece(f"{category}_1", centre, size, caption=f"{look} {category}", room="study")
 
 
 def room_with(*pieces: Furniture) -> HomePlan:
     """A study of 6 x 6 m with a window in the wall at z = 0, x = 5."""
     window = Opening(kind="window", offset=5.0, width=1.0, sill=0.9, top=2.1)
-    return HomePlan(
-        name="Study", kind="invented", storeys=(Storey(label="ground floor", floor_y=0.0),),
-        rooms=(Room(name="study", storey=0, rect=Rect(0, 0, 6, 6), floor=GREY, wall=GREY),),
-        walls=(Wall(storey=0, start=(0.0, 0.0), end=(6.0, 0.0), height=2.5, openings=(window,)),), furniture=pieces,
-    )  # fmt: skip
+    wall = Wall(storey=0, start=(0.0, 0.0), end=(6.0, 0.0), height=2.5, openings=(window,))
+    rooms = (plans.room("study", Rect(0, 0, 6, 6)),)
+    return HomePlan(name="Study", kind="invented", storeys=GROUND, rooms=rooms, walls=(wall,), furniture=pieces)
 
 
 DESK = piece("desk", "oak", (1.5, 0.375, 0.4), (1.2, 0.75, 0.6))

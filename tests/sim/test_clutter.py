@@ -15,12 +15,15 @@ from sim.homes.clutter.space import SpareStorey, empty_storeys
 from sim.homes.furniture.families import look_of
 from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import scene_from_plan
-from sim.homes.plan import Finish, Furniture, HomePlan, Room, Storey, plan_bytes
+from sim.homes.plan import Finish, Furniture, HomePlan, Room, plan_bytes
 from sim.homes.recovered.plans import recover_plan
 from sim.render.raycast import Raycaster
 from sim.walk.floor_grid import FloorGrid
 from sim.walk.object_surface import object_surface
 from sim.walk.viewpoints import view_points_around
+
+from . import plans
+from .plans import GROUND
 
 OAK = Finish(material="wood", rgb=(184, 142, 90))
 PALE = Finish(material="plaster", rgb=(220, 220, 210))
@@ -37,24 +40,11 @@ def schematic() -> HomePlan:
     walkable = tuple(CellRun(row, 70, 60, 0) for row in range(70, 130))
     plinth = tuple(CellRun(row, 50, 100, 8) for row in range(50, 150))
     grid = CellGrid(origin_xz=(-5.0, -5.0), shape=(200, 200), walkable=walkable, plinth=plinth)
-    pieces = (
-        Furniture(
-            name="table_3", category="table", centre=(0.0, 0.37, -2.1), size=(1.4, 0.74, 0.7), finish=OAK,
-            room="kitchen",
-        ),
-        Furniture(
-            name="chair_8", category="chair", centre=(2.1, 0.46, 0.0), size=(0.46, 0.92, 0.5), yaw=-np.pi / 2,
-            finish=Finish(material="wood", rgb=(178, 44, 40)), room="kitchen",
-        ),
-    )  # fmt: skip
-    return HomePlan(
-        name="Cells",
-        kind="schematic",
-        storeys=(Storey(label="ground floor", floor_y=0.0),),
-        rooms=(Room(name="kitchen", storey=0, floor=OAK, wall=PALE),),
-        furniture=pieces,
-        cells=grid,
-    )
+    red = Finish(material="wood", rgb=(178, 44, 40))
+    table = plans.piece("table_3", (0.0, 0.37, -2.1), (1.4, 0.74, 0.7), finish=OAK, room="kitchen")
+    chair = plans.piece("chair_8", (2.1, 0.46, 0.0), (0.46, 0.92, 0.5), yaw=-np.pi / 2, finish=red, room="kitchen")
+    rooms = (Room(name="kitchen", storey=0, floor=OAK, wall=PALE),)
+    return HomePlan(name="Cells", kind="schematic", storeys=GROUND, rooms=rooms, furniture=(table, chair), cells=grid)
 
 
 def added(plan: HomePlan, full: HomePlan) -> tuple[Furniture, ...]:

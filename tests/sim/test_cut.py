@@ -13,7 +13,7 @@ from sim.mesh import VERTEX_COLOURS, IdImages, Scene, TriangleMesh
 from sim.types import CUT_HEIGHT, SceneKind
 from sim.walk.floor_grid import floor_grid_from_mesh
 
-from .meshes import Quad, box, floor, mesh_of, ramp
+from .meshes import Quad, area, box, floor, mesh_of, ramp, triangles
 
 
 def scene_of(*quads: Quad, kind: SceneKind = "scan") -> Scene:
@@ -26,35 +26,25 @@ def ceiling(x0: float, z0: float, x1: float, z1: float, *, y: float) -> Quad:
     return corners[::-1], rgb, instance
 
 
-def area(mesh: TriangleMesh) -> float:
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
-
-
 def triangle(corners: list[list[float]]) -> TriangleMesh:
     """One triangle whose texture coordinates are (x + 2 y, z - y)."""
-    points = np.array(corners, np.float32)
-    uv = np.stack([points[:, 0] + 2 * points[:, 1], points[:, 2] - points[:, 1]], axis=1)
-    texture = np.zeros((4, 4, 3), np.uint8)
-    return TriangleMesh(
-        points,
-        np.array([[0, 1, 2]], np.int32),
-        np.array([[9, 9, 9]], np.uint8),
-        np.array([7], np.int32),
-        np.array([0], np.int16),
-        uv[None].astype(np.float32),
-        (texture,),
+    x, y, z = np.array(corners, np.float32).T
+    uv = np.stack([x + 2 * y, z - y], axis=1)[None]
+    image, rgb = np.zeros((4, 4, 3), np.uint8), np.array([[9, 9, 9]], np.uint8)
+    sevens, zeros = np.array([7], np.int32), np.array([0], np.int16)
+    return triangles(
+        np.array([corners]), face_rgb=rgb, face_instance=sevens, face_texture=zeros, face_uv=uv, textures=(image,)
     )
 
 
 def test_a_face_through_the_plane_ends_there() -> None:
     cut = cut_storey(triangle([[0, 0, 0], [2, 0, 0], [0, 2, 0]]), bottom_y=-1.0, top_y=1.0)
     assert len(cut.faces) == 2
-    assert area(cut) == pytest.approx(1.5)
+    assert area(cut).sum() == pytest.approx(1.5)
     assert sorted(cut.vertices.tolist()) == [[0, 0, 0], [0, 1, 0], [1, 1, 0], [2, 0, 0]]
     tip = cut_storey(triangle([[0, 0, 0], [2, 3, 0], [0, 3, 0]]), bottom_y=-1.0, top_y=1.5)
     assert len(tip.faces) == 1
-    assert area(tip) == pytest.approx(3 / 4)
+    assert area(tip).sum() == pytest.approx(3 / 4)
 
 
 coordinate = st.floats(-2, 2, allow_nan=False, width=32)
@@ -66,7 +56,7 @@ def test_both_sides_of_a_plane_make_the_whole_and_carry_its_coordinates(corners:
     low = cut_storey(whole, bottom_y=-9.0, top_y=height)
     high = cut_storey(whole, bottom_y=height, top_y=9.0)
     flat_there = (whole.vertices[:, 1] == height).all()
-    assert area(low) + area(high) == pytest.approx((1 + flat_there) * area(whole), abs=1e-4)
+    assert area(low).sum() + area(high).sum() == pytest.approx((1 + flat_there) * area(whole).sum(), abs=1e-4)
     for part in (low, high):
         points = part.vertices[part.faces].astype(float)
         wanted = np.stack([points[..., 0] + 2 * points[..., 1], points[..., 2] - points[..., 1]], axis=-1)

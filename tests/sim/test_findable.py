@@ -1,5 +1,6 @@
 """Who can be told apart: two-object homes whose answer is plain from the plan, and what descriptions say of objects."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ from sim.mesh import Scene, SceneObject
 from sim.render.raycast import Raycaster
 from sim.types import TURN_STEP
 
-from .synthetic import SCENE, example_content, example_episode, example_goal, write_dataset
+from .plans import GROUND, piece
+from .synthetic import SCENE, example_content, example_episode, example_goal, example_view_point, write_dataset
 
 RED, BLUE, WHITE = (178, 44, 40), (52, 92, 164), (236, 234, 228)
 PLAIN = Finish(material="plaster", rgb=WHITE)
@@ -27,15 +29,8 @@ PLAIN = Finish(material="plaster", rgb=WHITE)
 
 def table(number: int, x: float, *, rgb: tuple[int, int, int] = RED, **changes: Any) -> Furniture:
     """A coffee table at (x, 0.2, 0)."""
-    fields: dict[str, Any] = {
-        "name": f"coffee table_{number}",
-        "category": "coffee table",
-        "centre": (x, 0.2, 0.0),
-        "size": (0.8, 0.4, 0.6),
-        "finish": Finish(material="wood", rgb=rgb),
-        "room": "lounge",
-    }
-    return Furniture(**{**fields, **changes})
+    fields = {"finish": Finish(material="wood", rgb=rgb), "room": "lounge"} | changes
+    return piece(f"coffee table_{number}", (x, 0.2, 0.0), (0.8, 0.4, 0.6), **fields)
 
 
 LOUNGE = Room(name="lounge", storey=0, floor=PLAIN, wall=PLAIN)
@@ -45,14 +40,7 @@ def home(*furniture: Furniture, rooms: tuple[Room, ...] = (LOUNGE,)) -> HomePlan
     """A floor of 10 m by 4 m, z from -1 to 3, on which the furniture stands."""
     runs = tuple(CellRun(row, 0, 200, 0) for row in range(80))
     cells = CellGrid(origin_xz=(-5.0, -1.0), shape=(80, 200), walkable=runs)
-    return HomePlan(
-        name=SCENE,
-        kind="schematic",
-        storeys=(Storey(label="ground floor", floor_y=0.0),),
-        rooms=rooms,
-        furniture=furniture,
-        cells=cells,
-    )
+    return HomePlan(name=SCENE, kind="schematic", storeys=GROUND, rooms=rooms, furniture=furniture, cells=cells)
 
 
 def scene_of(plan: HomePlan) -> Scene:
@@ -101,21 +89,14 @@ def test_a_colour_tells_tables_apart_only_when_it_is_said_and_shown(tmp_path: Pa
     assert not verdict(tmp_path / "d", swapped, caption="a red coffee table").findable
 
 
-def test_a_colour_that_only_the_caption_names_does_not_count(tmp_path: Path) -> None:
+def test_a_colour_that_only_the_caption_names_or_of_something_else_does_not_count(tmp_path: Path) -> None:
     plan = home(table(7, 0.0), table(8, 3.0, rgb=BLUE))
-    found = verdict(
-        tmp_path,
-        plan,
-        caption="a red coffee table",
-        summary="In the lounge Ada owns a coffee table.",
-        extracted_summary=["Ada owns a coffee table in the lounge"],
-    )
-    assert not found.findable
-
-
-def test_the_colour_of_something_else_is_not_the_targets(tmp_path: Path) -> None:
-    plan = home(table(7, 0.0), table(8, 3.0, rgb=BLUE))
-    assert not verdict(tmp_path, plan, caption="a coffee table next to the red chair").findable
+    texts = {
+        "summary": "In the lounge Ada owns a coffee table.",
+        "extracted_summary": ["Ada owns a coffee table in the lounge"],
+    }
+    assert not verdict(tmp_path / "a", plan, caption="a red coffee table", **texts).findable
+    assert not verdict(tmp_path / "b", plan, caption="a coffee table next to the red chair").findable
 
 
 @pytest.mark.parametrize(
@@ -134,10 +115,7 @@ def test_pattern_material_and_size(tmp_path: Path, caption: str, change: dict[st
 
 
 def test_what_it_stands_beside_counts_where_it_is_near_and_in_view(tmp_path: Path) -> None:
-    lamp = Furniture(
-        name="lamp_3", category="lamp", centre=(0.9, 0.7, 0.0), size=(0.3, 1.4, 0.3), finish=Finish(rgb=WHITE)
-    )
-    far = lamp.model_copy(update={"centre": (1.5, 0.7, 0.0)})
+    lamp, far = (piece("lamp_3", (x, 0.7, 0.0), (0.3, 1.4, 0.3), finish=Finish(rgb=WHITE)) for x in (0.9, 1.5))
     caption = "a coffee table next to the lamp"
     near = home(table(7, 0.0), table(8, 4.0), lamp)
     assert verdict(tmp_path / "a", near, caption=caption).cues == (("coffee table_8", "beside lamp"),)
@@ -180,25 +158,16 @@ def test_colour_differences_are_those_of_cie76() -> None:
 
 
 def test_the_best_view_is_taken_from_a_free_place_and_counts_whole_pixels() -> None:
-    plan = home(table(7, 0.0), table(8, 3.0))
-    scene = scene_from_plan(plan)
-    goal = Goal.model_validate(
-        {
-            **example_goal(position=(0.0, 0.2, 0.0)),
-            "view_points": [
-                {"agent_state": {"position": at, "rotation": [0, 0, 0, 1]}, "iou": 0.5}
-                for at in ((0.0, 0.0, -3.0), (4.5, 0.0, 2.8), (0.0, 0.0, 2.3))
-            ],
-        },
-        strict=False,
-    )
+    scene = scene_from_plan(home(table(7, 0.0), table(8, 3.0)))
+    places = ((0.0, -3.0), (4.5, 2.8), (0.0, 2.3))
+    views = [example_view_point(x, z, quat_xyzw=[0, 0, 0, 1], iou=0.5) for x, z in places]
+    goal = Goal.model_validate(example_goal(position=(0.0, 0.2, 0.0), view_points=views), strict=False)
     sight = best_sight(goal, scene, renderer=Raycaster(scene.mesh))
     assert sight.position == (0.0, 0.0, 2.3)  # the first is off the map, the second farther away
     assert sight.pixels > 5 * MIN_PIXELS
     assert 1 in sight.beside
-    assert best_sight(goal.model_copy(update={"object_name": "sofa_1"}), scene, renderer=Raycaster(scene.mesh)) == (
-        Sight(0, None, frozenset())
-    )
+    sofa = goal.model_copy(update={"object_name": "sofa_1"})
+    assert best_sight(sofa, scene, renderer=Raycaster(scene.mesh)) == Sight(0, None, frozenset())
 
 
 def test_poses_face_the_object_and_look_up_only_when_needed() -> None:
@@ -225,7 +194,7 @@ def record_of(caption: str, **changes: Any) -> EpisodeRecord:
         ("a dark brown leather couch", Described(colours=("dark brown",), materials=("leather",), room="lounge")),
         (
             "the sofa with stripes on the white rug",
-            Described(patterns=("striped",), room="lounge", upon=frozenset({"stripes", "rug"})),
+            Described(patterns=("striped",), room="lounge", upon=frozenset({"rug"})),
         ),
         (
             "a small wooden couch near the red chair. it is round.",
@@ -238,16 +207,11 @@ def record_of(caption: str, **changes: Any) -> EpisodeRecord:
 def test_words_go_to_the_thing_that_they_describe(caption: str, expected: Described) -> None:
     said = described_object(record_of(caption), caption=caption, category="couch", owner="Ada")
     assert said is not None
-    assert (said.colours, said.materials, said.patterns, said.sizes, said.shapes, said.room) == (
-        expected.colours,
-        expected.materials,
-        expected.patterns,
-        expected.sizes,
-        expected.shapes,
-        expected.room,
+    assert replace(said, beside=frozenset(), upon=frozenset()) == replace(
+        expected, beside=frozenset(), upon=frozenset()
     )
     assert expected.beside <= said.beside
-    assert {word for word in expected.upon if word != "stripes"} <= said.upon
+    assert expected.upon <= said.upon
 
 
 def test_a_description_that_is_silent_about_an_object_says_nothing() -> None:

@@ -5,37 +5,14 @@ import pytest
 
 from sim.homes.cells import CELL
 from sim.homes.invented.free_space import unseen_pieces, walkable_floor
-from sim.homes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Storey, Wall
+from sim.homes.plan import Furniture, HomePlan
 
-GREY = Finish(rgb=(128, 128, 128))
-
-
-def box(
-    category: str, x: float, z: float, size: tuple[float, float, float], *, y: float = 0.0, room: str = "west"
-) -> Furniture:
-    return Furniture(
-        name=f"{category}_1", category=category, centre=(x, y + size[1] / 2, z), size=size, finish=GREY, room=room
-    )
+from .plans import Vec, piece, two_rooms
 
 
-def two_rooms(*pieces: Furniture, door: float | None = 2.0) -> HomePlan:
-    """Rooms of 4 x 4 m side by side, the wall between them at x = 4 with a door at z = `door`."""
-    openings = () if door is None else (Opening(kind="door", offset=door, width=0.9),)
-    outer = [((0.0, 0.0), (8.0, 0.0)), ((0.0, 4.0), (8.0, 4.0)), ((0.0, 0.0), (0.0, 4.0)), ((8.0, 0.0), (8.0, 4.0))]
-    return HomePlan(
-        name="Two",
-        kind="invented",
-        storeys=(Storey(label="ground floor", floor_y=0.0),),
-        rooms=(
-            Room(name="west", storey=0, rect=Rect(0, 0, 4, 4), floor=GREY, wall=GREY),
-            Room(name="east", storey=0, rect=Rect(4, 0, 8, 4), floor=GREY, wall=GREY),
-        ),
-        walls=(
-            *(Wall(storey=0, start=start, end=end, height=2.5) for start, end in outer),
-            Wall(storey=0, start=(4.0, 0.0), end=(4.0, 4.0), height=2.5, openings=openings),
-        ),
-        furniture=pieces,
-    )
+def box(category: str, x: float, z: float, size: Vec, *, y: float = 0.0) -> Furniture:
+    """A piece that stands at this height."""
+    return piece(f"{category}_1", (x, y + size[1] / 2, z), size, room="west")
 
 
 def test_free_floor_keeps_the_robots_radius_from_walls() -> None:

@@ -9,54 +9,32 @@ from sim.homes.building.house import mesh_from_plan
 from sim.homes.building.walls import SKIRTING
 from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import scene_from_plan
-from sim.homes.plan import Finish, Furniture, HomePlan, Opening, Rect, Room, Stair, Storey, Wall
+from sim.homes.plan import Finish, HomePlan, Opening, Rect, Stair, Storey, Wall
 from sim.mesh import TriangleMesh
 from sim.render.raycast import Raycaster
 from sim.types import CUT_HEIGHT, Camera, Pose
-from sim.words.finishes import Rgb
 
 from .cell_plans import block, plan_of_cells
+from .plans import piece, room, walls_around
 
 GROUND = Storey(label="ground floor", floor_y=0.0, ceiling=2.6)
-RED_CHAIR = Furniture(
-    name="chair_7", category="chair", centre=(2.0, 0.45, 1.5), size=(0.5, 0.9, 0.5), finish=Finish(rgb=(178, 44, 40))
-)
-GREY: Rgb = (120, 120, 120)
-_PARTITION = {"storey": 0, "start": (3.0, 0.0), "end": (3.0, 3.0), "height": 2.6}
+RED_CHAIR = piece("chair_7", (2.0, 0.45, 1.5), (0.5, 0.9, 0.5), finish=Finish(rgb=(178, 44, 40)))
+DOOR = Opening(kind="door", offset=1.5, width=1.0)
 
 
-def _room(name: str, rect: Rect, floor: Rgb, wall: Rgb) -> Room:
-    return Room(name=name, storey=0, rect=rect, floor=Finish(rgb=floor), wall=Finish(rgb=wall))
-
-
-def two_rooms(*, floor: Finish | None = None) -> HomePlan:
+def two_rooms(*, floor: Finish | None = None, door: Opening = DOOR) -> HomePlan:
     """Two rooms of 3 m by 3 m side by side, a wall with a door between them, a red chair in the left one."""
-    walls = tuple(
-        Wall(storey=0, start=start, end=end, height=2.6)
-        for start, end in (((0, 0), (6, 0)), ((0, 3), (6, 3)), ((0, 0), (0, 3)), ((6, 0), (6, 3)))
-    )
-    door = Opening(kind="door", offset=1.5, width=1.0)
+    outer = walls_around(Rect(0, 0, 6, 3), height=2.6)
+    left, right = Finish(rgb=(240, 200, 200)), Finish(rgb=(200, 200, 240))
     return HomePlan(
         name="Two",
         kind="invented",
         storeys=(GROUND,),
         rooms=(
-            Room(
-                name="left",
-                storey=0,
-                rect=Rect(0, 0, 3, 3),
-                floor=floor or Finish(rgb=(150, 100, 60)),
-                wall=Finish(rgb=(240, 200, 200)),
-            ),
-            Room(
-                name="right",
-                storey=0,
-                rect=Rect(3, 0, 6, 3),
-                floor=floor or Finish(rgb=(90, 90, 90)),
-                wall=Finish(rgb=(200, 200, 240)),
-            ),
+            room("left", Rect(0, 0, 3, 3), floor=floor or Finish(rgb=(150, 100, 60)), wall=left),
+            room("right", Rect(3, 0, 6, 3), floor=floor or Finish(rgb=(90, 90, 90)), wall=right),
         ),
-        walls=(*walls, Wall(storey=0, start=(3, 0), end=(3, 3), height=2.6, openings=(door,))),
+        walls=(*outer, Wall(storey=0, start=(3, 0), end=(3, 3), height=2.6, openings=(door,))),
         furniture=(RED_CHAIR,),
     )
 
@@ -109,14 +87,9 @@ def test_a_storey_cut_leaves_no_wall_above_the_cut_and_no_ceiling() -> None:
 
 def test_a_stair_has_steps_of_its_rise_and_a_hole_above() -> None:
     upper = Storey(label="first floor", floor_y=2.8, ceiling=2.6)
-    floor, wall = Finish(rgb=(100, 100, 100)), Finish(rgb=(200, 200, 200))
-    plan = HomePlan(
-        name="Up",
-        kind="invented",
-        storeys=(GROUND, upper),
-        rooms=tuple(Room(name=f"r{k}", storey=k, rect=Rect(0, 0, 8, 3), floor=floor, wall=wall) for k in (0, 1)),
-        stairs=(Stair(storey=0, rect=Rect(1, 1, 5.48, 2), towards="+x", num_steps=16),),
-    )
+    rooms = tuple(room(f"r{k}", Rect(0, 0, 8, 3), storey=k) for k in (0, 1))
+    stair = Stair(storey=0, rect=Rect(1, 1, 5.48, 2), towards="+x", num_steps=16)
+    plan = HomePlan(name="Up", kind="invented", storeys=(GROUND, upper), rooms=rooms, stairs=(stair,))
     mesh, _ = mesh_from_plan(plan)
     caster = Raycaster(mesh)
     xs = 1 + 0.28 * (np.arange(16) + 0.5)
@@ -139,14 +112,7 @@ def test_cells_become_a_room_with_plinths_as_floor() -> None:
 
 def test_a_piece_turned_by_its_yaw_shows_its_front_there() -> None:
     # a bench seat with a back: its back is on the far side of its front
-    armchair = Furniture(
-        name="armchair_1",
-        category="armchair",
-        centre=(0, 0.45, 0),
-        size=(0.8, 0.9, 0.8),
-        finish=Finish(rgb=(9, 90, 9)),
-        yaw=np.pi / 2,
-    )
+    armchair = piece("armchair_1", (0, 0.45, 0), (0.8, 0.9, 0.8), yaw=np.pi / 2)
     plan = two_rooms().model_copy(update={"furniture": (armchair,), "rooms": (), "walls": ()})
     mesh, objects = mesh_from_plan(plan)
     assert objects[0].size == pytest.approx((0.8, 0.9, 0.8))
@@ -186,18 +152,14 @@ def test_a_window_shows_sky_in_a_frame_to_its_room_only() -> None:
 
 def test_an_open_leaf_lies_against_the_wall_where_nothing_is_and_blocks_no_way() -> None:
     door = Opening(kind="door", offset=1.2, width=0.9)
-    plan = two_rooms()
-    plan = plan.model_copy(update={"walls": (*plan.walls[:-1], Wall(**_PARTITION, openings=(door,)))})
+    plan = two_rooms(door=door)
     scene = scene_from_plan(plan)
     walked = scene.navigation.distances(np.array([[1.2, 0.0, 0.6]]), np.array([[5.0, 0.0, 2.4]]))[0]
     assert walked < np.hypot(3.8, 1.8) * 1.12
     beside = (2.0, 0.9, 2.2), (4.0, 0.9, 2.2)
     free = [hit_distance(scene.mesh, at, (side, 0, 0)) for at, side in zip(beside, (1, -1), strict=True)]
     assert sorted(free) == pytest.approx([0.94 - 0.065, 0.94], abs=1e-3), "a leaf of 4 cm on one side"
-    boxes = tuple(
-        Furniture(name=f"box_{k}", category="box", centre=(x, 0.2, 2.3), size=(0.3, 0.4, 0.3), finish=Finish(rgb=GREY))
-        for k, x in enumerate((2.75, 3.25))
-    )
+    boxes = tuple(piece(f"box_{k}", (x, 0.2, 2.3), (0.3, 0.4, 0.3)) for k, x in enumerate((2.75, 3.25)))
     full, _ = mesh_from_plan(plan.model_copy(update={"furniture": boxes}))
     found = [hit_distance(full, at, (side, 0, 0)) for at, side in zip(beside, (1, -1), strict=True)]
     assert found == pytest.approx([0.94, 0.94], abs=1e-3), "none where furniture stands on both sides"

@@ -14,9 +14,10 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, RunFileError
 from sim.exchange.import_runs import check_file, import_runs
 from sim.frames import forward_from_yaw
-from sim.tasks.run_files import EpisodeRun
+from sim.tasks.run_files import EpisodeRun, RuleMeasures
 
 from .foreign_runs import Rows, quat, two_starts
+from .worlds import measured
 
 START = (1.0, 0.2, -2.0)
 
@@ -96,47 +97,39 @@ def repeat_turns(rows: Rows) -> None:
     rows[-1]["reason"] = "steps"
 
 
-IMPOSSIBLE: list[tuple[str, Callable[[Rows], object], str]] = [
-    (
-        "a forward that goes on too far",
-        moved(5, (-0.14, 0, -0.14 * math.sqrt(3))),
-        ":5: action 'forward' ended 0.380 m",
-    ),
-    ("a forward backwards", moved(5, (0.1, 0, 0.1 * math.sqrt(3))), ":5: action 'forward' ended -0.100 m ahead"),
-    ("a forward to the side", moved(5, (0.1, 0, -0.1 / math.sqrt(3))), ":5: action 'forward' ended"),
-    (
-        "a forward up a wall",
-        moved(5, (0, 0.6, 0)),
-        ":5: action 'forward' ended 0.100 m ahead, 0.000 m aside and 0.600 m up",
-    ),
-    ("a first forward far off its line", moved(2, (0.4, 0, 0)), ":2: action 'forward' ended 0.250 m ahead, 0.400 m"),
-    ("a first forward from another floor", moved(2, (0, 0.8, 0)), ":2: action 'forward' ended"),
-    ("a turn of 31 degrees", turned(3, "yaw", 1), ":3: action 'left' changed yaw by 31.0 degrees; expected 30"),
-    ("a turn to the other side", turned(3, "yaw", -60), ":3: action 'left' changed yaw by -30.0 degrees; expected 30"),
-    ("a turn that moves", moved(3, (0.01, 0, 0)), ":3: action 'left' moved the robot 0.010 m; expected no"),
-    ("a forward that turns", turned(5, "yaw", 30), ":5: action 'forward' changed yaw by 30.0 degrees; expected 0"),
-    ("a look of 20 degrees", turned(4, "tilt", -10), ":4: action 'look_up' changed tilt by 20.0 degrees; expected 30"),
-    ("a look that moves", moved(4, (0, 0, 0.02)), ":4: action 'look_up' moved the robot 0.020 m"),
-    ("a turn that tilts", turned(3, "tilt", 5), ":3: action 'left' changed tilt by 5.0 degrees; expected 0"),
-    ("a stop that moves", moved(6, (0, 0, 0.02)), ":6: action 'stop' moved the robot 0.020 m"),
-    ("an action after stop", put(5, action="stop"), ":5: action 'stop' moved the robot"),
-    ("two stops", lambda rows: rows.insert(6, dict(rows[6 - 1] | {"action": "stop"})), ":7: found action 'stop' after"),
-    ("501 steps", repeat_turns, ":502: found step 501; expected at most 500"),
-    ("a stop that did not happen", lambda rows: rows.pop(5), ":6: reason is 'stop' after 4 steps"),
-    ("a limit that was not reached", put(7, reason="steps"), ":7: reason is 'steps' after 5 steps"),
-    ("a stop called giving up", put(7, reason="giveup"), ":7: reason is 'giveup' after 5 steps"),
-    ("a start that is 2 cm off", put(1, position=[1.02, 0.2, -2.0]), ":1: episode easy/Flat/40 begins 0.020 m"),
-    ("a start that is 1 degree off", put(1, yaw=math.radians(1)), ":1: episode easy/Flat/40 begins 0.000 m and 1.0"),
-    ("an unknown episode", put(1, episode_id="99"), ":1: found no episode easy/Flat/99"),
-    ("an unknown scene", put(1, scene="Loft"), ":1: scene 'Loft' is not in split 'easy'"),
-    ("a split without the scene", put(1, split="hard"), ":1: scene 'Flat' is not in split 'hard'"),
-    ("a position that is no number", put(4, position=[math.nan, 0.2, -2.25]), ":4: position.0"),
-    ("a yaw that is infinite", put(4, yaw=math.inf), ":4: yaw"),
-    ("a step before its episode", lambda rows: rows.pop(0), ":1: kind is 'step'; expected 'episode' here"),
-]
+IMPOSSIBLE: dict[str, tuple[Callable[[Rows], object], str]] = {
+    "a forward that goes on too far": (moved(5, (-0.14, 0, -0.14 * 3**0.5)), ":5: action 'forward' ended 0.380 m"),
+    "a forward backwards": (moved(5, (0.1, 0, 0.1 * 3**0.5)), ":5: action 'forward' ended -0.100 m ahead"),
+    "a forward to the side": (moved(5, (0.1, 0, -0.1 / 3**0.5)), ":5: action 'forward' ended"),
+    "a forward up a wall": (moved(5, (0, 0.6, 0)), ":5: action 'forward' ended 0.100 m ahead, 0.000 m aside and 0.6"),
+    "a first forward far off its line": (moved(2, (0.4, 0, 0)), ":2: action 'forward' ended 0.250 m ahead, 0.400 m"),
+    "a first forward from another floor": (moved(2, (0, 0.8, 0)), ":2: action 'forward' ended"),
+    "a turn of 31 degrees": (turned(3, "yaw", 1), ":3: action 'left' changed yaw by 31.0 degrees; expected 30"),
+    "a turn to the other side": (turned(3, "yaw", -60), ":3: action 'left' changed yaw by -30.0 degrees; expected 30"),
+    "a turn that moves": (moved(3, (0.01, 0, 0)), ":3: action 'left' moved the robot 0.010 m; expected no"),
+    "a forward that turns": (turned(5, "yaw", 30), ":5: action 'forward' changed yaw by 30.0 degrees; expected 0"),
+    "a look of 20 degrees": (turned(4, "tilt", -10), ":4: action 'look_up' changed tilt by 20.0 degrees; expected 30"),
+    "a look that moves": (moved(4, (0, 0, 0.02)), ":4: action 'look_up' moved the robot 0.020 m"),
+    "a turn that tilts": (turned(3, "tilt", 5), ":3: action 'left' changed tilt by 5.0 degrees; expected 0"),
+    "a stop that moves": (moved(6, (0, 0, 0.02)), ":6: action 'stop' moved the robot 0.020 m"),
+    "an action after stop": (put(5, action="stop"), ":5: action 'stop' moved the robot"),
+    "two stops": (lambda rows: rows.insert(6, dict(rows[5] | {"action": "stop"})), ":7: found action 'stop' after"),
+    "501 steps": (repeat_turns, ":502: found step 501; expected at most 500"),
+    "a stop that did not happen": (lambda rows: rows.pop(5), ":6: reason is 'stop' after 4 steps"),
+    "a limit that was not reached": (put(7, reason="steps"), ":7: reason is 'steps' after 5 steps"),
+    "a stop called giving up": (put(7, reason="giveup"), ":7: reason is 'giveup' after 5 steps"),
+    "a start that is 2 cm off": (put(1, position=[1.02, 0.2, -2.0]), ":1: episode easy/Flat/40 begins 0.020 m"),
+    "a start that is 1 degree off": (put(1, yaw=math.radians(1)), ":1: episode easy/Flat/40 begins 0.000 m and 1.0"),
+    "an unknown episode": (put(1, episode_id="99"), ":1: found no episode easy/Flat/99"),
+    "an unknown scene": (put(1, scene="Loft"), ":1: scene 'Loft' is not in split 'easy'"),
+    "a split without the scene": (put(1, split="hard"), ":1: scene 'Flat' is not in split 'hard'"),
+    "a position that is no number": (put(4, position=[math.nan, 0.2, -2.25]), ":4: position.0"),
+    "a yaw that is infinite": (put(4, yaw=math.inf), ":4: yaw"),
+    "a step before its episode": (lambda rows: rows.pop(0), ":1: kind is 'step'; expected 'episode' here"),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(("change", "message"), [row[1:] for row in IMPOSSIBLE], ids=[row[0] for row in IMPOSSIBLE])
+@pytest.mark.parametrize(("change", "message"), IMPOSSIBLE.values(), ids=IMPOSSIBLE)
 def test_an_impossible_run_is_refused_with_its_line(
     dataset: PersonalDataset, lines: Rows, change: Callable[[Rows], object], message: str
 ) -> None:
@@ -147,17 +140,8 @@ def test_an_impossible_run_is_refused_with_its_line(
 
 
 def test_claims_of_the_file_are_dropped(dataset: PersonalDataset, lines: Rows) -> None:
-    rule = {"success": True, "spl": 1.0, "soft_spl": 1.0, "dtg": 0.0, "start_distance": 1.0}
-    claim = {
-        "rules": {"paper": rule, "habitat": rule, "authors": rule},
-        "centre_distance": 0.0,
-        "path_m": 1.0,
-        "num_steps": len(lines) - 2,
-        "collisions": 0,
-        "stored_geodesic": 1.0,
-        "scene_digest": "x",
-    }
-    lines[-1]["measures"] = claim
+    rule = RuleMeasures(success=True, spl=1.0, soft_spl=1.0, dtg=0.0, start_distance=1.0)
+    lines[-1]["measures"] = measured(rule, num_steps=len(lines) - 2).model_dump(mode="json")
     lines[2]["collided"] = True
     run = checked(lines, dataset)
     assert run.end.measures is None
@@ -188,85 +172,53 @@ def test_habitat_labs_numbering_by_place_in_the_file_is_understood(dataset: Pers
     assert [run.run.key.episode_id for run in check_file(path, dataset=dataset)] == ["40", "41"]
 
 
+def imported(dataset: PersonalDataset, *files: Path, **changes: Any) -> Path:
+    """Imports files into the folder `runs` beside the dataset, and gives the folder."""
+    options = {"dataset": dataset, "scenes_dir": None, "out": dataset.root.parent / "runs", "who": "VLFM"}
+    import_runs([*files], **options | {"allow_schematic": True} | changes)
+    return dataset.root.parent / "runs"
+
+
 def test_nothing_is_written_when_one_of_several_files_is_impossible(
     dataset: PersonalDataset, tmp_path: Path, lines: Rows
 ) -> None:
-    bad = tmp_path / "bad.jsonl"
     put(3, yaw=1.0)(lines)
     lines[0].update(episode_id="41", yaw=math.radians(90))
-    bad.write_text("".join(json.dumps(row) + "\n" for row in lines))
+    (tmp_path / "bad.jsonl").write_text("".join(json.dumps(row) + "\n" for row in lines))
     with pytest.raises(RunFileError, match=r"bad\.jsonl:2: action 'forward'"):
-        import_runs(
-            [tmp_path / "good.jsonl", bad],
-            dataset=dataset,
-            scenes_dir=None,
-            out=tmp_path / "runs",
-            who="VLFM",
-            allow_schematic=True,
-        )
+        imported(dataset, tmp_path / "good.jsonl", tmp_path / "bad.jsonl")
     assert not (tmp_path / "runs").exists()
 
 
-def test_a_repeated_episode_is_refused(dataset: PersonalDataset, tmp_path: Path, lines: Rows) -> None:
-    good = tmp_path / "good.jsonl"
-    good.write_text(good.read_text() * 2)
-    with pytest.raises(
-        RunFileError, match=r"good\.jsonl:8: episode easy/Flat/40 comes a second time \(first at .*:1\)"
-    ):
-        import_runs([good], dataset=dataset, scenes_dir=None, out=tmp_path / "runs", who="a", allow_schematic=True)
-
-
-def test_homes_that_another_simulator_cannot_have_used_are_refused(
+def test_files_and_options_that_cannot_be_used_are_refused(
     dataset: PersonalDataset, tmp_path: Path, lines: Rows
 ) -> None:
-    with pytest.raises(RunFileError, match=r"only schematic homes.*Give --scenes-dir"):
-        import_runs([tmp_path / "good.jsonl"], dataset=dataset, scenes_dir=None, out=tmp_path / "runs", who="a")
-
-
-def test_a_run_id_that_cannot_name_a_folder_is_refused(dataset: PersonalDataset, tmp_path: Path, lines: Rows) -> None:
-    with pytest.raises(RunFileError, match=r"run_id is '\.\./x'"):
-        import_runs(
-            [tmp_path / "good.jsonl"],
-            dataset=dataset,
-            scenes_dir=None,
-            out=tmp_path / "runs",
-            who="a",
-            run_id="../x",
-            allow_schematic=True,
-        )
-
-
-def test_an_empty_and_a_missing_file_are_refused(dataset: PersonalDataset, tmp_path: Path) -> None:
-    empty = tmp_path / "empty.jsonl"
+    good, twice, empty = (tmp_path / f"{name}.jsonl" for name in ("good", "twice", "empty"))
+    twice.write_text(good.read_text() * 2)
     empty.touch()
-    for path, message in ((empty, "found no finished episode"), (tmp_path / "none.jsonl", "cannot be read")):
+    refused: list[tuple[Path, dict[str, Any], str]] = [
+        (twice, {}, r"twice\.jsonl:8: episode easy/Flat/40 comes a second time \(first at .*:1\)"),
+        (good, {"allow_schematic": False}, r"only schematic homes.*Give --scenes-dir"),
+        (good, {"run_id": "../x"}, r"run_id is '\.\./x'"),
+        (empty, {"scenes_dir": tmp_path}, "found no finished episode"),
+        (tmp_path / "none.jsonl", {"scenes_dir": tmp_path}, "cannot be read"),
+    ]
+    for path, options, message in refused:
         with pytest.raises(PersonalVizError, match=message):
-            import_runs([path], dataset=dataset, scenes_dir=tmp_path, out=tmp_path / "runs", who="a")
-
-
-# ---- the golden runs of real habitat-lab, imported end to end ----
+            imported(dataset, path, **options)
 
 
 def test_a_run_through_a_wall_is_refused_at_the_line_where_it_leaves_the_floor(demo_root: Path, tmp_path: Path) -> None:
     dataset = PersonalDataset(demo_root)
     episode = next(dataset.episodes())
     start = episode.start
-    rows: Rows = [
-        {
-            "kind": "episode",
-            "split": episode.key.split,
-            "scene": "Demo",
-            "episode_id": episode.key.episode_id,
-            "position": start.position,
-            "yaw": start.yaw,
-        }
-    ]
+    rows: Rows = [{"kind": "episode", **episode.key._asdict(), "position": start.position, "yaw": start.yaw}]
     for number in range(1, 61):
-        x, y, z = np.add(start.position, 0.25 * number * forward_from_yaw(start.yaw)).tolist()
-        rows.append({"kind": "step", "action": "forward", "position": [x, y, z], "yaw": start.yaw})
+        place = np.add(start.position, 0.25 * number * forward_from_yaw(start.yaw)).tolist()
+        rows.append({"kind": "step", "action": "forward", "position": place, "yaw": start.yaw})
     rows.append({"kind": "end", "reason": "abandoned"})
     path = tmp_path / "walls.jsonl"
     path.write_text("".join(json.dumps(row) + "\n" for row in rows))
     with pytest.raises(RunFileError, match=r"walls\.jsonl:\d+: position .* aside and .* the nearest floor"):
-        import_runs([path], dataset=dataset, scenes_dir=None, out=tmp_path / "out", who="ghost")
+        imported(dataset, path, out=tmp_path / "out", allow_schematic=False)
     assert not (tmp_path / "out").exists()

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from sim.errors import SceneError
 from sim.mesh import TriangleMesh
 from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
 from tests.sim.grids import at, height_at
-from tests.sim.meshes import Quad, box, floor, mesh_of
+from tests.sim.meshes import Quad, box, floor, mesh_of, triangles
 
 EDGE = 0.04
 """Side of a scan's triangles, metres."""
@@ -46,21 +47,13 @@ def scanned(*quads: Quad, seed: int = 0, noise: float = 0.0, holes: float = 0.0,
         )
         faces += [np.stack([one, two, three], axis=1), np.stack([one, three, four], axis=1)]
         count += (n + 1) * (m + 1)
-    corners, triangles = np.concatenate(vertices), np.concatenate(faces)
+    corners, index = np.concatenate(vertices), np.concatenate(faces)
     _, place = np.unique(np.round(corners, 4), axis=0, return_inverse=True)
     corners = corners + rng.uniform(-noise, noise, (place.max() + 1, 3))[place.ravel()]
-    triangles = triangles[rng.random(len(triangles)) >= holes]
-    turned = rng.random(len(triangles)) < flipped
-    triangles[turned] = triangles[turned][:, ::-1]
-    total = len(triangles)
-    return TriangleMesh(
-        corners.astype(np.float32),
-        triangles.astype(np.int32),
-        np.full((total, 3), 128, np.uint8),
-        np.zeros(total, np.int32),
-        np.full(total, -1, np.int16),
-        np.zeros((total, 3, 2), np.float32),
-    )
+    index = index[rng.random(len(index)) >= holes]
+    turned = rng.random(len(index)) < flipped
+    index[turned] = index[turned][:, ::-1]
+    return replace(triangles(corners[index]), vertices=corners.astype(np.float32), faces=index.astype(np.int32))
 
 
 def stair(x: float, z: float, *, rise: float, risers: int, going: float = 0.28, width: float = 1.0) -> list[Quad]:

@@ -1,5 +1,7 @@
 """Whose surface a place on a mesh is, by faces and by id images, and points spread over one object."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,16 +18,7 @@ def painted_wall() -> TriangleMesh:
     """A room whose one wall is two large triangles; the picture on it exists in the id image only."""
     wall = (np.array([[0, 2.5, 0], [0, 0, 0], [6, 0, 0], [6, 2.5, 0]]), (200, 200, 200), 0)
     mesh = mesh_of(wall, floor(0, 0, 6, 6))
-    ids = IdImages((PAINTED,), np.array([0, 0, -1, -1], np.int16), mesh.face_uv)
-    return TriangleMesh(
-        mesh.vertices,
-        mesh.faces,
-        mesh.face_rgb,
-        mesh.face_instance,
-        mesh.face_texture,
-        mesh.face_uv,
-        ids=ids,
-    )
+    return replace(mesh, ids=IdImages((PAINTED,), np.array([0, 0, -1, -1], np.int16), mesh.face_uv))
 
 
 def test_ids_are_read_from_images_where_faces_have_them_and_else_from_the_face():

@@ -16,6 +16,8 @@ from sim.homes.invented.plans import invent_plan
 from sim.homes.plan import Finish
 from sim.mesh import VERTEX_COLOURS, TriangleMesh
 
+from .meshes import area
+
 WOOD = Finish(material="wood", rgb=(156, 110, 66))
 CLOTH = Finish(material="fabric", pattern="plaid", rgb=(150, 60, 52), rgb2=(226, 200, 160))
 RED = Finish(rgb=(200, 40, 30))
@@ -50,12 +52,6 @@ def uv_at(mesh: TriangleMesh, point: tuple[float, float, float]) -> NDArray[np.f
     assert len(found)
     assert np.ptp(found, axis=0).max() < 1e-5
     return found[0].astype(float)
-
-
-def area(mesh: TriangleMesh) -> NDArray[np.float64]:
-    """(F,) square metres."""
-    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
 def test_a_quad_of_a_plain_smooth_finish_has_its_colour_times_the_light() -> None:

@@ -10,24 +10,18 @@ from personal_viz.bench.homes.sightlines import sights_of, view_points_ok
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.furniture.families import look_of
 from sim.homes.open_home import scene_from_plan
-from sim.homes.plan import Finish, Furniture
 from sim.homes.recovered.footprints import clipped, fitted_footprint
 from sim.homes.recovered.plans import recover_plan
 from sim.homes.recovered.recorded import recorded_facts
 from sim.homes.recovered.unhidden import made_way, unhidden
 from sim.types import AGENT_RADIUS, CAMERA_HEIGHT
 
+from .plans import piece
 from .recorded_worlds import objects_of, recorded_goal, recorded_of
 
 NO_POINTS = np.zeros((0, 2))
 SOUTH = [(0.25 * k, 0.0, 1.2) for k in range(-2, 3)]
 """Places on the +z side of the origin."""
-
-
-def piece(name: str, centre: tuple[float, float, float], size: tuple[float, float, float], yaw: float = 0.0):
-    return Furniture(
-        name=name, category=name.rpartition("_")[0], centre=centre, size=size, yaw=yaw, finish=Finish(rgb=(9, 9, 9))
-    )
 
 
 @pytest.mark.parametrize(

@@ -1,21 +1,18 @@
 """Run files: round trip, resume after a kill, an old version, damage."""
 
 import json
-import resource
 from pathlib import Path
 
 import pytest
 
 from sim.errors import RunFileError
 from sim.tasks.metrics import metric_rows, reading_notes, require_comparable, rule_warnings
-from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import (
     Answer,
     AnswerMeasures,
     EpisodeEnd,
     EpisodeRun,
     EpisodeStart,
-    Measures,
     RuleMeasures,
     Run,
     RunInfo,
@@ -25,32 +22,32 @@ from sim.tasks.run_files import (
 from sim.tasks.run_writer import RunWriter
 from sim.types import Action
 
+from .test_files import files_up_to
+from .worlds import measured, run_info
+
 
 def info(**changes) -> RunInfo:
     """A run's description."""
-    return make_run_info("r1", who="random", who_kind="agent", scene_kind="invented", dataset_digest="d").model_copy(
-        update=changes
-    )
+    return run_info("r1", **{"who": "random"} | changes)
 
 
-def finished(episode_id: str = "1", *, success: bool = True) -> EpisodeRun:
-    """A run of two steps."""
+def finished(episode_id: str = "1", *, success: bool = True, **changes) -> EpisodeRun:
+    """A run of two steps; `changes` are those of its measures."""
     rule = RuleMeasures(success=success, spl=0.5 * success, soft_spl=0.5, dtg=0.0 if success else 2.0, start_distance=2)
-    measures = Measures(
-        rules={"paper": rule, "habitat": None, "authors": rule, "paper-strict": rule},
-        centre_distance=0.5,
-        path_m=4.0,
-        num_steps=2,
-        collisions=0,
-        stored_geodesic=2.0,
-        scene_digest="s",
-    )
     steps = (
         Step(action=Action.FORWARD, position=(0.1, 0.0, -0.25), yaw=0.1),
         Step(action=Action.STOP, position=(0.1, 0.0, -0.25), yaw=0.1, t_s=3.5),
     )
     start = EpisodeStart(split="easy", scene="Demo", episode_id=episode_id, position=(0.1, 0.0, 0.0), yaw=0.1)
-    return EpisodeRun(start=start, steps=steps, end=EpisodeEnd(reason="stop", measures=measures))
+    return EpisodeRun(start=start, steps=steps, end=EpisodeEnd(reason="stop", measures=measured(rule, **changes)))
+
+
+def written(tmp_path: Path, *runs: EpisodeRun) -> Path:
+    """A run folder with these episodes."""
+    writer = RunWriter(tmp_path / "r1", info())
+    for run in runs:
+        writer.add_episode(run)
+    return writer.folder
 
 
 def test_a_run_comes_back_as_it_was_written(tmp_path: Path) -> None:
@@ -58,20 +55,15 @@ def test_a_run_comes_back_as_it_was_written(tmp_path: Path) -> None:
     answer = Answer(split="hard", scene="Demo", episode_id="9", candidates=((1.0, 0.0, 2.0),), scores=(0.5,))
     writer.add_episode(finished())
     writer.add_answers([answer])
-    run = read_run(tmp_path / "r1")
-    assert run.episodes == (finished(),)
-    assert run.answers == (answer,)
-    assert run.info == info(created_utc=run.info.created_utc)
+    assert read_run(tmp_path / "r1") == Run(info=info(), episodes=(finished(),), answers=(answer,))
 
 
 def test_a_killed_run_goes_on_after_its_last_whole_block(tmp_path: Path) -> None:
-    writer = RunWriter(tmp_path / "r1", info())
-    writer.add_episode(finished("1"))
-    steps = tmp_path / "r1" / "steps.jsonl"
+    steps = written(tmp_path, finished("1")) / "steps.jsonl"
     whole = steps.read_text()
     block = "".join(line.model_dump_json() + "\n" for line in (finished("2").start, *finished("2").steps))
     steps.write_text(whole + block + '{"kind":"st')
-    again = RunWriter(tmp_path / "r1", info())
+    again = RunWriter(tmp_path / "r1", info(created_utc="2026-01-02T00:00:00+00:00"))
     assert steps.read_text() == whole
     assert {key.episode_id for key in again.done} == {"1"}
     again.add_episode(finished("2"))
@@ -84,30 +76,22 @@ def test_a_run_without_results_leaves_no_file(tmp_path: Path) -> None:
 
 
 def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:
-    RunWriter(tmp_path / "r1", info()).add_episode(finished())
+    folder = written(tmp_path, finished())
     with pytest.raises(RunFileError, match=r"run\.json: seed is None, this run has 3; expected the same to resume"):
-        RunWriter(tmp_path / "r1", info(seed=3))
-
-
-def on_scene(digest: str, episode_id: str) -> EpisodeRun:
-    """A run on a version of the home."""
-    run = finished(episode_id)
-    assert run.end.measures is not None
-    measures = run.end.measures.model_copy(update={"scene_digest": digest})
-    return run.model_copy(update={"end": EpisodeEnd(reason="stop", measures=measures)})
+        RunWriter(folder, info(seed=3))
 
 
 def test_episodes_of_another_version_of_the_home_are_refused(tmp_path: Path) -> None:
-    RunWriter(tmp_path / "r1", info()).add_episode(on_scene("old", "1"))
-    before = (tmp_path / "r1" / "steps.jsonl").read_text()
-    again = RunWriter(tmp_path / "r1", info())
+    folder = written(tmp_path, finished("1", scene_digest="old"))
+    before = (folder / "steps.jsonl").read_text()
+    again = RunWriter(folder, info())
     message = r"steps\.jsonl: scene_digest of Demo is 'old', easy/Demo/2 has 'new'; expected one version.*another --out"
     with pytest.raises(RunFileError, match=message) as caught:
-        again.add_episode(on_scene("new", "2"))
+        again.add_episode(finished("2", scene_digest="new"))
     assert "\n" not in str(caught.value)
-    assert (tmp_path / "r1" / "steps.jsonl").read_text() == before
-    again.add_episode(on_scene("old", "2"))
-    assert len(read_run(tmp_path / "r1").episodes) == 2
+    assert (folder / "steps.jsonl").read_text() == before
+    again.add_episode(finished("2", scene_digest="old"))
+    assert len(read_run(folder).episodes) == 2
 
 
 def test_a_full_disk_is_one_line_and_leaves_whole_episodes_only(tmp_path: Path) -> None:
@@ -115,14 +99,9 @@ def test_a_full_disk_is_one_line_and_leaves_whole_episodes_only(tmp_path: Path) 
     writer.add_episode(finished("1"))
     steps = tmp_path / "r1" / "steps.jsonl"
     before = steps.read_text()
-    allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
-    # The system refuses bytes beyond the limit, as a full disk does, after the first 40 of the new block.
-    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 40, allowed[1]))
-    try:
-        with pytest.raises(RunFileError, match=r"r1: cannot be written \(.*Give another --out, or make room") as caught:
-            writer.add_episode(finished("2"))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, allowed)
+    message = r"r1: cannot be written \(.*Give another --out, or make room"
+    with files_up_to(len(before) + 40), pytest.raises(RunFileError, match=message) as caught:
+        writer.add_episode(finished("2"))
     assert "\n" not in str(caught.value)
     assert steps.read_text() == before
     writer.add_episode(finished("2"))
@@ -131,8 +110,7 @@ def test_a_full_disk_is_one_line_and_leaves_whole_episodes_only(tmp_path: Path) 
 
 @pytest.mark.parametrize("tail", ["5\n", "[]\n", "null\n", '"end"\n', '{"kind":["end"]}\n'])
 def test_a_tail_that_is_json_but_no_line_of_ours_is_cut_off(tmp_path: Path, tail: str) -> None:
-    RunWriter(tmp_path / "r1", info()).add_episode(finished())
-    steps = tmp_path / "r1" / "steps.jsonl"
+    steps = written(tmp_path, finished()) / "steps.jsonl"
     whole = steps.read_text()
     steps.write_text(whole + tail)
     with pytest.raises(RunFileError, match=r"steps\.jsonl:5: kind is"):
@@ -141,59 +119,42 @@ def test_a_tail_that_is_json_but_no_line_of_ours_is_cut_off(tmp_path: Path, tail
     assert steps.read_text() == whole
 
 
+STEP = '{"kind":"step","action":"%s","position":%s"yaw":0}'
+EPISODE = '{"kind":"episode","split":"easy","scene":"Demo","episode_id":"1","position":[0,0,0],"yaw":0}\n'
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [
         ("{broken", r"steps\.jsonl:2: found text that is not JSON"),
         ('{"kind":"jump"}', r"steps\.jsonl:2: kind is 'jump'; expected one of"),
-        ('{"kind":"step","action":"fly","position":[0,0,0],"yaw":0}', r"steps\.jsonl:2: action is 'fly'; expected"),
-        ('{"kind":"step","action":"stop","position":[0,NaN,0],"yaw":0}', r"steps\.jsonl:2: position\.1 is nan"),
+        (STEP % ("fly", "[0,0,0],"), r"steps\.jsonl:2: action is 'fly'; expected"),
+        (STEP % ("stop", "[0,NaN,0],"), r"steps\.jsonl:2: position\.1 is nan"),
         ('{"kind":"step","action":"stop","yaw":0}', r"steps\.jsonl:2: position is nothing; expected"),
-        (
-            '{"kind":"episode","split":"easy","scene":"D","episode_id":"1","position":[0,0,0],"yaw":0}',
-            "expected 'step'",
-        ),
+        (EPISODE.rstrip(), "expected 'step'"),
     ],
 )
 def test_a_damaged_line_is_named(tmp_path: Path, line: str, message: str) -> None:
-    RunWriter(tmp_path / "r1", info()).add_episode(finished())
-    start = finished().start.model_dump_json()
-    (tmp_path / "r1" / "steps.jsonl").write_text(start + "\n" + line + "\n" + finished().end.model_dump_json() + "\n")
+    folder, run = written(tmp_path, finished()), finished()
+    (folder / "steps.jsonl").write_text(f"{run.start.model_dump_json()}\n{line}\n{run.end.model_dump_json()}\n")
     with pytest.raises(RunFileError, match=message) as caught:
-        read_run(tmp_path / "r1")
+        read_run(folder)
     assert "\n" not in str(caught.value)
 
 
 def test_a_file_of_a_newer_version_is_refused_by_name(tmp_path: Path) -> None:
-    RunWriter(tmp_path / "r1", info()).add_episode(finished())
-    path = tmp_path / "r1" / "run.json"
+    path = written(tmp_path, finished()) / "run.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "schema_version": 3}))
     with pytest.raises(RunFileError, match=r"run\.json: schema_version is 3; expected"):
-        read_run(tmp_path / "r1")
+        read_run(path.parent)
 
 
-def test_a_version_1_file_as_first_written_still_reads(tmp_path: Path) -> None:
-    (tmp_path / "run.json").write_text(
-        '{"schema_version":1,"run_id":"old","who":"a","who_kind":"agent","scene_kind":"scan","dataset_digest":"d",'
-        '"created_utc":"2026-11-20T00:00:00+00:00"}'
-    )
-    (tmp_path / "steps.jsonl").write_text(
-        '{"kind":"episode","split":"easy","scene":"Demo","episode_id":"1","position":[0,0,0],"yaw":0}\n'
-        '{"kind":"step","action":"stop","position":[0,0,0],"yaw":0}\n'
-        '{"kind":"end","reason":"stop"}\n'
-    )
-    run = read_run(tmp_path)
-    assert run.episodes[0].steps[0].action is Action.STOP
-    assert run.info.condition == "none"
-
-
+STOPPED = EPISODE + STEP % ("stop", "[0,0,0],") + "\n"
 VERSION_1 = {
     "run.json": '{"schema_version":1,"run_id":"old","who":"shortest-path","who_kind":"agent","scene_kind":"scan",'
     '"dataset_digest":"d","created_utc":"2026-11-20T00:00:00+00:00"}',
-    "steps.jsonl": '{"kind":"episode","schema_version":1,"split":"easy","scene":"Demo","episode_id":"1",'
-    '"position":[0,0,0],"yaw":0}\n'
-    '{"kind":"step","action":"stop","position":[0,0,0],"yaw":0}\n'
-    '{"kind":"end","reason":"stop","measures":{"rules":{'
+    "steps.jsonl": STOPPED.replace('"episode",', '"episode","schema_version":1,')
+    + '{"kind":"end","reason":"stop","measures":{"rules":{'
     '"paper":{"success":true,"spl":1.0,"soft_spl":1.0,"dtg":0.0,"start_distance":0.0},'
     '"habitat":{"success":false,"spl":0.0,"soft_spl":0.0,"dtg":1.25,"start_distance":1.25},"authors":null},'
     '"centre_distance":0.8,"path_m":0.0,"num_steps":1,"collisions":0,"stored_geodesic":2.0,"scene_digest":"s"}}\n',
@@ -201,25 +162,32 @@ VERSION_1 = {
 """A run as commit 0d21b8b wrote it."""
 
 
-def test_a_run_measured_before_paper_strict_is_undefined_under_it_and_keeps_its_other_figures(tmp_path: Path) -> None:
+@pytest.fixture
+def old(tmp_path: Path) -> Run:
     for name, text in VERSION_1.items():
         (tmp_path / name).write_text(text)
-    run = read_run(tmp_path)
-    assert run.info.made_for == "paper"  # the only rule that shortest-path walked for then
-    paper, strict = (metric_rows([run], rule=rule)[0] for rule in ("paper", "paper-strict"))
+    return read_run(tmp_path)
+
+
+def test_a_run_measured_before_paper_strict_is_undefined_under_it_and_keeps_its_other_figures(old: Run) -> None:
+    assert old.episodes[0].steps[0].action is Action.STOP
+    assert old.info.condition == "none"
+    assert old.info.made_for == "paper"  # the only rule that shortest-path walked for then
+    paper, strict = (metric_rows([old], rule=rule)[0] for rule in ("paper", "paper-strict"))
     assert (paper.n, paper.k, paper.sr, paper.undefined) == (1, 1, 100.0, 0)
     assert (strict.n, strict.undefined, strict.sr, strict.dtg) == (0, 1, None, None)
     assert paper.paper_strict.undefined == 1
     assert (paper.far_from_view.n, paper.far_from_view.k, paper.far_from_view.share) == (1, 1, 100.0)
-    assert "by paper-strict not known, 1 trials measured before this rule" in reading_notes(metric_rows([run]))[1]
+    assert "by paper-strict not known, 1 trials measured before this rule" in reading_notes(metric_rows([old]))[1]
 
 
-def test_old_runs_written_again_keep_what_they_say(tmp_path: Path) -> None:
-    for name, text in VERSION_1.items():
-        (tmp_path / name).write_text(text)
-    old = read_run(tmp_path)
-    writer = RunWriter(tmp_path / "again", old.info)
-    writer.add_episode(old.episodes[0])
+def test_the_first_runs_without_a_version_in_their_lines_or_measures_still_read(old: Run, tmp_path: Path) -> None:
+    (tmp_path / "steps.jsonl").write_text(STOPPED + '{"kind":"end","reason":"stop"}\n')
+    assert read_run(tmp_path).episodes[0].steps == old.episodes[0].steps
+
+
+def test_old_runs_written_again_keep_what_they_say(old: Run, tmp_path: Path) -> None:
+    RunWriter(tmp_path / "again", old.info).add_episode(old.episodes[0])
     assert read_run(tmp_path / "again") == old
 
 
@@ -229,9 +197,7 @@ def walked(episode_id: str, *, paper: bool, strict: bool, to_view: float | None)
         name: RuleMeasures(success=success, spl=0.5 * success, soft_spl=0.5, dtg=to_view, start_distance=4.0)
         for name, success in (("paper", paper), ("habitat", False), ("authors", False), ("paper-strict", strict))
     }
-    run = finished(episode_id)
-    measures = run.end.measures.model_copy(update={"rules": rules})
-    return run.model_copy(update={"end": EpisodeEnd(reason="stop", measures=measures)})
+    return finished(episode_id, rules=rules)
 
 
 def test_rows_say_what_the_strict_rule_gives_and_how_many_successes_end_far_from_every_view_point() -> None:
@@ -267,45 +233,30 @@ def test_a_table_warns_of_runs_made_for_another_rule() -> None:
     )
 
 
-def test_metrics_count_successes_and_average_distances_by_hand(tmp_path: Path) -> None:
-    writer = RunWriter(tmp_path / "r1", info())
-    for number, success in enumerate((True, True, False)):
-        writer.add_episode(finished(str(number), success=success))
-    rows = metric_rows([read_run(tmp_path / "r1")])
-    easy, total = rows
+def test_metrics_count_successes_and_average_distances_by_hand() -> None:
+    runs = tuple(finished(str(number), success=success) for number, success in enumerate((True, True, False)))
+    easy, total = metric_rows([Run(info=info(), episodes=runs)])
     assert (easy.split, easy.n, easy.k) == ("easy", 3, 2)
-    assert easy.sr == pytest.approx(200 / 3)
-    assert easy.spl == pytest.approx(100 / 3)
-    assert easy.dtg == pytest.approx(2 / 3)
+    assert (easy.sr, easy.spl, easy.dtg) == pytest.approx((200 / 3, 100 / 3, 2 / 3))
     assert (total.split, total.sr) == ("total", easy.sr)
+    undefined = metric_rows([Run(info=info(), episodes=runs[:1])], rule="habitat")[0]
+    assert (undefined.n, undefined.undefined, undefined.sr) == (0, 1, None), "counted apart"
 
 
-def test_undefined_episodes_are_counted_apart(tmp_path: Path) -> None:
-    writer = RunWriter(tmp_path / "r1", info())
-    writer.add_episode(finished())
-    row = metric_rows([read_run(tmp_path / "r1")], rule="habitat")[0]
-    assert (row.n, row.undefined, row.sr) == (0, 1, None)
-
-
-def test_unreachable_goals_are_counted_and_left_out_of_the_mean_distance(tmp_path: Path) -> None:
+def test_unreachable_goals_are_counted_and_left_out_of_the_mean_distance() -> None:
     lost = RuleMeasures(success=False, spl=0, soft_spl=0, dtg=None, start_distance=None)
-    run = finished("2")
-    assert run.end.measures is not None
-    measures = run.end.measures.model_copy(
-        update={"rules": {"paper": lost, "habitat": None, "authors": lost, "paper-strict": lost}}
-    )
-    writer = RunWriter(tmp_path / "r1", info())
-    writer.add_episode(finished("1", success=False))
-    writer.add_episode(run.model_copy(update={"end": EpisodeEnd(reason="stop", measures=measures)}))
-    row = metric_rows([read_run(tmp_path / "r1")])[0]
-    assert (row.n, row.unreachable) == (2, 1)
-    assert row.dtg == pytest.approx(2.0)
+    runs = (finished("1", success=False), finished("2", rules=measured(lost).rules))
+    row = metric_rows([Run(info=info(), episodes=runs)])[0]
+    assert (row.n, row.unreachable, row.dtg) == (2, 1, 2.0)
 
 
-def test_technical_failures_are_left_out_of_every_row(tmp_path: Path) -> None:
-    runs = [finished("1"), finished("2", success=False)]
-    broken = finished("3", success=False)
-    runs.append(broken.model_copy(update={"end": broken.end.model_copy(update={"reason": "technical"})}))
+def broken(episode_id: str) -> EpisodeRun:
+    """A run that ended by a technical failure."""
+    run = finished(episode_id, success=False)
+    return run.model_copy(update={"end": run.end.model_copy(update={"reason": "technical"})})
+
+
+def test_technical_failures_are_left_out_of_every_row() -> None:
     right = AnswerMeasures(success=True, top3_success=True, planar_distance=0.2, distance_3d=0.5)
     wrong = AnswerMeasures(success=False, top3_success=False, planar_distance=None, distance_3d=None)
     names = {"split": "easy", "scene": "Demo"}
@@ -314,16 +265,12 @@ def test_technical_failures_are_left_out_of_every_row(tmp_path: Path) -> None:
         Answer(**names, episode_id="5", candidates=(), reason="technical", measures=wrong),
         Answer(**names, episode_id="6", candidates=(), reason="technical"),
     )
-    run = Run(info=info(), episodes=tuple(runs), answers=answers)
-    pan, _, pog, _ = metric_rows([run])
+    runs = (finished("1"), finished("2", success=False), broken("3"))
+    pan, _, pog, _ = metric_rows([Run(info=info(), episodes=runs, answers=answers)])
     assert (pan.task, pan.n, pan.k, pan.sr, pan.spl, pan.dtg) == ("pan", 2, 1, 50.0, 25.0, 1.0)
     assert (pog.task, pog.n, pog.k, pog.sr, pog.top3) == ("pog", 1, 1, 100.0, 100.0)
-
-
-def test_a_run_of_technical_failures_only_has_no_rate() -> None:
-    end = finished().end.model_copy(update={"reason": "technical"})
-    run = Run(info=info(), episodes=(finished().model_copy(update={"end": end}),))
-    assert [(row.n, row.sr, row.dtg) for row in metric_rows([run])] == [(0, None, None), (0, None, None)]
+    nothing = metric_rows([Run(info=info(), episodes=(broken("3"),))])
+    assert [(row.n, row.sr, row.dtg) for row in nothing] == [(0, None, None), (0, None, None)]
 
 
 def test_two_seeds_of_an_agent_are_pooled_but_other_episode_files_are_refused() -> None:
@@ -341,17 +288,16 @@ def test_two_seeds_of_an_agent_are_pooled_but_other_episode_files_are_refused() 
         require_comparable(strangers)
 
 
-def test_metrics_refuse_runs_without_distances(tmp_path: Path) -> None:
-    writer = RunWriter(tmp_path / "r1", info())
-    writer.add_episode(finished().model_copy(update={"end": EpisodeEnd(reason="stop")}))
+def test_metrics_refuse_runs_without_distances() -> None:
+    unmeasured = finished().model_copy(update={"end": EpisodeEnd(reason="stop")})
     with pytest.raises(RunFileError, match=r'holds no measures for easy/Demo/1.*"personal-viz import" first'):
-        metric_rows([read_run(tmp_path / "r1")])
+        metric_rows([Run(info=info(), episodes=(unmeasured,))])
 
 
-def test_metrics_refuse_a_trial_that_would_count_twice_but_pool_seeds(tmp_path: Path) -> None:
-    for name, seed in (("a", 0), ("b", 0), ("c", 1)):
-        RunWriter(tmp_path / name, info(run_id=name, seed=seed)).add_episode(finished())
-    first, again, other = (read_run(tmp_path / name) for name in ("a", "b", "c"))
+def test_metrics_refuse_a_trial_that_would_count_twice_but_pool_seeds() -> None:
+    first, again, other = (
+        Run(info=info(run_id=name, seed=seed), episodes=(finished(),)) for name, seed in (("a", 0), ("b", 0), ("c", 1))
+    )
     assert metric_rows([first, other])[0].n == 2
     with pytest.raises(RunFileError, match=r"b: found easy/Demo/1 a second time \(first in a\)"):
         metric_rows([first, again])
@@ -369,9 +315,8 @@ def test_metrics_refuse_a_trial_that_would_count_twice_but_pool_seeds(tmp_path: 
     ],
 )
 def test_impossible_measures_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
-    RunWriter(tmp_path / "r1", info()).add_episode(finished())
-    path = tmp_path / "r1" / "steps.jsonl"
+    path = written(tmp_path, finished()) / "steps.jsonl"
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new))
     with pytest.raises(RunFileError, match=message):
-        read_run(tmp_path / "r1")
+        read_run(path.parent)

@@ -10,33 +10,27 @@ from sim.authoring.semantics_writer import rooms_of_objects, semantic_files
 from sim.copies.glb_writer import glb_from_mesh
 from sim.frames import glb_zup_from_world
 from sim.homes.building.house import mesh_from_plan
-from sim.homes.plan import Finish, Furniture, HomePlan, Rect, Room, Storey
-from sim.scans.hm3d import load_semantics
+from sim.homes.plan import Finish, HomePlan, Rect, Storey
+from sim.scans.hm3d import Semantics, load_semantics
 from sim.scans.meshes import load_mesh
 from sim.scans.semantic_txt import read_semantic_txt
 
-GREY = Finish(material="plaster", rgb=(150, 150, 150))
+from .plans import piece, room
 
 
 @pytest.fixture(scope="module")
 def plan() -> HomePlan:
     pieces = (("chair", "study"), ("table lamp", "bedroom"), ("picture", "bedroom"), ("rug", ""))
-    return HomePlan(
-        name="Home",
-        kind="invented",
-        storeys=(Storey(label="ground floor", floor_y=0.5),),
-        rooms=(
-            Room(name="study", storey=0, rect=Rect(0, 0, 4, 4), floor=GREY, wall=GREY),
-            Room(name="bedroom", storey=0, rect=Rect(4, 0, 8, 4), floor=GREY, wall=GREY),
-        ),
-        furniture=tuple(
-            Furniture(
-                name=f"{category}_{k}", category=category, centre=(1.0 + 1.7 * k, 1.2, 2.0), size=(0.6, 0.9, 0.5),
-                yaw=0.7 * k, finish=Finish(material="wood", rgb=(120, 70, 30 * k)), room=room,
-            )
-            for k, (category, room) in enumerate(pieces, start=1)
-        ),
+    furniture = tuple(
+        piece(
+            f"{category}_{k}", (1.0 + 1.7 * k, 1.2, 2.0), (0.6, 0.9, 0.5), yaw=0.7 * k, room=name,
+            finish=Finish(material="wood", rgb=(120, 70, 30 * k)),
+        )
+        for k, (category, name) in enumerate(pieces, start=1)
     )  # fmt: skip
+    rooms = (room("study", Rect(0, 0, 4, 4)), room("bedroom", Rect(4, 0, 8, 4)))
+    storeys = (Storey(label="ground floor", floor_y=0.5),)
+    return HomePlan(name="Home", kind="invented", storeys=storeys, rooms=rooms, furniture=furniture)
 
 
 @pytest.fixture(scope="module")
@@ -51,9 +45,13 @@ def folder(plan: HomePlan, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def read_back(folder: Path) -> Semantics:
+    return load_semantics(folder / "Home.semantic.glb", folder / "Home.semantic.txt", load_mesh(folder / "Home.glb"))
+
+
 def test_objects_come_back_with_their_names_places_and_rooms(plan: HomePlan, folder: Path) -> None:
     _, wanted = mesh_from_plan(plan)
-    read = load_semantics(folder / "Home.semantic.glb", folder / "Home.semantic.txt", load_mesh(folder / "Home.glb"))
+    read = read_back(folder)
     assert [(o.instance_id, o.name, o.category) for o in read.objects] == [
         (1, "chair_1", "chair"), (2, "table lamp_2", "table lamp"), (3, "picture_3", "picture"), (4, "rug_4", "rug")
     ]  # fmt: skip
@@ -65,9 +63,7 @@ def test_objects_come_back_with_their_names_places_and_rooms(plan: HomePlan, fol
 
 def test_every_face_of_the_scan_has_the_id_that_it_had_in_the_plan(plan: HomePlan, folder: Path) -> None:
     mesh, _ = mesh_from_plan(plan)
-    read = load_semantics(
-        folder / "Home.semantic.glb", folder / "Home.semantic.txt", load_mesh(folder / "Home.glb")
-    ).mesh
+    read = read_back(folder).mesh
     assert read.ids is not None
     texels = read.ids.images[0]
     uv = read.ids.face_uv.mean(axis=1)

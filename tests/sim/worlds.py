@@ -1,9 +1,12 @@
 """Small worlds and episodes with known answers, for tests of the tasks."""
 
+from typing import Any
+
 import numpy as np
 
 from sim.episodes.schema import AgentState, Episode, EpisodeInfo, EpisodeRecord, Goal, ViewPoint
 from sim.frames import quat_xyzw_from_yaw
+from sim.tasks.run_files import Measures, RuleMeasures, RunInfo
 from sim.types import EpisodeKey
 from sim.walk.floor_grid import FloorGrid
 
@@ -58,3 +61,30 @@ def episode(
         info=EpisodeInfo(geodesic_distance=geodesic, euclidean_distance=2.0, closest_goal_object_id=1),
     )
     return Episode(EpisodeKey("easy", "Demo", "1"), record, tuple(targets))
+
+
+def run_info(run_id: str, /, **changes: object) -> RunInfo:
+    """`run.json` of an agent's run in an invented home."""
+    values = {
+        "run_id": run_id,
+        "who": run_id,
+        "who_kind": "agent",
+        "scene_kind": "invented",
+        "dataset_digest": "d",
+        "created_utc": "2026-01-01T00:00:00+00:00",
+    }
+    return RunInfo.model_validate(values | changes)
+
+
+def measured(rule: RuleMeasures, **changes: Any) -> Measures:
+    """Measures of a run of two steps: `rule` under all rules but `habitat`, which is undefined."""
+    values = {
+        "rules": {"paper": rule, "habitat": None, "authors": rule, "paper-strict": rule},
+        "centre_distance": 0.5,
+        "path_m": 4.0,
+        "num_steps": 2,
+        "collisions": 0,
+        "stored_geodesic": 2.0,
+        "scene_digest": "s",
+    }
+    return Measures(**values | changes)
