@@ -86,7 +86,7 @@ def verify_trial(
         error, bad_step = 0.0, None
         if isinstance(result, EpisodeRun):
             env = PanEnv(episode.start, home.navigation, renderer=None, max_steps=opened.max_steps)
-            error, bad_step = _replayed(events, env)
+            error, bad_step = replayed(events, env)
         elif home.cast is not None:
             error = min(largest_click_error(events, home.cast), FAR_OFF)
     except (StudyError, TaskStateError) as problem:
@@ -118,7 +118,7 @@ def recompute(
     return pan_outcome(events, episode, navigation=home.navigation, participant=participant)
 
 
-def _replayed(events: Sequence[Event], env: PanEnv) -> tuple[float, int | None]:
+def replayed(events: Sequence[Event], env: PanEnv) -> tuple[float, int | None]:
     """Largest position error in metres, and the first step (from 1; 0 = the start) that leads elsewhere.
 
     Raises:

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from sim.types import Action
 
 from ..study_app.screens.pan import HOTKEYS
-from .homes import BotHomes
 from .page import BotPage
-from .records import BotKind, Press
-from .site import Person
-from .walker import ANSWER_S, BURST, BURST_GAP_S, PRESS_GAP_S, Bot
+from .records import Press
+from .walker import BURST, BURST_GAP_S, PRESS_GAP_S, Bot
 
 _KEYS = {action: (key, code) for key, (code, action) in HOTKEYS.items() if len(key) == 1} | {
     Action.STOP: ("enter", "Enter")
@@ -26,53 +24,27 @@ class PanBot(Bot):
     """Walks the shortest way, or anywhere."""
 
     task = "pan"
-
-    def __init__(
-        self, person: Person, kind: BotKind, homes: BotHomes, *, rate: float, seed: int, patience_s: float = 0.0
-    ) -> None:
-        """Takes the arguments of `Bot`."""
-        super().__init__(person, kind, homes, rate=rate, seed=seed, patience_s=patience_s)
-        self._planned: Sequence[Action] | None = None
-        self._press: tuple[Press, int] | None = None
-        """The key whose answer is awaited, and the step that it leads to."""
-        self._num_heard = 0
-        """Number of keys up to the last one whose answer came."""
-        self._is_sure = True
-        """Whether each picture of this connection can be told from later ones: a late answer may still come."""
-        self._num_noted = 1
-        """Number of connections of which the log says where they began."""
+    _planned: Sequence[Action] | None = None
+    _num_noted = 1
+    """Number of connections of which the log says where they began."""
 
     @property
     def _is_at_work(self) -> bool:
         return self._page.is_walking
 
-    @property
-    def _is_waiting(self) -> bool:
-        return self._press is not None
-
     def _forget(self) -> None:
         self._planned = None
-
-    def _cut_off(self) -> None:
-        for press in self.log.presses[self._num_heard :]:
-            press.was_cut_off = True
-        self.log.ends.append(len(self.log.presses))
-        self._press, self._num_heard, self._is_sure = None, len(self.log.presses), True
 
     def _heard(self, page: BotPage, now_s: float) -> None:
         """Notes when the awaited key was stored and when its picture came."""
         self.log.step_counted = self.log.step_counted if page.step_counted is None else page.step_counted
-        if self._press is None:
-            return
-        press, step = self._press
-        if press.counted_s is None and (page.step_counted or 0) >= step:
-            press.counted_s = now_s
-            self.log.num_acked += 1
-        if press.shown_s is None and (page.step_shown or 0) >= step:
-            press.shown_s = now_s
-            self._press = None
-            if self._is_sure:
-                self._num_heard = self.log.presses.index(press) + 1
+        for press in self._awaited:
+            assert isinstance(press, Press)
+            if press.counted_s is None and (page.step_counted or 0) >= press.step:
+                press.counted_s = now_s
+                self.log.num_acked += 1
+            if (page.step_shown or 0) >= press.step:
+                self._answered(press, now_s)
 
     async def _act_in_the_dark(self) -> None:
         await self._send(Action.FORWARD, awaited=False)
@@ -85,28 +57,22 @@ class PanBot(Bot):
         if action is Action.STOP:
             await self._stop()
             return
-        if self._press is not None and time.perf_counter() - self._press[0].sent_s > ANSWER_S:
-            self.log.num_unanswered += 1
-            self._press, self._is_sure = None, False  # its picture may still come, and be taken for a later key's
-        press = await self._send(action, awaited=self._press is None)
+        press = await self._send(action, awaited=not self._awaited)
         for _ in range(BURST - 1 if self._kind == "impatient" else 0):
             await asyncio.sleep(BURST_GAP_S)
             await self._send(action, awaited=False)
-        within_s = ANSWER_S if self._kind == "shortest" else max(0.0, next_s - time.perf_counter())
-        await self._until(lambda: press.shown_s is not None or not self._page.is_walking, within_s=within_s)
-        if not self._page.is_walking:
-            self._press = None
+        await self._until_shown(press, next_s)
 
     async def _stop(self) -> None:
         """Presses STOP twice, at a person's pace and not before the last picture."""
-        await self._until(lambda: self._press is None or not self._page.is_walking)
+        await self._until(lambda: not self._awaited or not self._page.is_walking)
         await self._send(Action.STOP, awaited=False)
         await self._until(lambda: self._page.button(r"^stop here: press again") is not None)
         await asyncio.sleep(PRESS_GAP_S)
         await self._send(Action.STOP, awaited=False)
         if not await self._until(lambda: not self._page.is_walking):
             self.log.num_unanswered += self._connection.is_open
-        self._planned, self._press = None, None
+        self._planned = None
 
     async def _next_action(self) -> Action:
         step = self._page.step_shown or 0
@@ -124,12 +90,10 @@ class PanBot(Bot):
         key, code = _KEYS[action]
         command = connection.page.command(key)
         now_s = time.perf_counter()
-        press = Press(round(now_s * 1e3, 3), now_s)
+        press = Press(now_s, round(now_s * 1e3, 3), (connection.page.step_shown or 0) + 1, is_awaited=awaited)
         if command is None:
             return press
-        if awaited:
-            self._press = (press, (connection.page.step_shown or 0) + 1)
-        self.log.presses.append(press)
-        await connection.tell({"kind": "press", "n": 0, "code": code, "t_cli_ms": press.t_cli_ms})
+        self._note(press, self.log.presses)
+        await connection.tell({"kind": "press", "n": 0, "code": code, "t_cli_ms": press.mark})
         await connection.trigger(command.uuid)
         return press

@@ -8,11 +8,10 @@ import math
 import time
 from dataclasses import dataclass, field
 
-from .homes import Aim, BotHomes, beside
+from .homes import Aim, beside
 from .page import BotPage
-from .records import BotKind, Confirmed, Pointed
-from .site import Person
-from .walker import ANSWER_S, BURST, BURST_GAP_S, Bot
+from .records import Pointed, Sent
+from .walker import BURST, BURST_GAP_S, Bot
 from .wire import ray_to
 
 _LOOKS = 2
@@ -36,56 +35,38 @@ class PogBot(Bot):
     """Points at the target, or anywhere."""
 
     task = "pog"
-
-    def __init__(
-        self, person: Person, kind: BotKind, homes: BotHomes, *, rate: float, seed: int, patience_s: float = 0.0
-    ) -> None:
-        """Takes the arguments of `Bot`."""
-        super().__init__(person, kind, homes, rate=rate, seed=seed, patience_s=patience_s)
-        self._plan: _Plan | None = None
-        self._num_looks = 0
-        self._storey: int | None = 0
-        """Index of the shown storey; None if unknown."""
-        self._on_way: list[Pointed] = []
-        """Clicks and moves without a mark yet, in order."""
-        self._num_marks = 0
-        """Number of marks of the present page that were handled."""
-        self._answer: Confirmed | None = None
-        """The answer that was sent, until the page goes on."""
+    _plan: _Plan | None = None
+    _num_looks = 0
+    _storey: int | None = 0
+    """Index of the shown storey; None if unknown."""
+    _num_marks = 0
+    """Number of marks of the present page that were handled."""
+    _answer: Sent | None = None
+    """The answer that was sent, until the page goes on."""
 
     @property
     def _is_at_work(self) -> bool:
         return self._page.is_looking or self._page.is_pointing
 
-    @property
-    def _is_waiting(self) -> bool:
-        return self._answer is not None or any(pointed.is_awaited for pointed in self._on_way)
-
     def _forget(self) -> None:
         self._plan, self._num_looks, self._storey = None, 0, 0
 
     def _cut_off(self) -> None:
-        for pointed in self._on_way:
-            pointed.was_cut_off = True
-        self._on_way = []
-        if self._answer is not None:
-            self._answer.was_cut_off = True
-            self._answer = None
-        self._num_marks, self._storey = 0, None
+        super()._cut_off()
+        self._answer, self._num_marks, self._storey = None, 0, None
 
     def _heard(self, page: BotPage, now_s: float) -> None:
         """Notes when a mark is where it was awaited, and when the page has gone on after the answer."""
         if page.mark is not None and page.num_marks != self._num_marks:
             self._num_marks = page.num_marks
-            for place, pointed in enumerate(self._on_way):
-                if pointed.is_marked_by(page.mark):
-                    pointed.shown_s = now_s
-                    del self._on_way[: place + 1]  # the earlier ones are stored, but nobody saw their marks
-                    break
+            points = [sent for sent in self._on_way if isinstance(sent, Pointed) and sent.shown_s is None]
+            if found := next((pointed for pointed in points if pointed.is_marked_by(page.mark)), None):
+                self._answered(found, now_s)
         if page.is_pointing:
             return
         if self._answer is not None:
-            self._answer.shown_s, self._answer, self._on_way = now_s, None, []
+            self._answered(self._answer, now_s)
+            self._answer = None
         elif self._on_way and page.button("^next trial") is not None:  # the time was up between click and mark
             self._cut_off()
 
@@ -102,7 +83,6 @@ class PogBot(Bot):
         if self._plan is None:
             self._plan = await self._planned()
         plan = self._plan
-        self._give_up_waiting()
         if plan.aims:
             aim = plan.aims[0]
             if await self._shows_storey(aim):
@@ -111,7 +91,7 @@ class PogBot(Bot):
         elif plan.num_moves and page.mark is not None:
             plan.num_moves -= 1
             await self._move_mark(next_s)
-        elif page.mark is None and not self._on_way:  # nothing was hit
+        elif page.mark is None and not self._awaited:  # nothing was hit
             self._plan = None
         else:
             await self._confirm()
@@ -163,17 +143,12 @@ class PogBot(Bot):
         if self._kind == "shortest" and pointed.shown_s is not None and self._plan is not None:
             self._plan.aims = []
 
-    async def _until_shown(self, pointed: Pointed, next_s: float) -> None:
-        within_s = ANSWER_S if self._kind == "shortest" else max(0.0, next_s - time.perf_counter())
-        await self._until(lambda: pointed.shown_s is not None or not self._page.is_pointing, within_s=within_s)
-
     async def _click(self, aim: Aim, *, awaited: bool) -> Pointed:
         """Goes over the place and clicks at it."""
         ray = ray_to(aim.point, self._rng)
         await self._connection.look_down(ray[0])
         pointed = Pointed(time.perf_counter(), (aim.point[0], aim.point[2]), ray, is_awaited=awaited)
-        self.log.points.append(pointed)
-        self._on_way.append(pointed)
+        self._note(pointed, self.log.points)
         await self._connection.click(ray)
         return pointed
 
@@ -184,8 +159,7 @@ class PogBot(Bot):
         if command is None or mark is None:
             return
         pointed = Pointed(time.perf_counter(), (mark[0], mark[2]))
-        self.log.points.append(pointed)
-        self._on_way.append(pointed)
+        self._note(pointed, self.log.points)
         await self._connection.trigger(command.uuid)
         await self._until_shown(pointed, next_s)
 
@@ -197,19 +171,11 @@ class PogBot(Bot):
         if button is None or self._page.mark is None:
             return
         if self._answer is None:
-            self._answer = Confirmed(time.perf_counter())
-            self.log.answers.append(self._answer)
+            self._answer = Sent(time.perf_counter())
+            self._note(self._answer, self.log.answers)
         await self._connection.set_value(button.uuid, True)
         if self._kind == "impatient":
             await asyncio.sleep(BURST_GAP_S)
             await self._connection.set_value(button.uuid, True)
-        if not await self._until(lambda: not self._page.is_pointing):
-            self.log.num_unanswered += self._connection.is_open
+        await self._until(lambda: not self._page.is_pointing)
         self._plan = None
-
-    def _give_up_waiting(self) -> None:
-        """Stops waiting for clicks and moves that are too old."""
-        for pointed in list(self._on_way):
-            if time.perf_counter() - pointed.sent_s > ANSWER_S:
-                self.log.num_unanswered += pointed.is_awaited
-                self._on_way.remove(pointed)

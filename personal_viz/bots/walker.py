@@ -7,7 +7,7 @@ import asyncio
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Awaitable, Callable
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -15,10 +15,10 @@ from sim.errors import StudyError
 from sim.types import TaskKind
 
 from ..study_app.operator.served import Person
-from .forms import LEADS_ON, LastPage, answer_pages, open_session, right_answers
+from .forms import ENTER_S, LEADS_ON, LastPage, answer_pages, open_session, right_answers
 from .homes import BotHomes
 from .page import BotPage
-from .records import BotKind, BotLog
+from .records import BotKind, BotLog, Sent
 from .wire import BotConnection, connect_viser
 
 PRESS_GAP_S = 0.06
@@ -40,6 +40,7 @@ PATIENCE_S = 120.0
 """Seconds for which a patient bot tries to come back."""
 _AGAIN_S = 0.2
 """Shortest time between two connections, seconds."""
+_Sent = TypeVar("_Sent", bound=Sent)
 
 
 class Bot(ABC):
@@ -73,16 +74,15 @@ class Bot(ABC):
         """The page at which it stopped."""
         self._reading: asyncio.Task[None] | None = None
         self._changed = asyncio.Condition()
+        self._on_way: list[Sent] = []
+        """Actions in order, from the first one whose answer has not come."""
+        self._is_sure = True
+        """Whether the answers of this connection can be told apart; not when one comes later than ANSWER_S."""
 
     @property
     @abstractmethod
     def _is_at_work(self) -> bool:
         """Whether the page shows a trial, in which `_act_once` can act."""
-
-    @property
-    @abstractmethod
-    def _is_waiting(self) -> bool:
-        """Whether the bot waits for an answer."""
 
     @abstractmethod
     async def _act_once(self, next_s: float) -> None:
@@ -99,10 +99,6 @@ class Bot(ABC):
     @abstractmethod
     def _forget(self) -> None:
         """Drops all plans, because another page is there."""
-
-    @abstractmethod
-    def _cut_off(self) -> None:
-        """Gives up all open answers, because the connection has ended."""
 
     async def arrive(self) -> None:
         """Comes in and answers every page until the first trial, or until nothing is left to do.
@@ -127,6 +123,7 @@ class Bot(ABC):
                 if self.log.is_finished or self.log.is_resting:
                     break
                 next_s = max(next_s + 1 / self._rate, time.perf_counter() + PRESS_GAP_S)
+                self._give_up_waiting()
                 await self._act_once(next_s)
                 if self._kind == "shortest":
                     next_s = max(next_s, time.perf_counter() + PRESS_GAP_S)
@@ -136,7 +133,7 @@ class Bot(ABC):
     async def leave(self) -> None:
         """Closes the page when the last answer has come."""
         if self._open is not None:
-            await self._until(lambda: not self._is_waiting)
+            await self._until(lambda: not self._awaited)
             await asyncio.sleep(LEAVE_S)
             self._cut_off()
             await self._open.close()
@@ -205,13 +202,51 @@ class Bot(ABC):
             return False
         return is_so()
 
+    @property
+    def _awaited(self) -> list[Sent]:
+        """Actions for whose answer the bot waits."""
+        return [sent for sent in self._on_way if sent.is_awaited]
+
+    def _note(self, sent: _Sent, log: list[_Sent]) -> None:
+        """Notes an action in its list of the log, just before it is sent."""
+        log.append(sent)
+        self._on_way.append(sent)
+
+    def _answered(self, sent: Sent, now_s: float) -> None:
+        """Notes that an action's answer is there; all earlier ones of the connection are stored too."""
+        sent.shown_s, sent.is_awaited = now_s, False
+        if self._is_sure:
+            del self._on_way[: self._on_way.index(sent) + 1]
+
+    def _give_up_waiting(self) -> None:
+        """Stops waiting for answers that should have come."""
+        for sent in self._awaited:
+            if time.perf_counter() - sent.sent_s > ANSWER_S:
+                self.log.num_unanswered += 1
+                sent.is_awaited = self._is_sure = False
+
+    def _cut_off(self) -> None:
+        """Gives up all open answers, because the connection or the time of the trial has ended."""
+        for sent in self._on_way:
+            sent.was_cut_off = True
+        self._on_way, self._is_sure = [], True
+        self.log.ends.append(len(self.log.presses) + len(self.log.points))
+
+    async def _until_shown(self, sent: Sent, next_s: float) -> None:
+        """Waits for an action's answer; only bots that know the way or the target wait longer than until `next_s`."""
+        within_s = ANSWER_S if self._kind == "shortest" else max(0.0, next_s - time.perf_counter())
+        await self._until(lambda: sent.shown_s is not None or not self._is_at_work, within_s=within_s)
+        if not self._is_at_work:
+            for one in self._awaited:
+                one.is_awaited = False
+
     async def _until_at_work(self) -> None:
         """Answers pages until a trial is there, nothing is left to do, or the study wants the bot to rest.
 
         Raises:
-            StudyError: The page did not change within ANSWER_S.
+            StudyError: The page did not change within ENTER_S.
         """
-        deadline_s = time.perf_counter() + ANSWER_S
+        deadline_s = time.perf_counter() + ENTER_S
         while self._last is None:
             connection = self._connection
             if connection.page.goes_on:
@@ -226,7 +261,7 @@ class Bot(ABC):
             before = set(page.elements)
             if await self._answer_card(connection):
                 self._forget()
-                deadline_s = time.perf_counter() + ANSWER_S
+                deadline_s = time.perf_counter() + ENTER_S
             elif time.perf_counter() > deadline_s:
                 raise StudyError(
                     f"{self.log.code}: the page says {page.text[:200]!r}; expected one that a bot can answer. "

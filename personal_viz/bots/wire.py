@@ -20,6 +20,7 @@ from sim.tasks.run_files import Vector3
 from ..study_app.gateway.filter import CAMERA
 from .forms import ENTER_S, Session
 from .page import BotPage
+from .records import Ray
 
 ABOVE = 8.0
 """Height of the camera over the place (metres)."""
@@ -27,8 +28,6 @@ ASIDE = 0.05
 """Largest distance of the place from the picture's middle, so that no two clicks have the same ray (metres)."""
 _WXYZ_DOWN = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 """A camera (OpenCV axes) that looks straight down: right = +x, down = +z."""
-Ray = tuple[Vector3, Vector3]
-"""Origin in world metres, direction of length 1."""
 
 
 class BotConnection:

@@ -14,18 +14,16 @@ import pytest
 from human_study.store.store import StudyStore, Trial
 from human_study.trial.events import Act, Event, Key
 from personal_viz.bench.harness import held_by
-from personal_viz.bench.study.crew import missing_steps, resumed_elsewhere
-from personal_viz.bench.study.kills import first_other_step
-from personal_viz.bots.records import BotLog, Press
+from personal_viz.bench.study.crew import resumed_elsewhere
+from personal_viz.bots.records import BotLog, Press, count_bots, missing_steps
 from sim.errors import StudyError
 from sim.types import Action
-from tests.human_study.small_world import env
 from tests.human_study.stores import edit, opened
 
 
 def log_of(*marks: float) -> BotLog:
     """The log of a bot that has sent these keys."""
-    return BotLog("p02", "random", presses=[Press(mark, 0.0) for mark in marks])
+    return BotLog("p02", "random", presses=[Press(0.0, mark) for mark in marks])
 
 
 def key(mark: float | None) -> Key:
@@ -50,6 +48,7 @@ def test_a_counted_step_that_is_not_stored_is_missing(tmp_path: Path) -> None:
     log.step_counted = 2
     with stored(tmp_path, key(1.0), step(1)) as (store, trial):
         assert missing_steps(tmp_path, [log]) == ("p02: step 2 was counted, 1 are stored",)
+        assert count_bots(tmp_path, [log]).lost[0] == "p02: step 2 was counted, 1 are stored"
         store.append_many(trial.trial_id, trial.epoch, (key(2.0), step(2)))
         assert missing_steps(tmp_path, [log]) == ()
 
@@ -68,18 +67,6 @@ def test_a_bot_that_resumes_at_another_step_is_found(tmp_path: Path) -> None:
     log = log_of(1.0, 2.0, 3.0)
     log.resumed = [(1, 1), (1, 2), (3, 3)]  # before the second key; wrong before the third; no key after the last
     assert resumed_elsewhere(tmp_path, [log]) == (2, ("p02: shown step 1, stored 2",))
-
-
-def test_a_step_that_leads_elsewhere_than_stored_is_named() -> None:
-    walked = env()
-    events = []
-    for action in (Action.FORWARD, Action.LEFT, Action.FORWARD):
-        walked.step(action)
-        done = walked.steps[-1]
-        events.append(Act(action=action, position=done.position, yaw=done.yaw, collided=done.collided))
-    assert first_other_step(events, env()) is None
-    moved = events[1].model_copy(update={"position": (9.0, 0.0, 0.0)})
-    assert first_other_step([events[0], moved, events[2]], env()) == 2
 
 
 def test_files_threads_and_connections_of_a_server_are_counted() -> None:

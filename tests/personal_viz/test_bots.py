@@ -49,7 +49,7 @@ def test_every_key_is_looked_for_by_itself(tmp_path: Path) -> None:
             store.append_many(trial.trial_id, trial.epoch, (key, act))
         busy = Key(t_s=10.0, t_cli_ms=10.0, code="KeyW", action=Action.FORWARD)
         store.append_many(trial.trial_id, trial.epoch, (busy, Dropped(t_s=10.0, reason="busy")))
-    log = BotLog("p02", "random", presses=[Press(mark, 0.0) for mark in (1.5, 2.5, 3.5, 4.5, 10.0)])
+    log = BotLog("p02", "random", presses=[Press(0.0, mark) for mark in (1.5, 2.5, 3.5, 4.5, 10.0)])
     log.presses[3].was_cut_off = True
     found = count_bots(tmp_path, [log])
     assert (len(found.lost), found.cut_off) == (2, 0), "a later key of the same connection is stored"
@@ -66,7 +66,7 @@ def test_a_key_that_is_stored_without_the_pages_time_is_not_lost(tmp_path: Path)
             key = Key(t_s=1.0, t_cli_ms=mark, code="KeyW", action=Action.FORWARD)
             act = Act(t_s=1.0, action=Action.FORWARD, position=(0.0, 0.0, 0.0), yaw=0.0)
             store.append_many(trial.trial_id, trial.epoch, (key, act))
-    found = count_bots(tmp_path, [BotLog("p02", "random", presses=[Press(mark, 0.0) for mark in (1.0, 2.0, 3.0)])])
+    found = count_bots(tmp_path, [BotLog("p02", "random", presses=[Press(0.0, mark) for mark in (1.0, 2.0, 3.0)])])
     assert (found.stored, found.lost, found.untimed, found.unknown) == (3, (), 1, 0)
 
 

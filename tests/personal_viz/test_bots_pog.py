@@ -16,10 +16,9 @@ from human_study.trial.events import ShownStorey
 from human_study.trial.session import PogSession
 from personal_viz.bots.crowd import run_bots
 from personal_viz.bots.forms import right_answers
-from personal_viz.bots.records import KINDS, BotCount, BotLog, Confirmed, Pointed, count_bots
+from personal_viz.bots.records import KINDS, BotCount, BotLog, Pointed, Ray, Sent, count_bots
 from personal_viz.bots.server import Server
 from personal_viz.bots.site import Person, Site, make_bot_study
-from personal_viz.bots.wire import Ray
 from personal_viz.cli.study.bots import StudyBots
 from personal_viz.cli.study.verify import StudyVerify
 from sim.errors import StudyError
@@ -94,7 +93,7 @@ def clicked_at(*places: float) -> list[Pointed]:
 
 
 def test_every_click_is_looked_for_by_itself(tmp_path: Path) -> None:
-    log = BotLog("p01", "random", task="pog", points=clicked_at(1, 2, 3, 4), answers=[Confirmed(0.0)])
+    log = BotLog("p01", "random", task="pog", points=clicked_at(1, 2, 3, 4), answers=[Sent(0.0)])
     log.points[3].was_cut_off = True
     commands = [(1.0, pog_click(ray_at(1))), (2.0, pog_click(ray_at(2))), (3.0, pog_click(ray_at(9))), (4.0, Confirm())]
     found = counted(tmp_path, commands, log)
@@ -111,7 +110,7 @@ def test_a_click_that_came_too_soon_is_stored_as_dropped_and_not_lost(tmp_path: 
 
 
 def test_an_answer_without_its_confirmation_is_lost_and_a_second_one_is_a_duplicate(tmp_path: Path) -> None:
-    log = BotLog("p01", "random", task="pog", points=clicked_at(1), answers=[Confirmed(0.0)])
+    log = BotLog("p01", "random", task="pog", points=clicked_at(1), answers=[Sent(0.0)])
     found = counted(tmp_path / "lost", [(1.0, pog_click(ray_at(1)))], log)
     assert found.lost == ("p01 (random): an answer of 1",)
     assert found.answers == 0

@@ -14,11 +14,12 @@ from sim.homes.open_home import open_scene
 
 from ...bots.crowd import Crowd
 from ...bots.figures import quantile
+from ...bots.records import count_bots
 from ...bots.server import Server
 from ...bots.site import HOME, Person, Site, make_pilot
 from ..harness import Progress, Values, held_by
 from ..sim.scenes import like_scan, write_bench_glb
-from .crew import CrewSettings, kept
+from .crew import CrewSettings
 
 BIG_HOME = "WideHome"
 """A name that sorts after the small home's, so that workers open the small one first."""
@@ -92,7 +93,7 @@ def measure_big_home(settings: BigHomeSettings, *, folder: Path, dataset: Path, 
             first, again = (_opening(site, people[code], settings, progress) for code in openers)
             bots.halt()
         held = held_by(server.pid)
-        found = kept(site.folder, bots)
+        found = count_bots(site.folder, bots.logs)
     acks = {"before": before.acks_ms(bots), "while": first.acks_ms(bots), "again": again.acks_ms(bots)}
     return {
         "participants": settings.bots,
@@ -108,9 +109,9 @@ def measure_big_home(settings: BigHomeSettings, *, folder: Path, dataset: Path, 
         "while_ack_max_ms": quantile(acks["while"], 1.0),
         "again_ack_p99_ms": quantile(acks["again"], 0.99),
         "peak_mb": held["peak_mb"],
-        "lost": found.lost,
-        "duplicated": found.keys.duplicated,
-        "problems": found.problems,
+        "lost": len(found.lost),
+        "duplicated": found.duplicated,
+        "problems": (*bots.problems, *found.lost),
     }
 
 

@@ -1,21 +1,16 @@
-"""The bots that act in a study while something is measured, and whether the records hold all that they did.
-
-A page's counter says "Step 7" when seven steps are on disk: a step is lost if the counter has shown it and it is not
-stored. `bots.records` searches for keys.
-"""
+"""The bots that act in a study while something is measured, and whether they come back to where they were."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
 from human_study.store.records import StudyReader, read_study
-from human_study.trial.events import Act, Key, Open
+from human_study.trial.events import Act, Key
 
 from ...bots.crowd import Crowd, crowd
-from ...bots.records import BotCount, BotKind, BotLog, count_bots, events_of
+from ...bots.records import BotKind, BotLog, trial_events
 from ...bots.server import Server
 from ...bots.site import Person, Site, make_bot_study
 from ...bots.walker import PATIENCE_S
@@ -60,54 +55,6 @@ def staffed(
             yield server, site, bots
 
 
-@dataclass(frozen=True, slots=True)
-class Kept:
-    """How many of the keys and steps that a crowd sent are in the records."""
-
-    keys: BotCount
-    missing: tuple[str, ...]
-    """Result of `missing_steps`."""
-    bot_problems: tuple[str, ...]
-
-    @property
-    def lost(self) -> int:
-        """Number of keys and steps that were acknowledged and are not stored."""
-        return len(self.keys.lost) + len(self.missing)
-
-    @property
-    def problems(self) -> tuple[str, ...]:
-        """Everything that went wrong, in words."""
-        return (*self.bot_problems, *self.keys.lost, *self.missing)
-
-
-def kept(folder: Path, bots: Crowd) -> Kept:
-    """Compares a crowd's actions with the records.
-
-    Raises:
-        StudyError: The database is damaged.
-    """
-    return Kept(count_bots(folder, bots.logs), missing_steps(folder, bots.logs), bots.problems)
-
-
-def missing_steps(folder: Path, logs: Sequence[BotLog]) -> tuple[str, ...]:
-    """Steps that a bot's page has counted but that are not stored now; all hash chains are checked.
-
-    Raises:
-        StudyError: The database is damaged.
-    """
-    counted = [log.step_counted for log in logs]  # must be read before the records
-    missing = []
-    with read_study(folder) as reader:
-        reader.check()
-        for log, step in zip(logs, counted, strict=True):
-            opened = [status.trial_id for status in reader.trials(log.code) if status.trial_id is not None]
-            steps = [sum(isinstance(line.event, Act) for line in reader.events(trial)) for trial in opened[-2:]]
-            stored = max(steps, default=0)  # of the last two trials: the page may still show the previous one
-            if stored < step:
-                missing.append(f"{log.code}: step {step} was counted, {stored} are stored")
-    return tuple(missing)
-
-
 def resumed_elsewhere(folder: Path, logs: Sequence[BotLog]) -> tuple[int, tuple[str, ...]]:
     """Number of returns that could be compared, and those after which a bot stood at a step not in the records.
 
@@ -119,7 +66,7 @@ def resumed_elsewhere(folder: Path, logs: Sequence[BotLog]) -> tuple[int, tuple[
         for log in logs:
             steps_before = _steps_before_keys(reader, log.code)
             for step, place in log.resumed:
-                mark = log.presses[place].t_cli_ms if place < len(log.presses) else None
+                mark = log.presses[place].mark if place < len(log.presses) else None
                 if mark not in steps_before:
                     continue
                 compared += 1
@@ -128,12 +75,13 @@ def resumed_elsewhere(folder: Path, logs: Sequence[BotLog]) -> tuple[int, tuple[
     return compared, tuple(wrong)
 
 
-def _steps_before_keys(reader: StudyReader, code: str) -> dict[float | None, int]:
+def _steps_before_keys(reader: StudyReader, code: str) -> dict[float, int]:
     """Number of steps in the trial before each key, by the key's own time."""
-    found: dict[float | None, int] = {}
-    steps = 0
-    for event in events_of(reader, code):
-        steps = 0 if isinstance(event, Open) else steps + isinstance(event, Act)
-        if isinstance(event, Key) and event.t_cli_ms is not None:
-            found.setdefault(event.t_cli_ms, steps)
+    found: dict[float, int] = {}
+    for events in trial_events(reader, code):
+        steps = 0
+        for event in events:
+            steps += isinstance(event, Act)
+            if isinstance(event, Key) and event.t_cli_ms is not None:
+                found.setdefault(event.t_cli_ms, steps)
     return found

@@ -1,25 +1,25 @@
 """Kills the serving process or a worker with kill -9 at random instants, again and again, while bots walk."""
 
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from human_study.export.verify import replayed
 from human_study.store.records import read_study
-from human_study.trial.events import Act, Event, Open
+from human_study.trial.events import Open
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.tasks.pan import PanEnv
 
 from ...bots.crowd import Crowd
 from ...bots.figures import quantile
-from ...bots.records import BotKind
+from ...bots.records import BotKind, count_bots, missing_steps
 from ...bots.server import Server
 from ...study_app.gateway.workers import MOST_FAILURES
 from ...study_app.home.trial_homes import open_trial_home
 from ..harness import Progress, Values
-from .crew import CrewSettings, kept, missing_steps, resumed_elsewhere, staffed
+from .crew import CrewSettings, resumed_elsewhere, staffed
 
 _WITHIN_S = 0.3
 """Longest time from the awaited key to a kill, seconds."""
@@ -75,8 +75,8 @@ def measure_kills(settings: KillSettings, *, folder: Path, dataset: Path, progre
         tally.look(bots)
         bots.leave()
         progress("comparing with the records")
-        found = kept(site.folder, bots)
-        lost = tally.lost | set(found.missing)
+        found = count_bots(site.folder, bots.logs)
+        lost = sorted(tally.lost | set(found.lost))
         resumes, other_steps = resumed_elsewhere(site.folder, bots.logs)
         steps, other_poses = poses_elsewhere(site.folder, dataset)
     return {
@@ -85,15 +85,15 @@ def measure_kills(settings: KillSettings, *, folder: Path, dataset: Path, progre
         "seconds": time.perf_counter() - began_s,
         "restart_p50_s": quantile(tally.restarts_s, 0.5),
         "acked_keys": bots.num_acked,
-        "lost_after_kill": len(found.keys.lost) + len(lost),
-        "duplicated_after_kill": found.keys.duplicated,
-        "unknown_after_kill": found.keys.unknown,
-        "cut_off": found.keys.cut_off,
+        "lost_after_kill": len(lost),
+        "duplicated_after_kill": found.duplicated,
+        "unknown_after_kill": found.unknown,
+        "cut_off": found.cut_off,
         "chain_failures": len(tally.damage),
         "resumes": resumes,
         "resumed_elsewhere": len(other_steps) + len(other_poses),
         "steps_done_again": steps,
-        "problems": (*bots.problems, *found.keys.lost, *sorted(lost), *tally.damage, *other_steps, *other_poses),
+        "problems": (*bots.problems, *lost, *tally.damage, *other_steps, *other_poses),
     }
 
 
@@ -149,25 +149,8 @@ def poses_elsewhere(folder: Path, dataset: Path) -> tuple[int, tuple[str, ...]]:
                     continue
                 home = homes[status.key.scene]
                 env = PanEnv(home.episode(status.key).start, home.navigation, renderer=None)
-                found = first_other_step(events, env)
-                steps += sum(isinstance(event, Act) for event in events)
-                if found is not None:
-                    wrong.append(f"{code}, trial {status.order_no}: step {found} leads elsewhere than stored")
+                error_m, bad_step = replayed(events, env)
+                steps += len(env.steps)
+                if bad_step is not None or error_m > 0:
+                    wrong.append(f"{code}, trial {status.order_no}: a step leads {error_m:g} m away from its record")
     return steps, tuple(wrong)
-
-
-def first_other_step(events: Sequence[Event], env: PanEnv) -> int | None:
-    """The first step, from 1, whose pose differs from the stored one in any bit.
-
-    Raises:
-        StudyError: There are steps after the end.
-    """
-    env.reset()
-    for number, act in enumerate((event for event in events if isinstance(event, Act)), start=1):
-        if env.is_over:
-            raise StudyError(f"step {number}: is stored after the trial's end; expected none. Restore a backup.")
-        env.step(act.action)
-        step = env.steps[-1]
-        if (step.position, step.yaw, step.tilt) != (act.position, act.yaw, act.tilt):
-            return number
-    return None

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from ...bots.crowd import timed
 from ...bots.figures import figures_of
-from ...bots.records import BotKind
+from ...bots.records import BotKind, count_bots
 from ..harness import Progress, Values, held_by
-from .crew import CrewSettings, kept, staffed
+from .crew import CrewSettings, staffed
 
 
 class LoadSettings(CrewSettings):
@@ -34,10 +34,9 @@ def measure_load(settings: LoadSettings, *, folder: Path, dataset: Path, progres
     """Lets all bots come in, then all press keys. Times are measured at the bots, without a browser.
 
     Returns:
-        The fields of `BotFigures`; `lost` includes steps that were acknowledged and are not on disk. Also: `untimed`,
-        keys stored without the page's own time, because the server was too late; `rss_before_mb` of the serving process
-        and workers before anybody came, `rss_after_mb` when all had left, `peak_mb`, the sum of each one's peak, and
-        `peak_mb_per_person`, its increase over the memory before per person.
+        The fields of `BotFigures`; `untimed`, keys stored without the page's own time, because the server was too late;
+        `rss_before_mb` of the serving process and workers before anybody came, `rss_after_mb` when all had left,
+        `peak_mb`, the sum of each one's peak, and `peak_mb_per_person`, its increase over the memory before per person.
     """
     with staffed(folder, dataset, settings) as (server, site, bots):
         before = held_by(server.pid)
@@ -47,15 +46,13 @@ def measure_load(settings: LoadSettings, *, folder: Path, dataset: Path, progres
         spent = timed(bots, settings.seconds, server_pid=server.pid)
         after = held_by(server.pid)
         progress("comparing with the records")
-        found = kept(site.folder, bots)
-    figures = figures_of(bots.logs, found.keys, spent, kinds=settings.kinds, rate=settings.rate)
+        found = count_bots(site.folder, bots.logs)
+    figures = figures_of(bots.logs, found, spent, kinds=settings.kinds, rate=settings.rate)
     return {
         **figures.model_dump(),
-        "lost": found.lost,
-        "untimed": found.keys.untimed,
+        "untimed": found.untimed,
         "rss_before_mb": before["rss_mb"],
         "rss_after_mb": after["rss_mb"],
         "peak_mb": after["peak_mb"],
         "peak_mb_per_person": (after["peak_mb"] - before["rss_mb"]) / settings.bots,
-        "problems": found.problems,
     }

@@ -16,12 +16,12 @@ from sim.errors import MissingDependencyError
 
 from ...bots.crowd import Crowd
 from ...bots.figures import quantile
-from ...bots.records import BotKind
+from ...bots.records import BotKind, count_bots
 from ...bots.server import Server
 from ...bots.site import Person, Site
 from ..harness import Progress, Values
 from .browser import key_to_image_ms, walking
-from .crew import CrewSettings, kept, resumed_elsewhere, staffed
+from .crew import CrewSettings, resumed_elsewhere, staffed
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -75,7 +75,7 @@ def measure_restarts(settings: RestartSettings, *, folder: Path, dataset: Path, 
                 tally.restart(end, bots, visitor)
             bots.await_acks(settings.bots)
             bots.leave()
-        found = kept(site.folder, bots)
+        found = count_bots(site.folder, bots.logs)
         resumes, elsewhere = resumed_elsewhere(site.folder, bots.logs)
     return {
         "participants": settings.bots + (visitor.page is not None),
@@ -84,12 +84,12 @@ def measure_restarts(settings: RestartSettings, *, folder: Path, dataset: Path, 
         "processes_left": tally.num_left,
         "start_s": quantile(tally.starts_s, 0.5),
         "reconnect_s": max(tally.returns_s),
-        "lost": found.lost,
-        "duplicated": found.keys.duplicated,
+        "lost": len(found.lost),
+        "duplicated": found.duplicated,
         "resumes": resumes,
         "resumed_elsewhere": len(elsewhere) + len(visitor.problems),
         "browser_returns": visitor.num_returns if visitor.page is not None else None,
-        "problems": (*found.problems, *elsewhere, *visitor.problems),
+        "problems": (*bots.problems, *found.lost, *elsewhere, *visitor.problems),
     }
 
 

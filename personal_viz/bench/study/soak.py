@@ -6,10 +6,10 @@ import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from ...bots.records import BotKind
+from ...bots.records import BotKind, count_bots
 from ...bots.server import Server
 from ..harness import Progress, Values, held_by
-from .crew import CrewSettings, kept, staffed
+from .crew import CrewSettings, staffed
 
 _SETTLE_S = 30.0
 """Longest wait until the server has noticed that somebody left, seconds."""
@@ -60,15 +60,15 @@ def measure_soak(settings: SoakSettings, *, folder: Path, dataset: Path, progres
         bots.leave()
         at_leave = _settled(server, 0)
         leases_left = _people_here(server.dashboard)
-        found = kept(site.folder, bots)
+        found = count_bots(site.folder, bots.logs)
     growth = {f"{name}_growth": at_end[name] - at_start[name] for name in ("fds", "threads", "clients")}
     return {
         "participants": settings.bots,
         "seconds": seconds,
-        "actions": found.keys.sent,
+        "actions": found.sent,
         "connections": sum(log.num_connections for log in bots.logs),
-        "lost": found.lost,
-        "duplicated": found.keys.duplicated,
+        "lost": len(found.lost),
+        "duplicated": found.duplicated,
         **growth,
         "rss_growth_mb": at_end["rss_mb"] - at_start["rss_mb"],
         "rss_growth_second_half_mb": rss_mb[-1] - rss_mb[_MOMENTS // 2 - 1],
@@ -78,7 +78,7 @@ def measure_soak(settings: SoakSettings, *, folder: Path, dataset: Path, progres
         "at_start": at_start,
         "at_end": at_end,
         "at_leave": at_leave,
-        "problems": found.problems,
+        "problems": (*bots.problems, *found.lost),
     }
 
 
