@@ -2,16 +2,11 @@
 
 from pathlib import Path
 
-from human_study.design.plan import StudyScene
-from human_study.design.planning import make_plan
-from human_study.design.secrets import token_hash
-from human_study.store.store import StudyStore, open_store
-from human_study.trial.events import Error, Moment, Shown
+from human_study.store.store import StudyStore
 from personal_viz.study_app.operator.progress_view import Serving, ShownWorker
-from sim.tasks.run_files import EpisodeEnd
-from sim.types import SPLITS, EpisodeKey
+from sim.types import SPLITS
 from tests.human_study.small_world import study
-from tests.human_study.stores import OPEN
+from tests.human_study.stores import begin_next, do_next, open_planned, plan_homes
 
 SERVING = Serving(
     (ShownWorker(1, "serving", 3), ShownWorker(2, "starting", 0)), frozenset({"p01", "p02", "p03", "p05", "p06"})
@@ -27,42 +22,20 @@ def busy_study(folder: Path, *, num_homes: int = 4) -> StudyStore:
         memory={"arms": ("none", "topdown")},
         flow=("device", "consent", "instructions", "quiz"),
     )
-    homes = [StudyScene(name=f"H{n:02d}", kind="invented") for n in range(num_homes)]
-    keys = [EpisodeKey(split, home.name, "0") for home in homes for split in SPLITS]
-    plan = make_plan(config, homes, keys, is_pilot=True)
-    store = open_store(folder, config, plan)
-    for person in plan.participants:
-        store.add_participant(person, token_hash(person.code))
+    drawn = plan_homes(config, [f"H{n:02d}" for n in range(num_homes)], splits=SPLITS, is_pilot=True)
+    store = open_planned(folder, config, drawn)
     _arrive(store)
     return store
-
-
-def do_trials(store: StudyStore, code: str, count: int, *, reason: str = "giveup") -> None:
-    """Does `count` of the participant's next trials, all with the same end."""
-    for _ in range(count):
-        place = store.next_trial(code)
-        assert place is not None
-        trial = store.open_trial(code, place.order_no)
-        end = Error(message="renderer died", is_fatal=True) if reason == "technical" else Moment(kind="giveup")
-        store.append_many(trial.trial_id, trial.epoch, [OPEN, Shown(step=0, frame_hash=None), end])
-        store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
-
-
-def begin_trial(store: StudyStore, code: str) -> None:
-    """The participant's next trial, up to its first picture."""
-    place = store.next_trial(code)
-    assert place is not None
-    trial = store.open_trial(code, place.order_no)
-    store.append_many(trial.trial_id, trial.epoch, [OPEN, Shown(step=0, frame_hash=None)])
 
 
 def _arrive(store: StudyStore) -> None:
     for code, count in (("p01", 2), ("p02", 1), ("p03", 3), ("p04", 2)):
         _pass(store, code, "arrived", "device_ok", "consented", "instructed", "quiz_passed")
-        do_trials(store, code, count)
-    do_trials(store, "p02", 1, reason="technical")
-    begin_trial(store, "p01")
-    begin_trial(store, "p02")
+        for _ in range(count):
+            do_next(store, code)
+    do_next(store, "p02", reason="technical")
+    begin_next(store, "p01")
+    begin_next(store, "p02")
     store.enter_stage("p03", "break_started", {"done": 3})
     store.withdraw("p04")
     _pass(store, "p05", "arrived", "device_ok")

@@ -5,19 +5,17 @@ from pathlib import Path
 import pytest
 
 from human_study.design.plan import load_plan
-from human_study.design.secrets import token_hash
 from human_study.design.study import load_study
-from human_study.store.store import open_store
-from human_study.trial.events import Act, Dropped, Key, Open
+from human_study.trial.events import Act, Dropped, Key
 from personal_viz.bots.forms import right_answers
 from personal_viz.bots.records import BotLog, Press, count_bots
 from personal_viz.bots.server import cpu_seconds
 from personal_viz.bots.site import copy_plan, make_bot_study
 from personal_viz.cli.study.bots import StudyBots
 from sim.errors import StudyError
-from sim.types import PAPER4, Action
-from tests.human_study.small_world import SCENE_DIGEST, plan, study
-from tests.human_study.stores import opened
+from sim.types import Action
+from tests.human_study.small_world import study
+from tests.human_study.stores import open_small, opened
 
 
 def test_bots_know_one_right_answer_to_each_question() -> None:
@@ -27,22 +25,8 @@ def test_bots_know_one_right_answer_to_each_question() -> None:
 
 
 def test_every_key_is_looked_for_by_itself(tmp_path: Path) -> None:
-    config = study()
-    people = plan(config, ("0",))
-    with open_store(tmp_path, config, people) as store:
-        for person in people.participants:
-            store.add_participant(person, token_hash(person.code))
-        trial = store.open_trial("p02", 1)
-        opened = Open(
-            task="pan",
-            split="easy",
-            scene="room",
-            episode_id="0",
-            scene_digest=SCENE_DIGEST,
-            max_steps=500,
-            actions=PAPER4,
-        )
-        store.append_many(trial.trial_id, trial.epoch, (opened,))
+    store, trial = opened(tmp_path)
+    with store:
         for mark in (1.5, 2.5, 2.5, 9.5):
             key = Key(t_s=mark, t_cli_ms=mark, code="KeyW", action=Action.FORWARD)
             act = Act(t_s=mark, action=Action.FORWARD, position=(0.0, 0.0, -mark), yaw=0.0)
@@ -91,7 +75,7 @@ def test_what_bots_cannot_do_is_said_before_work_starts(tmp_path: Path) -> None:
 
 def test_bots_never_stand_among_people(tmp_path: Path) -> None:
     config = study()
-    open_store(tmp_path, config, plan(config, ("0",))).close()
+    open_small(tmp_path, config).close()
     with pytest.raises(StudyError, match="is a study with people; expected a pilot"):
         StudyBots(url="http://127.0.0.1:1", study=tmp_path, dataset=tmp_path).run()
 

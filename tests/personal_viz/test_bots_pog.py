@@ -6,11 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from human_study.design.plan import StudyScene
-from human_study.design.planning import make_plan
-from human_study.design.secrets import token_hash
 from human_study.store.records import read_study
-from human_study.store.store import open_store
 from human_study.trial.commands import Click, Confirm, Start
 from human_study.trial.events import ShownStorey
 from human_study.trial.session import PogSession
@@ -25,6 +21,7 @@ from sim.errors import StudyError
 from sim.tasks.run_files import Answer, ClickRay
 from sim.types import EpisodeKey, TaskKind
 from tests.human_study.small_world import SCENE_DIGEST, episode, study
+from tests.human_study.stores import open_planned, plan_homes
 
 from .invented import invented_dataset
 
@@ -65,7 +62,6 @@ def pog_click(ray: Ray, *, is_move: bool = False) -> Click:
 def counted(folder: Path, commands: list[tuple[float, Click | Confirm]], log: BotLog, *, twice: int = 0) -> BotCount:
     """What is counted after a trial of these commands (at these seconds); the last `twice` events stored twice."""
     config = study(task=("pog",), pog={"conditions": ("map_open",)})
-    people = make_plan(config, [StudyScene(name="room", kind="invented")], [EpisodeKey("easy", "room", "0")])
     session = PogSession(
         key=EpisodeKey("easy", "room", "0"),
         task=config.task_for(episode(), "pog"),
@@ -76,9 +72,7 @@ def counted(folder: Path, commands: list[tuple[float, Click | Confirm]], log: Bo
     for at_s, command in commands:
         events += session.handle(command, at_s).events
     events += events[len(events) - twice :]
-    with open_store(folder, config, people) as store:
-        for person in people.participants:
-            store.add_participant(person, token_hash(person.code))
+    with open_planned(folder, config, plan_homes(config, ["room"])) as store:
         trial = store.open_trial(log.code, 1)
         store.append_many(trial.trial_id, trial.epoch, tuple(events))
     return count_bots(folder, [log])

@@ -24,8 +24,9 @@ from personal_viz.study_app.worker_door import WorkerDoor
 from sim.errors import StudyError
 from tests.human_study.finished import study_with_trials
 from tests.human_study.small_world import CANARY
+from tests.human_study.stores import begin_next, do_next
 
-from .busy_studies import SERVING, begin_trial, busy_study, do_trials
+from .busy_studies import SERVING, busy_study
 from .gateways import site
 
 PORT = 4321
@@ -239,6 +240,6 @@ def test_the_page_follows_the_study_without_reloading(tmp_path: Path, browser: B
 
 def _go_on(store: StudyStore) -> None:
     store.enter_stage("p06", "quiz_passed")
-    do_trials(store, "p06", 1)
-    begin_trial(store, "p06")
+    do_next(store, "p06")
+    begin_next(store, "p06")
     assert has_reached(store.participant("p06").stages, "quiz_passed")

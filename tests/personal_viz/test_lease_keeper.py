@@ -10,39 +10,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from human_study.design.plan import StudyScene, save_plan
-from human_study.design.planning import make_plan
-from human_study.design.secrets import token_hash
+from human_study.design.plan import save_plan
 from human_study.design.study import save_study
 from human_study.journey import has_dropped_out
 from human_study.store.database import BACKUP_FOLDER, require_free_space
 from human_study.store.progress import study_progress
 from human_study.store.records import read_study
-from human_study.store.store import StudyStore, open_store
+from human_study.store.store import StudyStore
 from personal_viz.cli.study.exclude import StudyExclude
 from personal_viz.cli.study.withdraw import StudyWithdraw
 from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
 from personal_viz.study_app.gateway.upkeep import Upkeep, upkeep
 from sim.errors import StudyError
-from sim.types import EpisodeKey
-from tests.human_study.small_world import study
-from tests.human_study.test_progress import do_next
+from tests.human_study.stores import do_next, started
 
-HOUSE_ONCE = {"task": ("pan",), "design": {"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5}}
-CROSSED = {"task": ("pan",), "design": {"kind": "crossed", "raters_per_episode": 2}}
+CROSSED = {"kind": "crossed", "raters_per_episode": 2}
 LEASE_S = 900.0
-
-
-def started(folder: Path, **changes: object) -> StudyStore:
-    """Three homes with an episode each; under house-once p01 and p02 do one of each and p03 is spare."""
-    config = study(**changes)
-    homes = [StudyScene(name=name, kind="invented") for name in ("A", "B", "C")]
-    plan = make_plan(config, homes, [EpisodeKey("easy", home.name, "0") for home in homes])
-    store = open_store(folder, config, plan)
-    for person in plan.participants:
-        if store.code_of_token(person.code) is None:
-            store.add_participant(person, token_hash(person.code))
-    return store
 
 
 @dataclass
@@ -68,7 +51,7 @@ def is_out(store: StudyStore, code: str) -> bool:
 
 
 def test_a_person_who_leaves_in_the_middle_gives_the_rest_to_others_once(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         keeper, clock, told = kept(store)
         with keeper.present("p01"):
             store.enter_stage("p01", "arrived")
@@ -85,7 +68,7 @@ def test_a_person_who_leaves_in_the_middle_gives_the_rest_to_others_once(tmp_pat
 
 
 def test_a_living_tab_keeps_everything_however_long(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         keeper, clock, _ = kept(store)
         store.enter_stage("p01", "arrived")
         with keeper.present("p01"):
@@ -99,7 +82,7 @@ def test_a_living_tab_keeps_everything_however_long(tmp_path: Path) -> None:
 
 
 def test_people_who_never_came_or_have_finished_lose_nothing(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         keeper, clock, told = kept(store)
         store.enter_stage("p02", "finished")
         keeper.tick()
@@ -109,7 +92,7 @@ def test_people_who_never_came_or_have_finished_lose_nothing(tmp_path: Path) -> 
 
 
 def test_a_place_that_was_claimed_by_nobody_who_came_is_given_back(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         keeper, clock, _ = kept(store)
         assert store.claim_person(None) == "p01"
         keeper.tick()
@@ -119,9 +102,9 @@ def test_a_place_that_was_claimed_by_nobody_who_came_is_given_back(tmp_path: Pat
 
 
 def test_a_restart_takes_nobodys_place_away(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         store.enter_stage("p01", "arrived")
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         keeper, clock, _ = kept(store)
         clock.now_s = 50_000.0  # of a machine that runs for long
         keeper.tick()
@@ -134,7 +117,7 @@ def test_a_restart_takes_nobodys_place_away(tmp_path: Path) -> None:
 
 
 def test_a_person_who_was_asked_to_come_back_later_has_that_much_more_time(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE, breaks={"sitting_max": 1, "sitting_gap_s": 3600.0}) as store:
+    with started(tmp_path, breaks={"sitting_max": 1, "sitting_gap_s": 3600.0}) as store:
         keeper, clock, _ = kept(store)
         store.enter_stage("p01", "arrived")
         store.enter_stage("p01", "instructed")
@@ -149,7 +132,7 @@ def test_a_person_who_was_asked_to_come_back_later_has_that_much_more_time(tmp_p
 
 
 def test_where_nobody_could_take_it_nothing_is_given_away(tmp_path: Path) -> None:
-    with started(tmp_path, **CROSSED) as store:
+    with started(tmp_path, design=CROSSED) as store:
         keeper, clock, _ = kept(store)
         store.enter_stage("p01", "arrived")
         keeper.tick()
@@ -159,7 +142,7 @@ def test_where_nobody_could_take_it_nothing_is_given_away(tmp_path: Path) -> Non
 
 
 def test_a_wall_clock_that_jumps_takes_nobodys_place_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         keeper, clock, _ = kept(store)
         store.enter_stage("p01", "arrived")
         keeper.tick()
@@ -172,7 +155,7 @@ def test_a_wall_clock_that_jumps_takes_nobodys_place_away(tmp_path: Path, monkey
 
 
 def test_a_second_absence_is_counted_anew(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         keeper, clock, told = kept(store)
         store.enter_stage("p01", "arrived")
         keeper.tick()
@@ -198,7 +181,7 @@ STEPS = st.lists(
 @pytest.fixture(scope="module")
 def awaiting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[StudyStore, list[str]]]:
     """A store in which p01 and p02 have begun, and the people whom a keeper let drop out; nothing is stored of it."""
-    with started(tmp_path_factory.mktemp("awaiting"), **HOUSE_ONCE) as store, pytest.MonkeyPatch.context() as patch:
+    with started(tmp_path_factory.mktemp("awaiting")) as store, pytest.MonkeyPatch.context() as patch:
         dropped: list[str] = []
         for code in ("p01", "p02"):
             store.enter_stage(code, "arrived")
@@ -232,7 +215,7 @@ def test_only_people_without_a_tab_who_left_long_ago_are_out(
 def test_a_store_that_cannot_be_written_is_told_and_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         keeper, clock, told = kept(store)
         store.enter_stage("p01", "arrived")
         keeper.tick()
@@ -250,7 +233,7 @@ def test_a_store_that_cannot_be_written_is_told_and_tried_again(
 
 
 def test_backups_are_made_when_something_was_written_and_not_oftener(tmp_path: Path) -> None:
-    with started(tmp_path, **CROSSED) as store:  # where leases give nothing away
+    with started(tmp_path, design=CROSSED) as store:  # where leases give nothing away
         keeper, clock, _ = kept(store)
         rounds = Upkeep(store, keeper, tell=print, clock=clock)
 
@@ -274,7 +257,7 @@ def test_backups_are_made_when_something_was_written_and_not_oftener(tmp_path: P
 
 
 def test_the_thread_ends_with_the_block_and_leaves_a_last_copy(tmp_path: Path) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         keeper, _, told = kept(store)
         with upkeep(store, keeper, tell=told.append, tick_s=0.01):
             store.enter_stage("p01", "arrived")
@@ -286,7 +269,7 @@ def test_the_thread_ends_with_the_block_and_leaves_a_last_copy(tmp_path: Path) -
 def test_a_failure_stops_neither_the_rest_of_a_round_nor_the_next_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         keeper, _, told = kept(store)
         rounds = Upkeep(store, keeper, tell=told.append)
 
@@ -305,7 +288,7 @@ def test_a_failure_stops_neither_the_rest_of_a_round_nor_the_next_one(
 
 
 def test_a_disk_that_gets_full_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         keeper, _, told = kept(store)
         rounds = Upkeep(store, keeper, tell=told.append)
         monkeypatch.setattr("personal_viz.study_app.gateway.upkeep.free_mb", lambda _: 3)
@@ -325,7 +308,7 @@ def test_a_study_is_not_served_from_a_disk_that_is_nearly_full(tmp_path: Path) -
 def test_commands_of_the_researcher_work_while_the_study_is_served(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with started(tmp_path, **HOUSE_ONCE) as store:
+    with started(tmp_path) as store:
         save_study(tmp_path, store.config)
         save_plan(tmp_path, store.plan)
         trial = store.open_trial("p02", 1)

@@ -12,14 +12,10 @@ import pytest
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
-from human_study.design.plan import StudyScene
-from human_study.design.planning import make_plan
-from human_study.design.secrets import token_hash
 from human_study.journey import Stage
-from human_study.store.store import StudyStore, open_store
+from human_study.store.store import StudyStore
 from human_study.store.writer import StoreFullError
 from human_study.texts.quiz import questions_for
-from human_study.trial.events import Moment
 from personal_viz.bots.forms import LastPage, Session, answer_pages, right_answers
 from personal_viz.study_app.gateway.admission import Tickets
 from personal_viz.study_app.gateway.app import Gateway
@@ -28,10 +24,8 @@ from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
 from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.recruit_codes import EndCode
-from sim.tasks.run_files import EpisodeEnd
-from sim.types import EpisodeKey
-from tests.human_study.small_world import CANARY, study
-from tests.human_study.stores import OPEN
+from tests.human_study.small_world import CANARY
+from tests.human_study.stores import do_next, started
 
 from .gateways import OnePort, admission_for, few_people
 
@@ -112,17 +106,11 @@ def taking(tmp_path: Path) -> Callable[..., Taking]:
 
     def make(end: EndCode | None = None, **choices: Any) -> Taking:
         usual: dict[str, Any] = {
-            "task": ("pan",),
             "design": {"kind": "crossed", "raters_per_episode": 1},
             "flow": ("device", "consent", "instructions", "quiz"),
             "breaks": {"every": None, "sitting_max": None},
         }
-        config = study(**{**usual, **choices})
-        homes = [StudyScene(name=name, kind="invented") for name in ("A", "B", "C")]
-        plan = make_plan(config, homes, [EpisodeKey("easy", home.name, "0") for home in homes])
-        store = open_store(tmp_path / "study", config, plan)
-        for person in plan.participants:
-            store.add_participant(person, token_hash(person.code))
+        store = started(tmp_path / "study", **{**usual, **choices})
         tickets, keeper = Tickets(), LeaseKeeper(store, tell=lambda _: None)
         gateway = Gateway(
             admission_for(few_people(), tmp_path),
@@ -138,15 +126,6 @@ def taking(tmp_path: Path) -> Callable[..., Taking]:
         return Taking(client, store, reply.json()["page"], keeper)
 
     return make
-
-
-def do_trial(store: StudyStore) -> None:
-    """Gives the next trial up."""
-    due = store.next_trial(CODE)
-    assert due is not None
-    trial = store.open_trial(CODE, due.order_no)
-    store.append_many(trial.trial_id, trial.epoch, [OPEN, Moment(kind="giveup")])
-    store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
 
 
 def enter(who: Taking, *stages: Stage) -> None:
@@ -313,13 +292,13 @@ def test_a_break_and_the_end_of_a_sitting_are_stored_when_they_begin_and_when_th
 ) -> None:
     who = taking(flow=(), breaks={"every": 1, "sitting_max": 2, "sitting_gap_s": 3000.0})
     enter(who, "arrived")
-    do_trial(who.store)
+    do_next(who.store, CODE)
     assert "Time for a break" in who.page()
     assert "1 of 3 searches done" in who.page()
     assert who.stages() == ["arrived", "break_started"]
     who.send(choice="next")
     assert who.page() == ""
-    do_trial(who.store)
+    do_next(who.store, CODE)
     shown = who.page()
     assert "in 50 minutes or later" in shown
     assert "See if I can go on" in shown
@@ -333,7 +312,7 @@ def test_a_person_who_has_done_everything_gets_a_code(taking: Callable[..., Taki
     who = taking(flow=())
     for _ in range(3):
         assert who.page() == ""
-        do_trial(who.store)
+        do_next(who.store, CODE)
     shown = who.page()
     assert who.stages() == ["arrived", "finished"]
     assert 'aria-label="Completion code">ABCD1234<' in shown
@@ -412,5 +391,5 @@ def test_a_bot_answers_all_pages_and_stops_at_the_last(
     assert answer_pages(session, right_answers(who.store.config)) is None
     assert who.stages() == ["arrived", "device_ok", "consented", "instructed", "quiz_passed"]
     for _ in range(3):
-        do_trial(who.store)
+        do_next(who.store, CODE)
     assert answer_pages(session) == LastPage("finished", "ABCD1234")

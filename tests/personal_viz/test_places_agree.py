@@ -13,22 +13,19 @@ from hypothesis import HealthCheck, given, settings
 from starlette.testclient import TestClient
 
 from human_study.design.plan import StudyScene
-from human_study.design.planning import Practice, make_plan
-from human_study.design.secrets import token_hash
+from human_study.design.planning import Practice
 from human_study.design.study import FlowStep
 from human_study.journey import GONE, Journey, journey_of
-from human_study.store.store import StudyStore, open_store
-from human_study.trial.events import Moment
+from human_study.store.store import StudyStore
 from personal_viz.cli.study.status import progress_now
 from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
 from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.operator.dashboard import Dashboard
 from personal_viz.study_app.operator.progress_view import place_words
 from personal_viz.study_app.store_link import StoreLink, StoreService
-from sim.tasks.run_files import EpisodeEnd
 from sim.types import EpisodeKey
 from tests.human_study.small_world import study
-from tests.human_study.stores import OPEN
+from tests.human_study.stores import HOUSE_ONCE, begin_next, do_next, open_planned, plan_homes
 
 CODE, ORIGIN, PORT, GAP_S, LEASE_S = "p01", "http://127.0.0.1:4321", 4321, 3600.0, 900.0
 FLOWS: tuple[tuple[FlowStep, ...], ...] = (("device", "consent", "instructions", "quiz"), ("instructions",), ())
@@ -46,18 +43,14 @@ def started(folder: Path, flow: Sequence[FlowStep]) -> Iterator[tuple[StudyStore
     """p01 practises and has an episode in each of three homes, p03 is spare; with a worker's line to the store."""
     config = study(
         task=("pan",),
-        design={"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5},
+        design=HOUSE_ONCE,
         flow=flow,
         practice={"pan": 1, "pog": 0},
         breaks={"every": 1, "sitting_max": 2, "sitting_gap_s": GAP_S},
     )
-    homes = [StudyScene(name=name, kind="invented") for name in ("A", "B", "C")]
     practice = Practice((StudyScene(name="P", kind="invented"),), (EpisodeKey("easy", "P", "0"),), ())
-    plan = make_plan(config, homes, [EpisodeKey("easy", home.name, "0") for home in homes], practice=practice)
     ours, theirs = socket.socketpair()
-    with open_store(folder, config, plan) as store:
-        for person in plan.participants:
-            store.add_participant(person, token_hash(person.code))
+    with open_planned(folder, config, plan_homes(config, practice=practice)) as store:
         service = StoreService(
             ours,
             store,
@@ -80,9 +73,9 @@ def act(store: StudyStore, name: str, journey: Journey) -> None:
         case "refuse the device" if journey.place == "device":
             store.enter_stage(CODE, "device_failed", {"webgl2": False})
         case "open" if is_at_trials:
-            do_trial(store, None)
+            begin_next(store, CODE)
         case "technical" | "abandoned" if is_at_trials:
-            do_trial(store, name)
+            do_next(store, CODE, reason=name)
         case "decline" if journey.place == "consent":
             store.give_consent(CODE, "text", given=False)
         case "withdraw":
@@ -114,21 +107,11 @@ def go_on(store: StudyStore, journey: Journey) -> None:
         case "pause":
             store.enter_stage(CODE, "sitting_started", done)
         case "practice" | "trial":
-            do_trial(store, "giveup")
+            do_next(store, CODE)
         case "dropped_out":
             store.enter_stage(CODE, "returned")
         case "ending" if store.next_trial(CODE) is None:
             store.enter_stage(CODE, "finished")
-
-
-def do_trial(store: StudyStore, reason: str | None) -> None:
-    """The next trial, ended by this reason, or left open."""
-    due = store.next_trial(CODE)
-    assert due is not None
-    trial = store.open_trial(CODE, due.order_no)
-    store.append_many(trial.trial_id, trial.epoch, [OPEN, *([Moment(kind="giveup")] if reason == "giveup" else [])])
-    if reason is not None:
-        store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
 
 
 def has_left(store: StudyStore, away_s: float) -> bool:

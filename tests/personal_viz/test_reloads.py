@@ -14,17 +14,16 @@ import viser
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from human_study.design.secrets import token_hash
 from human_study.store.records import StoredTrial
-from human_study.store.store import StudyStore, SupersededError, open_store
+from human_study.store.store import StudyStore, SupersededError
 from personal_viz.study_app.gateway.filter import CAMERA
 from personal_viz.study_app.home.homes import Home, HomeLibrary
 from personal_viz.study_app.screens.seat import Study
 from personal_viz.study_app.server import serve
 from personal_viz.study_app.store_link import StoreLink, StoreService
 from personal_viz.study_app.worker_door import SECRET_HEADER, WorkerDoor
+from tests.human_study.stores import filled
 
-from ..human_study.small_world import plan, study
 from .fake_play import meshless_home
 from .gateways import wait_until
 from .wire import WireClient
@@ -82,11 +81,7 @@ class Worker:
 @contextlib.contextmanager
 def opened(folder: Path) -> Iterator[StudyStore]:
     """The store of a small study with its people; the one who walks has read the instructions."""
-    config = study()
-    made = plan(config)
-    with open_store(folder, config, made) as store:
-        for person in made.participants:
-            store.add_participant(person, token_hash(person.code))
+    with filled(folder) as store:
         store.enter_stage(CODE, "arrived")
         store.enter_stage(CODE, "instructed")
         yield store

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from human_study.design.plan import PRACTICE_FOLDER, StudyPlan
-from human_study.design.secrets import token_hash
 from human_study.design.study import StudyConfig, StudyDataset, load_study, save_study
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, Trial, open_store
@@ -27,6 +26,7 @@ from sim.errors import StudyError
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Answer, ClickRay, EpisodeEnd, EpisodeRun
 from sim.types import Action
+from tests.human_study.stores import open_planned
 
 pytestmark = pytest.mark.slow
 WALK: tuple[Command, ...] = (
@@ -68,9 +68,8 @@ def finished(tmp_path_factory: pytest.TempPathFactory, invented_root: Path) -> P
     )
     save_study(folder, config)
     plan = plan_study(folder, invented_root, None, pilot=True)
-    with open_store(folder, config, plan) as store:
+    with open_planned(folder, config, plan) as store:
         for person in plan.participants:
-            store.add_participant(person, token_hash(f"token-{person.code}"))
             for planned in person.trials:
                 do_trial(store, invented_root, store.open_trial(person.code, planned.order_no))
     return folder
@@ -162,9 +161,7 @@ def test_an_outcome_that_is_too_good_fails_and_ends_with_1(
 ) -> None:
     folder = tmp_path / "cheated"
     config, plan = cheated(study, folder)
-    with open_store(folder, config, plan) as store:
-        for person in plan.participants:
-            store.add_participant(person, token_hash(f"token-{person.code}"))
+    with open_planned(folder, config, plan) as store:
         walker = next(person for person in plan.participants if person.task == "pan")
         trial = store.open_trial(walker.code, 2)
         do_trial(store, invented_root, trial, (Start(), GiveUp(), GiveUp()))
@@ -175,9 +172,7 @@ def test_an_outcome_that_is_too_good_fails_and_ends_with_1(
         events = [item.event for item in reader.events(done.trial_id or "")]
     assert isinstance(done.outcome, EpisodeEnd)
     assert done.outcome.measures is not None
-    with open_store(copy, config, plan) as store:
-        for person in plan.participants:
-            store.add_participant(person, token_hash(f"token-{person.code}"))
+    with open_planned(copy, config, plan) as store:
         trial = store.open_trial(walker.code, 2)
         store.append_many(trial.trial_id, trial.epoch, events)
         better = done.outcome.measures.model_copy(update={"centre_distance": 0.0})
