@@ -51,7 +51,7 @@ def run() -> int:
         except ValidationError as error:
             from .cli.refusals import line_from_refused_options
 
-            line = line_from_refused_options(type(verb).__name__.lower(), vars(getattr(verb, "verb", verb)), error)
+            line = line_from_refused_options(type(verb).__name__.lower(), vars(verb), error)
         except KeyboardInterrupt:
             print("personal-viz: stopped", file=sys.stderr)
             return 130

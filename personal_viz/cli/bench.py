@@ -4,17 +4,16 @@ import json as json_format
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from sim.errors import PersonalVizError
+from sim.files import write_whole
 
+from ..bench.harness import Report, machine_line, markdown, run_benchmark, tables
 from .output import print_table, say
 from .refusals import require_folder, writing
-
-if TYPE_CHECKING:
-    from ..bench.harness import Report
 
 StudyPart = Literal["store", "load", "browser", "kills", "people", "big-home", "restart", "soak"]
 
@@ -57,8 +56,6 @@ class Bench:
         return 0
 
     def _measured(self) -> "Report":
-        from ..bench.harness import run_benchmark
-
         benchmark = _benchmark(self.what)
         settings = benchmark.QUICK if self.quick else benchmark.FULL
         more = {"parts": self.parts} if self.parts else {}
@@ -68,10 +65,6 @@ class Bench:
 
     def _written(self, report: "Report") -> list[Path]:
         """Writes the report's files and returns their paths."""
-        from sim.files import write_whole
-
-        from ..bench.harness import markdown
-
         document = _document(report)
         files: dict[Path, str | bytes] = {
             self.out / f"bench-{self.what}.json": document,
@@ -106,8 +99,6 @@ def _document(report: "Report") -> str:
 
 
 def _print_tables(report: "Report") -> None:
-    from ..bench.harness import machine_line, tables
-
     for title, (heads, *lines) in tables(report):
         print_table(title, [head.replace(" cluttered", "\ncluttered") for head in heads], lines)
     print(f"Machine: {machine_line(report.machine)}")

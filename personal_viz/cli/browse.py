@@ -10,10 +10,12 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from personal_viz.printed import Console
 from sim.errors import MissingDependencyError
 from sim.words.english import how_many
 
 from .options import Clutter, Dataset, Scenes, ScenesDir
+from .refusals import require_no_scan
 
 
 @dataclass
@@ -28,10 +30,6 @@ class Browse:
     port: Annotated[int, arg(help="0 takes a free one.")] = 8090
 
     def run(self) -> int:
-        from personal_viz.printed import Console
-
-        from .refusals import require_no_scan
-
         require_no_scan("scan" if self.scenes_dir is not None else "schematic", clutter=self.clutter)
         try:
             from personal_viz.browse.app import browser_app

@@ -1,20 +1,18 @@
 """Verb `check-habitat`: figures of agreement with a real Habitat's answers, beside their targets."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
 from tyro.conf import arg
+
+from personal_viz.bench.habitat.agreement import TARGETS, Agreement, Figures, agreement, targets_met
 
 from .options import Json
 from .output import say, table_console, table_of
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from personal_viz.bench.habitat.agreement import Agreement, Figures
 
 MIN_WIDTH = 110
 """Columns that the table needs; narrower terminals wrap it, but files and pipes do not."""
@@ -42,8 +40,6 @@ class CheckHabitat:
     json: Json = False
 
     def run(self) -> int:
-        from personal_viz.bench.habitat.agreement import agreement
-
         found = agreement(self.golden, on_house=lambda name: say(f"comparing {name}"))
         if self.json:
             print(found.model_dump_json(by_alias=True, indent=2))
@@ -56,10 +52,6 @@ class CheckHabitat:
 
 
 def _table(found: Agreement) -> Table:
-    from rich.text import Text
-
-    from personal_viz.bench.habitat.agreement import TARGETS, targets_met
-
     met = targets_met(found)
     rows = []
     for key, target in TARGETS.items():
@@ -72,8 +64,6 @@ def _table(found: Agreement) -> Table:
 
 
 def _notes(found: Agreement) -> list[str]:
-    from rich.markup import escape
-
     rows, further = found.rows, found.further
     notes = [
         f"Rows: {rows.geodesic:,} distances, {rows.steps:,} forwards ({rows.sensitive:,} more left out as sensitive), "

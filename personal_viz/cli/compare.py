@@ -10,6 +10,8 @@ from sim.errors import PersonalVizError
 
 from ..compare import PICTURE_WIDTH
 from .options import Dataset, OpenIt, ScenesDir, WithPixels
+from .progress import counted
+from .refusals import check_options
 
 
 @dataclass
@@ -29,9 +31,6 @@ class Compare:
 
     def run(self) -> int:
         from personal_viz.compare.app import write_comparison
-
-        from .progress import counted
-        from .refusals import check_options
 
         check_options(self)
         if self.picture_width and not 32 <= self.picture_width <= 640:

@@ -1,22 +1,25 @@
 """Verb `contact-sheet`: a home in one picture, and crops of its objects for a naming test with people."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
+from sim.files import write_whole
+from sim.homes.clutter.plans import with_clutter
+from sim.homes.invented.plans import invent_plan
+from sim.homes.kind import scene_label, scene_terms
+from sim.homes.open_home import home_plan, open_scene, scene_from_plan
+from sim.homes.plan import HomePlan
+from sim.mesh import Scene
 from sim.types import ClutterLevel
 
+from ..contact_sheet.sheet import contact_sheet_picture, png_bytes, write_crops
 from .options import Clutter, ScenesDir
 from .refusals import require_suffix, writing
-
-if TYPE_CHECKING:
-    from sim.homes.plan import HomePlan
-    from sim.mesh import Scene
 
 
 @dataclass
@@ -34,11 +37,6 @@ class ContactSheet:
     ] = None
 
     def run(self) -> int:
-        from sim.files import write_whole
-        from sim.homes.kind import scene_label, scene_terms
-
-        from ..contact_sheet.sheet import contact_sheet_picture, png_bytes, write_crops
-
         require_suffix("--out", self.out, ".png")
         home, plan = _home(
             scene=self.scene, dataset=self.dataset, scenes_dir=self.scenes_dir, invent=self.invent, clutter=self.clutter
@@ -64,11 +62,6 @@ def _home(
     clutter: ClutterLevel,
 ) -> tuple[Scene, HomePlan | None]:
     """The home that the options name, and the plan that it was made from; a scan has no plan."""
-    from sim.episodes.dataset import PersonalDataset
-    from sim.homes.clutter.plans import with_clutter
-    from sim.homes.invented.plans import invent_plan
-    from sim.homes.open_home import home_plan, open_scene, scene_from_plan
-
     if invent is not None:
         if scene is not None or dataset is not None or scenes_dir is not None:
             raise PersonalVizError(

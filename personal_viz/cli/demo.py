@@ -7,6 +7,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from sim.authoring.generation import invent_dataset
 from sim.errors import StudyError
 
 from .refusals import require_folder
@@ -26,8 +27,6 @@ class Demo:
     )
 
     def run(self) -> int:
-        from sim.authoring.generation import invent_dataset
-
         dataset = self.out / "dataset"
         if not (dataset / "scenes" / f"{HOME}.plan.json").is_file():
             require_folder(self.out)

@@ -1,17 +1,15 @@
 """Verb `export`: writes runs in other formats."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
 from sim.errors import PersonalVizError
-
-if TYPE_CHECKING:
-    from sim.tasks.run_files import Run
+from sim.exchange.export_runs import export_runs
+from sim.tasks.metrics import read_runs
+from sim.tasks.run_files import Run
 
 
 @dataclass
@@ -23,8 +21,6 @@ class Export:
     format: Literal["jsonl", "tum", "minari"] = "jsonl"
 
     def run(self) -> int:
-        from sim.exchange.export_runs import export_runs
-
         for written in export_runs(_read(self.runs), format=self.format, out=self.out):
             answers = f", {written.num_answers} answers" if written.num_answers else ""
             left = f" {written.num_left_out} POG answers left out: {self.format} has no place for them."
@@ -38,8 +34,6 @@ class Export:
 
 def _read(paths: tuple[Path, ...]) -> list[Run]:
     """The runs of folders and recordings, in the order given."""
-    from sim.tasks.metrics import read_runs
-
     if not paths:
         raise PersonalVizError("export: found no run; expected run folders or .rrd files. Give at least one.")
     found: list[Run] = []

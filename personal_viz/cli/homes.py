@@ -1,19 +1,31 @@
 """Verb `homes`: how well schematic and invented homes serve their episodes, per scene and in total."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import arg
 
+from personal_viz.bench.harness import empty_cache
+from personal_viz.bench.homes.playability import (
+    Figures,
+    HomeFacts,
+    HomeFigures,
+    HomesReport,
+    build_home,
+    measure_home,
+    report_of,
+)
+from sim.episodes.dataset import PersonalDataset
+from sim.homes.kind import scene_terms
+from sim.homes.plan import save_plan
+from sim.tasks.workers import run_jobs
+
 from .options import Dataset, Json, Scenes
 from .output import print_table
-
-if TYPE_CHECKING:
-    from personal_viz.bench.homes.playability import Figures, HomeFacts, HomeFigures, HomesReport
+from .progress import counted
+from .refusals import check_options
 
 _MIN_WIDTH = 175
 """Columns that the table needs; narrower terminals wrap it, but files and pipes do not."""
@@ -51,13 +63,6 @@ class Homes:
     folds: Annotated[bool, arg(help="Recover each home from two splits alone as well (held-out figures).")] = True
 
     def run(self) -> int:
-        from personal_viz.bench.homes.playability import report_of
-        from sim.episodes.dataset import PersonalDataset
-        from sim.tasks.workers import run_jobs
-
-        from .progress import counted
-        from .refusals import check_options
-
         check_options(self)
         episodes = PersonalDataset(self.dataset)
         for name in self.scene:
@@ -84,11 +89,6 @@ class Homes:
 
 
 def _measure(job: _HomeJob) -> HomeFacts:
-    from personal_viz.bench.harness import empty_cache
-    from personal_viz.bench.homes.playability import build_home, measure_home
-    from sim.episodes.dataset import PersonalDataset
-    from sim.homes.plan import save_plan
-
     dataset = PersonalDataset(job.dataset_root)
     with empty_cache():
         home = build_home(dataset, job.scene)
@@ -98,8 +98,6 @@ def _measure(job: _HomeJob) -> HomeFacts:
 
 
 def _print_report(report: HomesReport) -> None:
-    from sim.homes.kind import scene_terms
-
     rows = [(name, *_cells(figures)) for name, figures in report.scenes.items()]
     total = ("total", *_cells(report.total)) if len(rows) > 1 else ()
     heads = ("scene", *(head for _, head in _COLUMNS))

@@ -1,22 +1,21 @@
 """Verb `import`: makes a run folder from another simulator's runs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from sim.episodes.dataset import PersonalDataset, key_from_text
 from sim.errors import PersonalVizError
+from sim.exchange.import_runs import import_runs
+from sim.exchange.pose_files import MAX_ROUNDING, FreeMotion, PoseReading
 from sim.frames import CameraAxes, PoseFrame
+from sim.tasks.run_files import Measures, Run, read_run
 from sim.types import MAX_STEPS
 
 from .options import Dataset, RunId, ScenesDir
-
-if TYPE_CHECKING:
-    from sim.exchange.pose_files import FreeMotion, PoseReading
-    from sim.tasks.run_files import Measures, Run
+from .refusals import check_options
 
 
 @dataclass
@@ -72,12 +71,6 @@ class Import:
     max_steps: Annotated[int, arg(help="Step budget that the robot had, for --motion free.")] = 500
 
     def run(self) -> int:
-        from sim.episodes.dataset import PersonalDataset
-        from sim.exchange.import_runs import import_runs
-        from sim.tasks.run_files import read_run
-
-        from .refusals import check_options
-
         check_options(self)
         reading = self._reading()
         folders = import_runs(
@@ -100,9 +93,6 @@ class Import:
             PersonalVizError: Options of pose files are given without the frame, which all of them need, or the rounding
                 or the episode's name is not valid.
         """
-        from sim.episodes.dataset import key_from_text
-        from sim.exchange.pose_files import MAX_ROUNDING, PoseReading
-
         free = self._free_motion()
         if not 0 < self.rounding <= MAX_ROUNDING:
             raise PersonalVizError(
@@ -137,8 +127,6 @@ class Import:
         Raises:
             PersonalVizError: A bound is missing or out of range, or is given without `--motion free`.
         """
-        from sim.exchange.pose_files import FreeMotion
-
         move, turn_deg = self.max_move, self.max_turn_deg
         if self.motion == "paper":
             if move is not None or turn_deg is not None or self.max_steps != MAX_STEPS:

@@ -3,7 +3,11 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from sim.authoring.generation import dataset_files, write_files
+from sim.homes.plan import HomePlan
 from sim.types import SPLITS
+
+from .refusals import check_options
 
 
 @dataclass
@@ -15,11 +19,6 @@ class Invent:
     seed: int = 0
 
     def run(self) -> int:
-        from sim.authoring.generation import dataset_files, write_files
-        from sim.homes.plan import HomePlan
-
-        from .refusals import check_options
-
         check_options(self)
         for home_seed in range(self.seed, self.seed + self.homes):
             name = f"Invented{home_seed}"

@@ -1,21 +1,27 @@
 """Verb `metrics`: the paper's tables from stored runs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from tyro.conf import Positional, arg
 
+from grounding.report.sources import pog_notes
+from sim.homes.kind import scene_label
+from sim.tasks.metrics import (
+    MetricRow,
+    metric_rows,
+    paper_table,
+    read_runs,
+    reading_notes,
+    require_comparable,
+    rule_warnings,
+)
 from sim.types import RULE_NOTES, SuccessRule
 
 from .options import Json
 from .output import print_json, print_table, say
-
-if TYPE_CHECKING:
-    from sim.tasks.metrics import MetricRow
 
 
 @dataclass
@@ -29,17 +35,6 @@ class Metrics:
     json: Json = False
 
     def run(self) -> int:
-        from grounding.report.sources import pog_notes
-        from sim.homes.kind import scene_label
-        from sim.tasks.metrics import (
-            metric_rows,
-            paper_table,
-            read_runs,
-            reading_notes,
-            require_comparable,
-            rule_warnings,
-        )
-
         found = read_runs(self.runs)
         require_comparable(run.info for run in found if run.episodes)
         require_comparable(run.info for run in found if run.answers)
@@ -82,6 +77,4 @@ class Metrics:
 
 
 def _labelled(row: MetricRow) -> dict[str, Any]:
-    from sim.homes.kind import scene_label
-
     return row.model_dump() | {"scene_label": scene_label(row.scene_kind)}

@@ -9,12 +9,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-if TYPE_CHECKING:
-    from rich.table import Table
-    from rich.text import Text
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+from rich.text import Text
 
-    from personal_viz.printed import Console
-    from recordings.paths import RecordingKey
+from personal_viz.printed import Console
+from recordings.paths import RecordingKey
+from sim.files import write_whole
+
+from .refusals import writing
+
+if TYPE_CHECKING:
     from recordings.sinks import LiveSink
 
 TABLE_WIDTH = 150
@@ -30,8 +35,6 @@ def table_console(width: int = TABLE_WIDTH, *, folds: bool = False) -> Console:
         width: Columns that the tables need; the console has at least as many.
         folds: Whether the tables may have fewer columns on a narrow terminal.
     """
-    from personal_viz.printed import Console
-
     if folds and sys.stdout.isatty():
         return Console()
     return Console(file=sys.stdout, width=max(width, Console().width))
@@ -54,10 +57,6 @@ def table_of(
         texts: Heads of the columns that hold text, as the first one does; the others hold numbers, set to the right.
         total: Cells of a last row that is set apart; empty = none.
     """
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-    from rich.text import Text
-
     above = Text(title, "table.title") if title else None
     table = Table(title=above, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     has_two_lines = any("\n" in head for head in heads)
@@ -114,10 +113,6 @@ def write_report(out: Path, files: Mapping[str, str | bytes], *, earlier: Sequen
     Raises:
         PersonalVizError: The folder cannot be written.
     """
-    from sim.files import write_whole
-
-    from .refusals import writing
-
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)
         for old in {path for pattern in earlier for path in out.glob(pattern)}:

@@ -1,20 +1,16 @@
 """Checks options that several verbs share before any work is done; says in one line which place cannot be written."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from pydantic import ValidationError
 
 from sim.errors import PersonalVizError, line_from_validation_error
+from sim.tasks.run_files import RUN_ID
 from sim.types import SceneKind
-
-if TYPE_CHECKING:
-    from pydantic import ValidationError
-
 
 _LEAST = {
     **dict.fromkeys(("limit", "jobs", "batch", "homes", "width", "height", "max_steps"), 1),
@@ -29,8 +25,6 @@ def check_options(verb: object) -> None:
     Raises:
         PersonalVizError: A value is invalid; the message names the option, the value and the expected values.
     """
-    from sim.tasks.run_files import RUN_ID
-
     for name, least in _LEAST.items():
         value = getattr(verb, name, None)
         if value is not None and value < least:

@@ -1,21 +1,22 @@
 """Verb `replay`: makes one Rerun recording of one episode from run folders."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import arg
 
+from recordings.traces import common_episode
+from recordings.viewer.window import open_file
+from sim.episodes.dataset import PersonalDataset, key_from_text
 from sim.errors import RecordingError
+from sim.homes.open_home import open_scene
+from sim.homes.renderers import renderer_of
+from sim.tasks.run_files import Run, read_run
 from sim.types import ClutterLevel
 
 from .options import Dataset, OpenIt, ScenesDir, WithPixels
-
-if TYPE_CHECKING:
-    from sim.tasks.run_files import Run
 
 
 @dataclass
@@ -32,12 +33,6 @@ class Replay:
 
     def run(self) -> int:
         from recordings.replay import log_comparison
-        from recordings.traces import common_episode
-        from recordings.viewer.window import open_file
-        from sim.episodes.dataset import PersonalDataset, key_from_text
-        from sim.homes.open_home import open_scene
-        from sim.homes.renderers import renderer_of
-        from sim.tasks.run_files import read_run
 
         read = [read_run(folder) for folder in self.runs]
         key = common_episode(read) if self.episode is None else key_from_text(self.episode, where="--episode")

@@ -1,17 +1,26 @@
 """Verb `run`: runs an agent over PAN episodes into a run folder."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import arg
 
+from sim.episodes.dataset import PersonalDataset, key_from_text
+from sim.episodes.schema import Episode
 from sim.errors import AgentError, PersonalVizError
+from sim.homes.kind import common_kind
+from sim.mesh import Scene
+from sim.plugins import is_plugin, own_name, plugin_digest
+from sim.tasks.agents import load_agent
+from sim.tasks.observers import Observer
+from sim.tasks.provenance import make_run_info
+from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
+from sim.tasks.run_writer import RunWriter
+from sim.tasks.runner import AgentJob, run_agent
 from sim.types import SPLITS, EpisodeKey, SceneKind, SuccessRule
 from sim.words.english import how_many
 
@@ -30,14 +39,8 @@ from .options import (
     WithPixels,
 )
 from .output import recorded
-
-if TYPE_CHECKING:
-    from sim.episodes.dataset import PersonalDataset
-    from sim.episodes.schema import Episode
-    from sim.mesh import Scene
-    from sim.tasks.observers import Observer
-    from sim.tasks.run_files import RunInfo
-    from sim.tasks.runner import AgentJob
+from .progress import counted
+from .refusals import check_options, require_no_scan
 
 SHORT_NAMES = {"random-frontier": "grounding.agents.random_frontier:random_frontier"}
 """Our own agents that the simulator loads as plug-ins; run files hold the short name."""
@@ -73,14 +76,6 @@ class Run:
     ] = None
 
     def run(self) -> int:
-        from sim.episodes.dataset import PersonalDataset
-        from sim.homes.kind import common_kind
-        from sim.tasks.run_writer import RunWriter
-        from sim.tasks.runner import run_agent
-
-        from .progress import counted
-        from .refusals import check_options, require_no_scan
-
         made_for, who, code = self._agent()
         check_options(self)
         episodes = PersonalDataset(self.dataset)
@@ -105,8 +100,6 @@ class Run:
 
     def _chosen(self, episodes: PersonalDataset) -> list[Episode]:
         """The named episode, or a sample of splits and scenes; raises PersonalVizError if these hold no episode."""
-        from sim.episodes.dataset import key_from_text
-
         if self.episode is not None:
             return [episodes.episode(key_from_text(self.episode, where="--episode"))]
         scenes, splits = self.scene or None, self.split or SPLITS
@@ -123,9 +116,6 @@ class Run:
         Raises:
             AgentError: No agent has this name, or a user's own cannot be built.
         """
-        from sim.plugins import own_name, plugin_digest
-        from sim.tasks.agents import load_agent
-
         made_for = _made_for(self.agent, self.rule)
         who = self.agent if made_for in (None, "paper") else f"{self.agent}-{made_for}"
         if ":" not in self.agent:
@@ -143,9 +133,6 @@ class Run:
         code: dict[str, str],
     ) -> RunInfo:
         """The contents of run.json."""
-        from sim.tasks.provenance import make_run_info
-        from sim.tasks.run_files import fitting_name, fitting_run_id
-
         level = f"-clutter{self.clutter}" if self.clutter else ""
         return make_run_info(
             self.run_id or fitting_run_id(f"{who.replace(':', '.')}-{kind}{level}-seed{self.seed}"),
@@ -167,8 +154,6 @@ class Run:
         rule: SuccessRule,
     ) -> list[AgentJob]:
         """One job per scene, in order of their names."""
-        from sim.tasks.runner import AgentJob
-
         return [
             AgentJob(
                 self.dataset,
@@ -187,8 +172,6 @@ class Run:
 
 def _made_for(agent: str, rule: SuccessRule | None) -> SuccessRule | None:
     """The success rule that the agent walks for; None if it knows no goal. Raises AgentError for other names."""
-    from sim.plugins import is_plugin
-
     if agent == "shortest-path":
         return rule or "paper"
     if agent not in ("random", *SHORT_NAMES) and not is_plugin(agent):

@@ -1,15 +1,18 @@
 """Verb `stats`: the paper's tables of ownership and captions, rebuilt from the files."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.statistics import (
+    NETWORK_FIELDS,
+    CaptionMetrics,
+    NetworkStatistics,
+    caption_statistics,
+    network_statistics,
+)
 
 from .options import Dataset, Json
 from .output import print_json, print_table
-
-if TYPE_CHECKING:
-    from sim.episodes.statistics import CaptionMetrics, NetworkStatistics
 
 
 @dataclass
@@ -20,9 +23,6 @@ class Stats:
     json: Json = False
 
     def run(self) -> int:
-        from sim.episodes.dataset import PersonalDataset
-        from sim.episodes.statistics import caption_statistics, network_statistics
-
         episodes = PersonalDataset(self.dataset)
         network, captions = network_statistics(episodes), caption_statistics(episodes)
         if self.json:
@@ -40,8 +40,6 @@ class Stats:
 
 def _print_network(statistics: NetworkStatistics) -> None:
     """Prints a line per metric; a cell holds the paper's figure, ours per episode and per distinct summary."""
-    from sim.episodes.statistics import NETWORK_FIELDS
-
     sources = [
         {column.column: column for column in source}
         for source in (statistics.paper, statistics.per_episode, statistics.per_summary)

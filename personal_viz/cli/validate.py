@@ -1,20 +1,16 @@
 """Verb `validate`: reports everything that is wrong in a folder of episodes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from rich.text import Text
+
+from sim.episodes.validate import CheckResult, Measure, ValidationReport, validate_dataset
 from sim.types import SPLITS, Split
 
 from .options import Dataset, Json
 from .output import print_json, print_table
-
-if TYPE_CHECKING:
-    from rich.text import Text
-
-    from sim.episodes.validate import CheckResult, Measure, ValidationReport
 
 _COLOURS = {"error": "red", "defect": "yellow", "note": "dim", "ok": "green"}
 _NUM_EXAMPLES = 4
@@ -28,8 +24,6 @@ class Validate:
     json: Json = False
 
     def run(self) -> int:
-        from sim.episodes.validate import validate_dataset
-
         report = validate_dataset(self.dataset)
         if self.json:
             print_json(_json_of_report(report))
@@ -84,8 +78,6 @@ def _print_report(report: ValidationReport) -> None:
 
 def _rows(check: CheckResult) -> Iterator[tuple[str | Text, ...]]:
     """The check's row, and one for each further measure."""
-    from rich.text import Text
-
     level = check.level if check.measure.count else "ok"
     text = Text.assemble(check.measure.slug, (f" ({check.measure.unit}: {check.title})", "dim"))
     yield str(check.row), Text(level, _COLOURS[level]), *_cells(check.measure), text

@@ -1,76 +1,112 @@
-"""The command line: one dataclass per verb, parsed by tyro; heavy modules are imported only when a verb runs."""
+"""The command line: one dataclass per verb, parsed by tyro. Only the module of the verb that is typed is imported."""
 
-from dataclasses import replace
+import ast
+import sys
+from collections.abc import Sequence
+from dataclasses import make_dataclass, replace
+from importlib import import_module
+from pathlib import Path
 from types import NoneType, UnionType
-from typing import Union, get_args
+from typing import Protocol, Union, get_args
 
 import tyro
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
+from tyro.extras import subcommand_cli_from_dict
 
-from .bench import Bench
-from .browse import Browse
-from .check_habitat import CheckHabitat
-from .compare import Compare
-from .contact_sheet import ContactSheet
-from .demo import Demo
-from .export import Export
-from .grounding.explore import Explore
-from .grounding.ground import Ground
-from .grounding.map import Map
-from .grounding.pog_report import PogReport
-from .grounding.show_exploration import ShowExploration
-from .grounding.show_map import ShowMap
-from .homes import Homes
-from .import_runs import Import
-from .invent import Invent
-from .metrics import Metrics
-from .replay import Replay
-from .run import Run
-from .stats import Stats
-from .study.verbs import Study
-from .validate import Validate
-
-Verb = (
-    Demo
-    | Validate
-    | Stats
-    | Invent
-    | Homes
-    | ContactSheet
-    | Run
-    | Explore
-    | Ground
-    | PogReport
-    | ShowExploration
-    | ShowMap
-    | Map
-    | Import
-    | Metrics
-    | Replay
-    | Compare
-    | Browse
-    | Export
-    | Study
-    | CheckHabitat
-    | Bench
-)
-"""All verbs, in the order of the help; each is named after its class, as `contact-sheet` after `ContactSheet`."""
+PROGRAM = "personal-viz"
+STUDY = "study"
+"""First word of the verbs of studies with people."""
+STUDIES = "Studies with people."
+VERBS = {
+    "demo": "demo.Demo",
+    "validate": "validate.Validate",
+    "stats": "stats.Stats",
+    "invent": "invent.Invent",
+    "homes": "homes.Homes",
+    "contact-sheet": "contact_sheet.ContactSheet",
+    "run": "run.Run",
+    "explore": "grounding.explore.Explore",
+    "ground": "grounding.ground.Ground",
+    "pog-report": "grounding.pog_report.PogReport",
+    "show-exploration": "grounding.show_exploration.ShowExploration",
+    "show-map": "grounding.show_map.ShowMap",
+    "map": "grounding.map.Map",
+    "import": "import_runs.Import",
+    "metrics": "metrics.Metrics",
+    "replay": "replay.Replay",
+    "compare": "compare.Compare",
+    "browse": "browse.Browse",
+    "export": "export.Export",
+    "study init": "study.init.StudyInit",
+    "study plan": "study.plan.StudyPlanVerb",
+    "study ethics": "study.ethics.StudyEthics",
+    "study serve": "study.serve.StudyServe",
+    "study status": "study.status.StudyStatus",
+    "study doctor": "study.doctor.StudyDoctor",
+    "study bots": "study.bots.StudyBots",
+    "study withdraw": "study.withdraw.StudyWithdraw",
+    "study purge-ids": "study.purge_ids.StudyPurgeIds",
+    "study exclude": "study.exclude.StudyExclude",
+    "study check-db": "study.check_db.StudyCheckDb",
+    "study verify": "study.verify.StudyVerify",
+    "study export": "study.export.StudyExport",
+    "study import-check": "study.import_check.StudyImportCheck",
+    "study report": "study.report.StudyReportVerb",
+    "check-habitat": "check_habitat.CheckHabitat",
+    "bench": "bench.Bench",
+}
+"""Module and dataclass of each verb, in the order of the help."""
 
 
-def parse(arguments: list[str] | None = None) -> Verb:
-    """The verb that the command line names.
+class Verb(Protocol):
+    """The options of a verb, and its work."""
+
+    def run(self) -> int:
+        """Does the work and returns the exit code."""
+        ...
+
+
+def parse(arguments: Sequence[str] | None = None) -> Verb:
+    """The verb that the command line names, with its options.
 
     Raises:
         SystemExit: Usage error (2) or --help (0).
     """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    num_named = 2 if words[:1] == [STUDY] else 1
+    name, options = " ".join(words[:num_named]), words[num_named:]
+    if name not in VERBS:
+        _list_verbs(words)
+    module, _, kind = VERBS[name].rpartition(".")
     return tyro.cli(
-        Verb,  # type: ignore[arg-type]
-        prog="personal-viz",
-        description="3-D visualization and human baselines for the PersONAL benchmark.",
-        args=arguments,
-        config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+        getattr(import_module(f".{module}", __package__), kind),
+        prog=f"{PROGRAM} {name}",
+        args=options,
+        config=(tyro.conf.OmitArgPrefixes,),
         registry=_registry(),
     )
+
+
+def _list_verbs(words: list[str]) -> None:
+    """Ends the program with the help of all verbs, or of those below `study`, or with a usage error."""
+    is_below = words[:1] == [STUDY]
+    start = f"{STUDY} " if is_below else ""
+    names = {name.removeprefix(start).split()[0]: name for name in VERBS if name.startswith(start)}
+    helps = {word: STUDIES if word == STUDY else _help_of(name) for word, name in names.items()}
+    subcommand_cli_from_dict(
+        {word: make_dataclass("Verb", (), namespace={"__doc__": text}) for word, text in helps.items()},
+        prog=f"{PROGRAM} {STUDY}" if is_below else PROGRAM,
+        description=STUDIES if is_below else "3-D visualization and human baselines for the PersONAL benchmark.",
+        args=words[1:] if is_below else words,
+    )
+
+
+def _help_of(name: str) -> str | None:
+    """The docstring of a verb's dataclass; its module, which may take a second to import, is only read."""
+    module, _, kind = VERBS[name].rpartition(".")
+    source = Path(__file__).parent.joinpath(*module.split(".")).with_suffix(".py").read_text(encoding="utf-8")
+    (verb,) = (node for node in ast.parse(source).body if isinstance(node, ast.ClassDef) and node.name == kind)
+    return ast.get_docstring(verb)
 
 
 def _registry() -> ConstructorRegistry:

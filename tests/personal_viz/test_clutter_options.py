@@ -7,8 +7,9 @@ import pytest
 from human_study.design.study import StudyConfig, StudyDataset
 from personal_viz.cli.refusals import require_no_scan
 from personal_viz.cli.replay import Replay
+from personal_viz.cli.run import Run
 from personal_viz.cli.study.serve import StudyServe
-from personal_viz.cli.verbs import Run, Study, parse
+from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, RecordingError
 from sim.homes.open_home import open_scene
@@ -75,6 +76,5 @@ def test_the_options_parse() -> None:
     assert isinstance(verb, Run)
     assert verb.clutter == 1
     verb = parse(["study", "serve", "--dataset", "d", "--scene", "A", "--clutter", "2"])
-    assert isinstance(verb, Study)
-    assert isinstance(verb.verb, StudyServe)
-    assert verb.verb.clutter == 2
+    assert isinstance(verb, StudyServe)
+    assert verb.clutter == 2

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from personal_viz.cli.contact_sheet import ContactSheet
+from personal_viz.cli.homes import Homes
 from personal_viz.cli.metrics import Metrics
 from personal_viz.cli.replay import Replay
 from personal_viz.cli.run import Run
-from personal_viz.cli.verbs import ContactSheet, Homes, parse
+from personal_viz.cli.verbs import parse
 from sim.authoring.generation import dataset_files, write_files
 from sim.cache import VARIABLE
 from sim.episodes.dataset import PersonalDataset
@@ -54,7 +56,7 @@ def test_the_json_has_each_scene_and_the_total(schematic: Path, capsys: pytest.C
 def test_build_times_are_those_of_a_first_visit(
     schematic: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import personal_viz.bench.homes.playability as module
+    import personal_viz.cli.homes as module
 
     used = []
     built = module.build_home

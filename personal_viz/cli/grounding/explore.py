@@ -1,7 +1,5 @@
 """Verb `explore`: explores homes into a folder, and shows their figures and the growth of coverage over steps."""
 
-from __future__ import annotations
-
 import io
 import json as json_module
 import sys
@@ -9,20 +7,27 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
+import numpy as np
 from tyro.conf import arg
 
+from grounding.agents.exploration_jobs import ExploreJob, invented_name, run_job
+from grounding.agents.explore import Exploration
+from recordings.paths import ExplorationKey
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
+from sim.files import write_whole
+from sim.homes.kind import common_kind
+from sim.tasks.provenance import make_run_info
+from sim.tasks.run_files import RunInfo
+from sim.tasks.workers import run_jobs
 from sim.types import Camera, SceneKind
 
 from ..options import Jobs, Json, Scenes, ScenesDir, WithPixels
 from ..output import print_json, print_table, recorded
-
-if TYPE_CHECKING:
-    from grounding.agents.exploration_jobs import ExploreJob
-    from grounding.agents.explore import Exploration
-    from sim.tasks.run_files import RunInfo
+from ..progress import counted
+from ..refusals import check_options
 
 _PLOT, _SUMMARY = "coverage.png", "explore.json"
 
@@ -60,13 +65,6 @@ class Explore:
     with_pixels: WithPixels = False
 
     def run(self) -> int:
-        from grounding.agents.exploration_jobs import run_job
-        from sim.files import write_whole
-        from sim.tasks.workers import run_jobs
-
-        from ..progress import counted
-        from ..refusals import check_options
-
         check_options(self)
         if (self.dataset is None) == (self.homes is None):
             raise PersonalVizError(
@@ -95,10 +93,6 @@ class Explore:
 
     def _homes(self) -> tuple[list[str], SceneKind]:
         """Names of the homes, and their kind."""
-        from grounding.agents.exploration_jobs import invented_name
-        from sim.episodes.dataset import PersonalDataset
-        from sim.homes.kind import common_kind
-
         if self.dataset is None:
             assert self.homes is not None
             if self.scene or self.scenes_dir is not None:
@@ -115,8 +109,6 @@ class Explore:
 
     def _jobs(self, names: Sequence[str]) -> list[ExploreJob]:
         """One job per home."""
-        from grounding.agents.exploration_jobs import ExploreJob
-
         camera = Camera(self.width, self.height)
         return [
             ExploreJob(
@@ -134,9 +126,6 @@ class Explore:
 
     def _info(self, kind: SceneKind) -> RunInfo:
         """The facts that `run.json` would hold about these explorations."""
-        from sim.episodes.dataset import PersonalDataset
-        from sim.tasks.provenance import make_run_info
-
         return make_run_info(
             "explore",
             who="frontier",
@@ -159,7 +148,6 @@ def watching(rerun: str | None, jobs: list[ExploreJob], *, with_pixels: bool) ->
         yield jobs
         return
     from recordings.explorations import ObserveExplorations
-    from recordings.paths import ExplorationKey
 
     per_home = 2 if jobs[0].storeys == "all" else 1  # how many is not known yet: 2 means several
     keys = [ExplorationKey(job.scene, storey, job.seed) for job in jobs for storey in range(per_home)]
@@ -210,7 +198,6 @@ def document_of(found: Sequence[Exploration], *, info: RunInfo, out: Path) -> di
 
 def coverage_png(found: Sequence[Exploration], *, title: str, label: str) -> bytes:
     """A PNG picture of coverage over steps: a thin line per exploration, a thick one for their mean."""
-    import numpy as np
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8, 4.8), dpi=120, layout="constrained")

@@ -1,18 +1,41 @@
 """Verb `ground`: runs a grounder over POG episodes, writes run folders and prints the paper's table; sweeps noise."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
+from grounding.agents.explore import EXPLORER_VERSION
+from grounding.encoders.by_name import (
+    PLUGIN,
+    encoder_called,
+    encoder_slug,
+    is_model,
+    make_encoder,
+    parse_encoder_name,
+    plain_name,
+    require_no_model_options,
+)
+from grounding.encoders.protocol import ModelOptions
+from grounding.evaluation.evaluate import GroundJob, evaluate, select_jobs
+from grounding.evaluation.home_maps import MAP_VERSION, MapFolders
+from grounding.evaluation.settings import CELLS, GroundSettings
+from grounding.methods.by_name import Grounder, make_grounder, require_method, takes_objects
+from grounding.phrases.sources import phrases_called
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError
+from sim.homes.kind import common_kind
+from sim.homes.plan import HOMES_VERSION
+from sim.plugins import is_plugin, own_name, plugin_digest
+from sim.tasks.metrics import metric_rows
+from sim.tasks.provenance import make_run_info
+from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id, read_run
+from sim.tasks.run_writer import RunWriter
 from sim.types import SPLITS
 
 from ..options import (
@@ -32,16 +55,10 @@ from ..options import (
     Splits,
 )
 from ..output import print_json
-
-if TYPE_CHECKING:
-    from grounding.encoders.protocol import ModelOptions
-    from grounding.evaluation.evaluate import GroundJob
-    from grounding.evaluation.settings import GroundSettings
-    from grounding.methods.by_name import Grounder
-    from sim.episodes.dataset import PersonalDataset
-    from sim.tasks.run_files import RunInfo
-
-    from .ground_tables import GroundResult
+from ..progress import counted
+from ..refusals import check_options
+from .ground_maps import cell_of_maps, layout_of_maps
+from .ground_tables import GroundResult, ground_document, print_ground_table
 
 EXPLORATIONS = "explorations"
 """Folder below --out that all maps of explored homes share."""
@@ -123,12 +140,6 @@ class Ground:
     json: Json = False
 
     def run(self) -> int:
-        from grounding.encoders.by_name import is_model, require_no_model_options
-        from sim.episodes.dataset import PersonalDataset
-
-        from ..refusals import check_options
-        from .ground_tables import ground_document, print_ground_table
-
         _require_names(self.encoder, self.method, self.phrases)
         episodes = PersonalDataset(self.dataset)
         settings = self.settings(episodes)
@@ -153,11 +164,6 @@ class Ground:
         Raises:
             PersonalVizError: Options do not fit together, or map files do not.
         """
-        from grounding.encoders.by_name import plain_name
-        from grounding.evaluation.settings import GroundSettings
-
-        from .ground_maps import layout_of_maps
-
         layout = self.layout or "grid"
         if self._folder is not None:
             layout = layout_of_maps(self._folder, episodes, scenes=self.scene, method=self.method, asked=self.layout)
@@ -175,17 +181,10 @@ class Ground:
     @property
     def _model(self) -> ModelOptions:
         """Options of a real encoder."""
-        from grounding.encoders.protocol import ModelOptions
-
         return ModelOptions(self.device, self.batch, self.autocast)
 
     def _grounded(self, episodes: PersonalDataset, settings: GroundSettings) -> GroundResult:
         """Makes or continues one run, and returns it with its figures."""
-        from sim.tasks.metrics import metric_rows
-        from sim.tasks.run_files import read_run
-
-        from .ground_tables import GroundResult
-
         info = self._info(episodes, settings)
         folder = self.out / info.run_id
         work = self._work(episodes, settings, info)
@@ -199,11 +198,6 @@ class Ground:
 
     def _answer(self, work: Sequence[GroundJob], folder: Path, info: RunInfo) -> None:
         """Answers the episodes that the run folder does not hold yet."""
-        from grounding.evaluation.evaluate import evaluate
-        from sim.tasks.run_writer import RunWriter
-
-        from ..progress import counted
-
         if not work:
             raise PersonalVizError(
                 f"{self.dataset}: the chosen splits and scenes hold no episode; expected one. Choose others."
@@ -217,9 +211,6 @@ class Ground:
 
     def _work(self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
         """One job per scene."""
-        from grounding.evaluation.evaluate import select_jobs
-        from grounding.evaluation.home_maps import MapFolders
-
         folders = None
         if settings.map != "oracle":
             maps = self._folder or self.out / str(info.config["maps"])
@@ -237,16 +228,6 @@ class Ground:
 
     def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
         """The contents of run.json."""
-        from grounding.encoders.by_name import encoder_called
-        from grounding.evaluation.settings import CELLS
-        from grounding.phrases.sources import phrases_called
-        from sim.homes.kind import common_kind
-        from sim.plugins import own_name
-        from sim.tasks.provenance import make_run_info
-        from sim.tasks.run_files import fitting_name
-
-        from .ground_maps import cell_of_maps
-
         grounder = _facts(settings)
         phrases = phrases_called(settings.phrases) if grounder.uses_phrases else "none"
         storey = "all storeys" if settings.all_storeys else "storey given"
@@ -278,8 +259,6 @@ class Ground:
 
     def _swept_id(self, settings: GroundSettings) -> str:
         """The run's own name, followed by the swept setting's value and by the phrases if they were not asked for."""
-        from sim.tasks.run_files import fitting_run_id
-
         phrases = "" if settings.phrases == self.phrases else f"-{settings.phrases}"
         if self.sweep is None:
             return fitting_run_id(f"{self.run_id}{phrases}")
@@ -293,10 +272,6 @@ def _require_names(encoder: str, method: str, phrases: str) -> None:
     Raises:
         AgentError: A name is refused; the message names the option.
     """
-    from grounding.encoders.by_name import encoder_called
-    from grounding.methods.by_name import require_method, takes_objects
-    from grounding.phrases.sources import phrases_called
-
     encoder_called(encoder)
     require_method(method)
     takes_objects(method)
@@ -305,9 +280,6 @@ def _require_names(encoder: str, method: str, phrases: str) -> None:
 
 def _facts(settings: GroundSettings) -> Grounder:
     """The settings' grounder, only to read its properties, not to get answers."""
-    from grounding.encoders.by_name import make_encoder
-    from grounding.methods.by_name import make_grounder
-
     return make_grounder(settings.method, make_encoder("hashed"), seed=settings.seed)
 
 
@@ -342,9 +314,6 @@ def swept(settings: GroundSettings, sweep: str) -> list[GroundSettings]:
 
 def _code(settings: GroundSettings) -> dict[str, str]:
     """Digests of the plug-ins among the settings."""
-    from grounding.encoders.by_name import PLUGIN, parse_encoder_name
-    from sim.plugins import is_plugin, plugin_digest
-
     parts = parse_encoder_name(settings.encoder)
     plugins = {
         "encoder": parts.source if parts.family == PLUGIN else "",
@@ -356,11 +325,6 @@ def _code(settings: GroundSettings) -> dict[str, str]:
 
 def run_name(settings: GroundSettings, *, label: str | None = None) -> str:
     """Folder name of a run: defaults are left out, and a long name is shortened with a digest."""
-    from grounding.encoders.by_name import encoder_slug
-    from grounding.phrases.sources import phrases_called
-    from sim.plugins import own_name
-    from sim.tasks.run_files import fitting_run_id
-
     storey = "all-storeys" if settings.all_storeys else "storey-given"
     who = label or own_name(_facts(settings), settings.method)
     parts = [who, settings.map, encoder_slug(settings.encoder), *_unusual(settings), storey]
@@ -371,12 +335,6 @@ def run_name(settings: GroundSettings, *, label: str | None = None) -> str:
 
 def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
     """Folder name of maps of explored homes, shared by all runs with these settings and the same program versions."""
-    from grounding.agents.explore import EXPLORER_VERSION
-    from grounding.encoders.by_name import encoder_slug
-    from grounding.evaluation.home_maps import MAP_VERSION
-    from sim.homes.plan import HOMES_VERSION
-    from sim.tasks.run_files import fitting_run_id
-
     made_of = {name: value for name, value in asdict(settings).items() if name not in _NOT_OF_THE_MAP}
     versions = [MAP_VERSION, EXPLORER_VERSION, HOMES_VERSION]
     code = [_code(settings)["encoder_code"]] if "encoder_code" in _code(settings) else []

@@ -1,26 +1,31 @@
 """Verb `map`: makes a map file from a robot's recorded frames, and reports which frames it used."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from tyro.conf import arg
 
+from grounding.encoders.by_name import is_model, make_image_encoder, require_no_model_options
+from grounding.encoders.protocol import DenseEncoder, ModelOptions
+from grounding.maps.files import MapSource, save_memory
+from grounding.maps.grid_map import GridMapBuilder, MapBuilder
+from grounding.maps.home_map import HomeMemory, ObjectMap, StoreyMemory
+from grounding.maps.object_map import ObjectMapBuilder
+from grounding.maps.storeys import ViewOptions, floors_of_frames
+from grounding.perception.segment_depth import DepthRegions
+from grounding.perception.segments import Segmenter
+from grounding.robot.frames import FrameCounts, RobotFrames, read_robot_frames
+from personal_viz.printed import Console
 from sim.errors import PersonalVizError
 from sim.frames import CameraAxes
+from sim.plugins import build_plugin
+from sim.tasks.observers import FREE, OCCUPIED
 
 from ..options import Json, ModelAutocast, ModelBatch, ModelDevice
 from ..output import print_json
+from ..progress import counted
 from ..refusals import require_suffix
-
-if TYPE_CHECKING:
-    from grounding.encoders.protocol import DenseEncoder, ModelOptions
-    from grounding.maps.grid_map import MapBuilder
-    from grounding.maps.home_map import HomeMemory, StoreyMemory
-    from grounding.perception.segments import Segmenter
-    from grounding.robot.frames import FrameCounts, RobotFrames
 
 _FLOOR_FRAMES = 40
 """Number of frames, spread over the recording, from which the floors are found."""
@@ -70,13 +75,6 @@ class Map:
     json: Json = False
 
     def run(self) -> int:
-        from grounding.encoders.protocol import ModelOptions
-        from grounding.maps.files import MapSource, save_memory
-        from grounding.maps.grid_map import GridMapBuilder
-        from grounding.maps.object_map import ObjectMapBuilder
-        from grounding.maps.storeys import ViewOptions
-        from grounding.robot.frames import read_robot_frames
-
         require_suffix("--out", self.out, ".npz")
         for option, value in (
             ("--batch", self.batch),
@@ -115,9 +113,6 @@ def load_encoder(name: str, options: ModelOptions) -> DenseEncoder:
     Raises:
         AgentError: No encoder has this name, or it cannot be built.
     """
-    from grounding.encoders.by_name import is_model, make_image_encoder, require_no_model_options
-    from grounding.encoders.protocol import ModelOptions
-
     if not is_model(name):
         unbatched = replace(options, batch_size=ModelOptions().batch_size)  # builders use it too
         require_no_model_options(f"--encoder {name}", unbatched)
@@ -130,17 +125,12 @@ def load_segmenter(name: str, floors: tuple[float, ...]) -> Segmenter:
     Raises:
         AgentError: No segmenter has this name, or it cannot be built.
     """
-    from grounding.perception.segment_depth import DepthRegions
-    from sim.plugins import build_plugin
-
     if name == "depth":
         return DepthRegions(floors=floors)
     return build_plugin(name, option="--segmenter", methods=("segment",))
 
 
 def _floors(folder: Path, recording: RobotFrames, mount_height: float | None) -> tuple[float, ...]:
-    from grounding.maps.storeys import floors_of_frames
-
     some = recording.some(_FLOOR_FRAMES)
     if not some:
         raise PersonalVizError(f"{folder}: no picture can be read; expected whole PNG or JPEG files. Copy them again.")
@@ -149,10 +139,6 @@ def _floors(folder: Path, recording: RobotFrames, mount_height: float | None) ->
 
 def _built(builder: MapBuilder, recording: RobotFrames, counts: FrameCounts) -> HomeMemory:
     """The map of all usable frames; reports progress, and anything odd about the frames."""
-    from personal_viz.printed import Console
-
-    from ..progress import counted
-
     with counted("frames", len(recording)) as progress:
         for frame in recording:
             builder.add(frame)
@@ -164,8 +150,6 @@ def _built(builder: MapBuilder, recording: RobotFrames, counts: FrameCounts) -> 
 
 def _document(memory: HomeMemory, counts: FrameCounts, layout: str, builder: str, out: Path) -> dict[str, Any]:
     """The document that `--json` prints."""
-    from grounding.maps.home_map import ObjectMap
-
     first = memory.storeys[0].memory
     return {
         "frames": {"found": counts.num_found, "used": memory.num_frames, "skipped": dict(counts.by_reason)},
@@ -182,9 +166,6 @@ def _document(memory: HomeMemory, counts: FrameCounts, layout: str, builder: str
 
 
 def _storey(storey: StoreyMemory) -> dict[str, float | int]:
-    from grounding.maps.home_map import ObjectMap
-    from sim.tasks.observers import FREE, OCCUPIED
-
     known = storey.occupancy.cells
     area = storey.occupancy.grid.cell**2
     memory = storey.memory

@@ -1,24 +1,23 @@
 """Verb `pog-report`: grounding runs as the paper's table, with intervals, curves and a gallery of failures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from grounding.report.table import pog_report as numbers_of
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import RunFileError
+from sim.tasks.metrics import read_runs, run_folders
+from sim.tasks.run_files import Run
 from sim.words.english import how_many
 
+from ...pog_report.gallery import Gallery, failure_gallery
 from ..options import Json
 from ..output import print_json, write_report
-
-if TYPE_CHECKING:
-    from sim.tasks.run_files import Run
-
-    from ...pog_report.gallery import Gallery
+from ..refusals import check_options
 
 
 @dataclass
@@ -35,11 +34,7 @@ class PogReport:
     json: Json = False
 
     def run(self) -> int:
-        from grounding.report.table import pog_report as numbers_of
-        from sim.tasks.metrics import read_runs, run_folders
-
         from ...pog_report.files import document, report_files
-        from ..refusals import check_options
 
         check_options(self)
         found = [run for run in read_runs(self.runs) if run.answers]
@@ -68,10 +63,6 @@ def _gallery(
     runs: Sequence[Run], datasets: Sequence[Path], *, beside: Sequence[Path], per_method: int, seed: int
 ) -> Gallery | None:
     """The failures of the agents' runs on these datasets; None if no dataset is given."""
-    from sim.episodes.dataset import PersonalDataset
-
-    from ...pog_report.gallery import Gallery, failure_gallery
-
     if not datasets:
         return None
     parts = []

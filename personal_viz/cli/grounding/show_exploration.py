@@ -6,7 +6,12 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from grounding.agents.exploration import load_exploration
+from recordings.viewer.window import open_file
+from sim.episodes.dataset import PersonalDataset
+
 from ..options import OpenIt, ScenesDir, WithPixels
+from .same_home import open_same_home
 
 
 @dataclass
@@ -23,14 +28,9 @@ class ShowExploration:
     open: OpenIt = False
 
     def run(self) -> int:
-        from grounding.agents.exploration import load_exploration
         from recordings.explorations import replay_exploration
         from recordings.replay import require_rrd
         from recordings.sinks import LiveSink
-        from recordings.viewer.window import open_file
-        from sim.episodes.dataset import PersonalDataset
-
-        from .same_home import open_same_home
 
         require_rrd(self.out)
         found = load_exploration(self.file)

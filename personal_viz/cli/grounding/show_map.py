@@ -6,9 +6,13 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from grounding.maps.files import load_memory, read_map_header
+from recordings.viewer.window import open_file
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
 
 from ..options import OpenIt, ScenesDir, WithPixels
+from .same_home import open_same_home
 
 
 @dataclass
@@ -23,12 +27,7 @@ class ShowMap:
     open: OpenIt = False
 
     def run(self) -> int:
-        from grounding.maps.files import load_memory, read_map_header
         from recordings.replay import record_memory, require_rrd
-        from recordings.viewer.window import open_file
-        from sim.episodes.dataset import PersonalDataset
-
-        from .same_home import open_same_home
 
         require_rrd(self.out)
         source = read_map_header(self.file).source

@@ -1,26 +1,24 @@
 """Verb `study bots`: simulated participants take part in a study through its real gateway."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 from tyro.conf import Positional, arg
 
+from human_study.design.study import load_study
+from human_study.store.records import read_study
+from personal_viz.bots.figures import BotFigures
+from personal_viz.bots.server import Server
+from personal_viz.bots.site import Site, copy_plan, make_bot_study, running
 from sim.errors import StudyError
 from sim.types import TaskKind
 
 from ..options import ScenesDir
 from ..output import say
-
-if TYPE_CHECKING:
-    from personal_viz.bots.figures import BotFigures
-    from personal_viz.bots.site import Site
-
 
 BotKind = Literal["shortest", "random", "slow", "impatient", "disconnecting"]
 
@@ -70,9 +68,6 @@ class StudyBots:
     @contextmanager
     def _site(self, tasks: tuple[TaskKind, ...]) -> Iterator[Site]:
         """Yields the server that is already running, or our own until the end of the block."""
-        from personal_viz.bots.server import Server
-        from personal_viz.bots.site import copy_plan, make_bot_study, running
-
         dataset = self.dataset
         if self.url is not None and self.study is not None and dataset is not None:
             yield running(self.study, dataset, self.scenes_dir, self.url)
@@ -92,8 +87,6 @@ class StudyBots:
                 yield server.start()
 
     def _tasks(self) -> tuple[TaskKind, ...]:
-        from human_study.design.study import load_study
-
         if self.task is None:
             return ("pan",) if self.study is None else load_study(self.study).task
         return ("pan", "pog") if self.task == "both" else (self.task,)
@@ -151,7 +144,5 @@ def lines(figures: BotFigures) -> list[str]:
 
 
 def _is_pilot(study: Path) -> bool:
-    from human_study.store.records import read_study
-
     with read_study(study) as reader:
         return reader.is_pilot

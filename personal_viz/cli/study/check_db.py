@@ -5,6 +5,9 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from human_study.store.database import bring_up_to_date, close_to_others, require_keys, require_same_files
+from human_study.store.records import read_study
+
 
 @dataclass
 class StudyCheckDb:
@@ -13,9 +16,6 @@ class StudyCheckDb:
     study: Positional[Path]
 
     def run(self) -> int:
-        from human_study.store.database import bring_up_to_date, close_to_others, require_keys, require_same_files
-        from human_study.store.records import read_study
-
         for version in bring_up_to_date(self.study):
             print(f"{self.study}: brought to schema version {version}; a copy of the earlier file is in backups")
         with read_study(self.study) as reader:

@@ -1,18 +1,15 @@
 """Verb `study doctor`: checks a public deployment from outside."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import arg
 
-from ..output import print_json
+from personal_viz.study_app.operator.doctor import Check, examine
 
-if TYPE_CHECKING:
-    from personal_viz.study_app.operator.doctor import Check
+from ..output import print_json
 
 
 @dataclass
@@ -26,8 +23,6 @@ class StudyDoctor:
     json: bool = False
 
     def run(self) -> int:
-        from personal_viz.study_app.operator.doctor import examine
-
         checks = examine(self.url, link=self.link, insecure_ca=self.insecure_ca, http_port=self.http_port)
         if self.json:
             print_json([dataclasses.asdict(check) for check in checks])

@@ -6,6 +6,12 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from human_study.design.plan import PLAN_FILE, load_plan
+from human_study.design.study import load_study, write_whole
+from human_study.texts.documents import ethics_documents
+from human_study.texts.participants import CONSENT_FILE, INSTRUCTIONS_FILE, TEXT_FILES, instruction_texts
+from human_study.texts.words import filled_text, open_places, words_of
+
 
 @dataclass
 class StudyEthics:
@@ -15,12 +21,6 @@ class StudyEthics:
     out: Path = Path("runs/ethics")
 
     def run(self) -> int:
-        from human_study.design.plan import PLAN_FILE, load_plan
-        from human_study.design.study import load_study, write_whole
-        from human_study.texts.documents import ethics_documents
-        from human_study.texts.participants import CONSENT_FILE, INSTRUCTIONS_FILE, TEXT_FILES, instruction_texts
-        from human_study.texts.words import filled_text, open_places, words_of
-
         config = load_study(self.study)
         plan = load_plan(self.study, config) if (self.study / PLAN_FILE).is_file() else None
         own = {

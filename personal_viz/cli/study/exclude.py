@@ -1,17 +1,16 @@
 """Verb `study exclude`: leaves a trial or a person out of the figures, or takes that back. Nothing is deleted."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from human_study.design.study import load_study
+from human_study.store.exclusions import find_target, require_rule_id, rules_before_data
+from human_study.store.records import read_study
+from human_study.store.requests import Change, Exclusion, UndoneExclusion, change_study
 from sim.errors import StudyError
-
-if TYPE_CHECKING:
-    from human_study.store.requests import Change
 
 
 @dataclass
@@ -26,11 +25,6 @@ class StudyExclude:
     undo: bool = False
 
     def run(self) -> int:
-        from human_study.design.study import load_study
-        from human_study.store.exclusions import find_target, require_rule_id, rules_before_data
-        from human_study.store.records import read_study
-        from human_study.store.requests import Exclusion, UndoneExclusion, change_study
-
         rule_id = require_rule_id(self.rule)
         if not self.undo and not (self.reason or "").strip():
             raise StudyError(

@@ -1,13 +1,14 @@
 """Verb `study export`: writes a study's records as run folders and tables."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from human_study.export.manifest import read_manifest
+from human_study.export.study_export import export_study
+from human_study.store.records import read_study
 from sim.words.english import how_many
 
 EXPORT_FOLDER = "exports"
@@ -21,10 +22,6 @@ class StudyExport:
     out: Annotated[Path | None, arg(help="New or empty folder; exports/ in the study by default.")] = None
 
     def run(self) -> int:
-        from human_study.export.manifest import read_manifest
-        from human_study.export.study_export import export_study
-        from human_study.store.records import read_study
-
         out = self.out
         if out is None:
             with read_study(self.study) as reader:

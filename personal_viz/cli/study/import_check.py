@@ -1,18 +1,18 @@
 """Verb `study import-check`: checks that the files of an export agree, and computes every outcome once more."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tyro.conf import Positional
 
-from ..options import Dataset, ScenesDir
+from human_study.design.plan import StudyScene
+from human_study.export.import_check import import_check as check
+from human_study.export.manifest import read_manifest, require_unchanged
+from human_study.export.verify import TrialHome
+from personal_viz.study_app.home.trial_homes import open_any_home, require_same_dataset
+from sim.episodes.dataset import PersonalDataset
 
-if TYPE_CHECKING:
-    from human_study.design.plan import StudyScene
-    from human_study.export.verify import TrialHome
+from ..options import Dataset, ScenesDir
 
 
 @dataclass
@@ -24,11 +24,6 @@ class StudyImportCheck:
     scenes_dir: ScenesDir = None
 
     def run(self) -> int:
-        from human_study.export.import_check import import_check as check
-        from human_study.export.manifest import read_manifest, require_unchanged
-        from personal_viz.study_app.home.trial_homes import open_any_home, require_same_dataset
-        from sim.episodes.dataset import PersonalDataset
-
         manifest = read_manifest(self.export)
         require_unchanged(self.export, manifest)
         require_same_dataset(PersonalDataset(self.dataset), manifest.dataset_digest)

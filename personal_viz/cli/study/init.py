@@ -7,6 +7,12 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from human_study.design.study import MAX_STUDY_NAME, STUDY_FILE, StudyConfig, StudyDataset, StudyDesign, save_study
+from human_study.private_files import write_private
+from human_study.texts.participants import TEXT_FILES, write_texts
+from human_study.texts.words import empty_fields
+from personal_viz.study_app.recruit_codes import CODES_FILE
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.types import SPLITS, Split
 
@@ -34,13 +40,6 @@ class StudyInit:
     seed: int = 0
 
     def run(self) -> int:
-        from human_study.design.study import STUDY_FILE, StudyConfig, StudyDataset, StudyDesign, save_study
-        from human_study.private_files import write_private
-        from human_study.texts.participants import TEXT_FILES, write_texts
-        from human_study.texts.words import empty_fields
-        from personal_viz.study_app.recruit_codes import CODES_FILE
-        from sim.episodes.dataset import PersonalDataset
-
         episodes = PersonalDataset(self.dataset)
         found = {episode.key.split for episode in episodes.episodes()}
         splits: dict[Split, int | Literal["all"]] = {split: self.per_split for split in SPLITS if split in found}
@@ -66,6 +65,4 @@ class StudyInit:
 
 def _study_name(folder: Path) -> str:
     """The folder's name, changed where needed into a valid name of a study."""
-    from human_study.design.study import MAX_STUDY_NAME
-
     return re.sub(r"[^A-Za-z0-9_-]+", "-", folder.resolve().name).strip("-")[:MAX_STUDY_NAME] or "study"

@@ -7,16 +7,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from pydantic import ValidationError
 from tyro.conf import Positional, arg
 
+from human_study.design.plan import PLAN_FILE, StudyPlan, load_plan
+from human_study.design.study import StudyConfig, load_study
+from human_study.store.records import DATABASE_FILE
 from sim.errors import StudyError
 from sim.words.english import how_many
 
+from ...study_app.study_files import plan_study
 from ..options import ScenesDir
 
 if TYPE_CHECKING:
-    from human_study.design.plan import StudyPlan
-    from human_study.design.study import StudyConfig
     from human_study.report.power import PowerAssumptions
 
 
@@ -50,12 +53,6 @@ class StudyPlanVerb:
     json: bool = False
 
     def run(self) -> int:
-        from human_study.design.plan import PLAN_FILE
-        from human_study.design.study import load_study
-        from human_study.store.records import DATABASE_FILE
-
-        from ...study_app.study_files import plan_study
-
         if self.power:
             return self._simulate()
         if self.study is None or self.dataset is None:
@@ -80,8 +77,6 @@ class StudyPlanVerb:
         Raises:
             StudyError: The folder holds no study, or an option is out of range.
         """
-        from human_study.design.plan import PLAN_FILE, load_plan
-        from human_study.design.study import load_study
         from human_study.report.power import PowerDesign, design_of, power_report
         from human_study.report.render import power_markdown
 
@@ -122,8 +117,6 @@ def _print_plan(made: StudyPlan, config: StudyConfig) -> None:
 
 
 def _assumptions(**fields: float | tuple[float, ...]) -> PowerAssumptions:
-    from pydantic import ValidationError
-
     from human_study.report.power import PowerAssumptions
 
     try:

@@ -5,6 +5,9 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from human_study.design.study import load_study
+from personal_viz.study_app.gateway.admission import PAY_FILE, PayFile
+
 
 @dataclass
 class StudyPurgeIds:
@@ -13,9 +16,6 @@ class StudyPurgeIds:
     study: Positional[Path]
 
     def run(self) -> int:
-        from human_study.design.study import load_study
-        from personal_viz.study_app.gateway.admission import PAY_FILE, PayFile
-
         config = load_study(self.study)
         num_ids = PayFile(self.study).purge()
         print(

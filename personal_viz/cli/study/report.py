@@ -10,17 +10,20 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
+from human_study.report.source import read_source
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
+from sim.homes.open_home import open_scene
+from sim.plan_view.storey import StoreyMap, storey_map
+from sim.tasks.run_files import Run
 from sim.types import EpisodeKey, SuccessRule, TaskKind
+from sim.walk.storeys import nearest_storey
 
 from ..options import ScenesDir
 from ..output import write_report
 
 if TYPE_CHECKING:
     from human_study.report.report import ReportGroups, StudyReport
-    from sim.episodes.dataset import PersonalDataset
-    from sim.plan_view.storey import StoreyMap
-    from sim.tasks.run_files import Run
 
 CHOSEN_OVERLAYS = 4
 """Number of episodes of each task to draw from above unless all are asked for."""
@@ -43,8 +46,6 @@ class StudyReportVerb:
 
     def run(self) -> int:
         from human_study.report.report import report_groups, report_of
-        from human_study.report.source import read_source
-        from sim.episodes.dataset import PersonalDataset
 
         if self.scenes_dir is not None and self.dataset is None:
             raise StudyError(
@@ -137,10 +138,6 @@ def _storeys(
     episodes: PersonalDataset, heights: Mapping[EpisodeKey, float], scenes_dir: Path | None
 ) -> dict[EpisodeKey, StoreyMap]:
     """The storey at each episode's height; each home is opened only once."""
-    from sim.homes.open_home import open_scene
-    from sim.plan_view.storey import storey_map
-    from sim.walk.storeys import nearest_storey
-
     found = {}
     for scene in sorted({key.scene for key in heights}):
         navigation = open_scene(episodes, scene, scenes_dir=scenes_dir).navigation

@@ -1,27 +1,29 @@
 """Verb `study serve`: serves a planned study, or one home for a try, until Ctrl-C."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
+from human_study.design.plan import PLAN_FILE, StudyPlan, StudyScene, load_plan, save_plan
+from human_study.design.planning import make_plan
+from human_study.design.secrets import StudySecrets, make_secrets, token_hash
+from human_study.design.study import STUDY_FILE, StudyConfig, load_study, save_study
+from human_study.store.database import require_free_space
+from human_study.store.store import StudyStore, open_store
+from personal_viz.study_app.gateway.http import listen
+from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
+from personal_viz.study_app.study_files import require_texts
+from sim.episodes.dataset import PersonalDataset, sample_keys
 from sim.errors import StudyError
+from sim.homes.kind import scene_kind
 from sim.types import SPLITS, EpisodeKey
 
 from ..options import Clutter, Dataset, Limit, Rerun, ScenesDir, Splits, WithPixels
-
-if TYPE_CHECKING:
-    from human_study.design.plan import StudyPlan, StudyScene
-    from human_study.design.secrets import StudySecrets
-    from human_study.design.study import StudyConfig
-    from human_study.store.store import StudyStore
-    from personal_viz.study_app.gateway.options import ServeOptions
-    from sim.episodes.dataset import PersonalDataset
+from ..refusals import check_options, require_folder, require_no_scan
 
 
 @dataclass
@@ -58,15 +60,11 @@ class StudyServe:
     ] = 0
 
     def run(self) -> int:
-        from personal_viz.study_app.gateway.options import ServeOptions
-
         same = {field.name for field in dataclasses.fields(ServeOptions)} & set(vars(self))
         return self.serve(ServeOptions(hosts=self.host, **{name: getattr(self, name) for name in same}))
 
     def serve(self, options: ServeOptions) -> int:
         """Serves until Ctrl-C or SIGTERM; an existing study folder continues where it stopped."""
-        from human_study.design.study import STUDY_FILE
-
         if (self.study is None) == (self.scene is None):
             found = "both a study and --scene" if self.study else "neither a study nor --scene"
             raise StudyError(
@@ -83,12 +81,6 @@ class StudyServe:
 
     def _serve_planned(self, folder: Path, options: ServeOptions) -> int:
         """Serves a study that `study plan` has planned."""
-        from human_study.design.plan import load_plan
-        from human_study.design.study import load_study
-        from personal_viz.study_app.gateway.options import require_may_serve
-        from personal_viz.study_app.study_files import require_texts
-        from sim.episodes.dataset import PersonalDataset
-
         config = load_study(folder)
         plan = load_plan(folder, config)
         require_texts(folder, config, plan)
@@ -103,13 +95,6 @@ class StudyServe:
 
     def _serve_scene(self, scene: str, options: ServeOptions) -> int:
         """Serves the episodes of one home to a POG and a PAN participant, without pages before; always a pilot."""
-        from human_study.design.plan import StudyScene
-        from personal_viz.study_app.gateway.http import listen
-        from sim.episodes.dataset import PersonalDataset
-        from sim.homes.kind import scene_kind
-
-        from ..refusals import check_options, require_folder, require_no_scan
-
         check_options(self)
         episodes = PersonalDataset(self.dataset)
         episodes.require_scene(scene)
@@ -129,8 +114,6 @@ class StudyServe:
 
     def _config(self, episodes: PersonalDataset, scene: str) -> StudyConfig:
         """The settings of a study in one home."""
-        from human_study.design.study import StudyConfig
-
         return StudyConfig.model_validate(
             {
                 "study": f"{scene[:20]}-{self.seed}"[:32],
@@ -160,11 +143,6 @@ class StudyServe:
         Raises:
             StudyError: The folder's plan was made with other options.
         """
-        from human_study.design.plan import PLAN_FILE, load_plan, save_plan
-        from human_study.design.planning import make_plan
-        from human_study.design.study import save_study
-        from sim.episodes.dataset import sample_keys
-
         save_study(folder, config)
         drawn = sample_keys(sorted(keys), per_split=self.limit, seed=config.dataset.seed)
         plan = make_plan(config, [home], drawn, is_pilot=True)
@@ -180,9 +158,6 @@ class StudyServe:
         return found
 
     def _serve(self, folder: Path, config: StudyConfig, plan: StudyPlan, options: ServeOptions) -> int:
-        from human_study.design.secrets import make_secrets
-        from human_study.store.database import require_free_space
-        from human_study.store.store import open_store
         from personal_viz.study_app.operator.service import require_many_recordings, serve_study
 
         require_free_space(folder)
@@ -212,8 +187,6 @@ def _register(store: StudyStore, plan: StudyPlan, secrets: StudySecrets) -> None
 
     The tokens are already on disk, so a kill in between loses nothing.
     """
-    from human_study.design.secrets import token_hash
-
     for person in plan.participants:
         token = secrets.tokens[person.code]
         if store.code_of_token(token) is None:

@@ -1,7 +1,5 @@
 """Verb `study status`: shows participants' progress, even while the study is served, but never outcomes."""
 
-from __future__ import annotations
-
 import dataclasses
 import json as json_module
 import sys
@@ -9,19 +7,20 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+from rich.console import Group, RenderableType
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
 from tyro.conf import Positional, arg
 
+from human_study.store.progress import PersonProgress, State, StudyProgress, study_progress
+from human_study.store.records import read_study
+from personal_viz.study_app.operator.progress_view import PersonWords, ShownStudy, shown_study
+
 from ..output import print_json, table_console, table_of
-
-if TYPE_CHECKING:
-    from rich.console import RenderableType
-    from rich.table import Table
-    from rich.text import Text
-
-    from human_study.store.progress import PersonProgress, State, StudyProgress
-    from personal_viz.study_app.operator.progress_view import PersonWords, ShownStudy
 
 EVERY_S = 2.0
 """Seconds between two snapshots of `--watch`."""
@@ -56,20 +55,12 @@ class StudyStatus:
 
 def progress_now(study: Path) -> StudyProgress:
     """One snapshot of the progress. Raises StudyError if there is no study."""
-    from human_study.store.progress import study_progress
-    from human_study.store.records import read_study
-
     with read_study(study) as reader:
         return study_progress(reader, now_ns=time.time_ns())
 
 
 def page(found: StudyProgress) -> RenderableType:
     """Everything for one screen, in the words of the dashboard."""
-    from rich.console import Group
-    from rich.text import Text
-
-    from personal_viz.study_app.operator.progress_view import shown_study
-
     shown = shown_study(found)
     parts: list[RenderableType] = [_head(shown), _slots(shown), _people(shown)]
     if shown.is_nearly_full:
@@ -78,8 +69,6 @@ def page(found: StudyProgress) -> RenderableType:
 
 
 def _watch(study: Path, *, json: bool) -> None:
-    from rich.live import Live
-
     pause = threading.Event()  # never set: it only provides a wait that Ctrl-C ends
     found = progress_now(study)
     if json:
@@ -95,11 +84,6 @@ def _watch(study: Path, *, json: bool) -> None:
 
 
 def _head(shown: ShownStudy) -> RenderableType:
-    from rich.console import Group
-    from rich.progress_bar import ProgressBar
-    from rich.table import Table
-    from rich.text import Text
-
     found = shown.progress
     title = Text(found.study, style="bold")
     if found.is_pilot:
@@ -125,9 +109,6 @@ def _slots(shown: ShownStudy) -> Table:
 
 def _people(shown: ShownStudy) -> RenderableType:
     """A table of the participants; people who may need help come first, because a short terminal cuts off the end."""
-    from rich.console import Group
-    from rich.text import Text
-
     people = sorted(zip(shown.progress.people, shown.people, strict=True), key=lambda row: _ORDER.index(row[0].state))
     rows = [_cells(person, words) for person, words in people if person.state != "not_arrived"]
     names = ("Person", "Task", "State", "Where", "Trial")
@@ -137,8 +118,6 @@ def _people(shown: ShownStudy) -> RenderableType:
 
 
 def _cells(person: PersonProgress, words: PersonWords) -> list[str | Text]:
-    from rich.text import Text
-
     return [
         person.code,
         person.task.upper(),

@@ -1,25 +1,30 @@
 """Verb `study verify`: replays every finished trial, home by home, and stores the results."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from human_study.design.plan import PRACTICE_FOLDER, StudyPlan, StudyScene, load_plan
+from human_study.design.secrets import new_id
+from human_study.design.study import load_study
+from human_study.export.verify import verify_trial
+from human_study.store.database import take_lock
+from human_study.store.records import StoredTrial, VerificationEntry, read_study
+from human_study.store.store import open_store
+from personal_viz.study_app.home.trial_homes import open_any_home, require_same_dataset, sim_hash
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
-from sim.tasks.workers import SceneJob
+from sim.tasks.workers import SceneJob, results
 from sim.types import EpisodeKey
 
 from ..options import Dataset, ScenesDir
-
-if TYPE_CHECKING:
-    from human_study.design.plan import StudyPlan, StudyScene
-    from human_study.store.records import StoredTrial, VerificationEntry
+from ..progress import counted
+from ..refusals import check_options
 
 BATCH = 20
 """Number of episodes that a worker process replays before it returns them."""
@@ -49,15 +54,6 @@ class StudyVerify:
     store: Annotated[bool, arg(help="Write the result into the study, unless it is being served.")] = True
 
     def run(self) -> int:
-        from human_study.design.secrets import new_id
-        from human_study.store.records import read_study
-        from personal_viz.study_app.home.trial_homes import require_same_dataset
-        from sim.episodes.dataset import PersonalDataset
-        from sim.tasks.workers import results
-
-        from ..progress import counted
-        from ..refusals import check_options
-
         check_options(self)
         run_id = new_id()
         with read_study(self.study) as reader:
@@ -89,8 +85,6 @@ def _jobs(
     run_id: str,
 ) -> list[VerifyJob]:
     """One job for each home."""
-    from human_study.design.plan import PRACTICE_FOLDER
-
     by_scene: defaultdict[str, list[tuple[EpisodeKey, str, str]]] = defaultdict(list)
     for status in finished:
         assert status.trial_id is not None, status
@@ -114,10 +108,6 @@ def _jobs(
 
 def _open_home(job: VerifyJob) -> Callable[[EpisodeKey], tuple[VerificationEntry, ...]]:
     """Opens the job's home; returns a function that replays the trials of one episode by all its people."""
-    from human_study.export.verify import verify_trial
-    from human_study.store.records import VerificationEntry, read_study
-    from personal_viz.study_app.home.trial_homes import open_any_home, sim_hash
-
     home = open_any_home(
         job.study_scene,
         folder=job.study,
@@ -169,11 +159,6 @@ def _print_found(
 
 def _store(study: Path, found: Sequence[VerificationEntry]) -> None:
     """Adds the results to the study, unless another process writes to it."""
-    from human_study.design.plan import load_plan
-    from human_study.design.study import load_study
-    from human_study.store.database import take_lock
-    from human_study.store.store import open_store
-
     try:
         take_lock(study).close()
     except StudyError as error:

@@ -5,6 +5,9 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from human_study.design.study import load_study
+from human_study.store.requests import Withdrawal, change_study
+
 
 @dataclass
 class StudyWithdraw:
@@ -14,9 +17,6 @@ class StudyWithdraw:
     participant: str
 
     def run(self) -> int:
-        from human_study.design.study import load_study
-        from human_study.store.requests import Withdrawal, change_study
-
         config = load_study(self.study)
         change_study(self.study, [Withdrawal(participant=self.participant)])
         done = "everything done is deleted" if config.privacy.on_withdraw == "delete" else "what was done is kept"
