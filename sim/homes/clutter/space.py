@@ -53,12 +53,24 @@ class WallFace(NamedTuple):
         """Length of the face, metres."""
         return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
 
-    def at(self, along: float, out: float) -> tuple[float, float]:
-        """The place (x, z) at these distances from the start and from the wall, metres."""
-        share = along / max(self.length, 1e-9)
-        x = self.start[0] + (self.end[0] - self.start[0]) * share + self.out[0] * out
-        z = self.start[1] + (self.end[1] - self.start[1]) * share + self.out[1] * out
-        return x, z
+
+class WallSpot(NamedTuple):
+    """A place at a wall."""
+
+    face: WallFace
+    along: float
+    """Distance from the face's start, metres."""
+
+    @property
+    def yaw(self) -> float:
+        """Yaw of a piece with its back to the wall."""
+        return float(np.arctan2(self.face.out[0], self.face.out[1]))
+
+    def at(self, out: float) -> tuple[float, float]:
+        """The place (x, z) at this distance from the wall, metres."""
+        (x0, z0), (x1, z1), (out_x, out_z) = self.face
+        share = self.along / max(self.face.length, 1e-9)
+        return x0 + (x1 - x0) * share + out_x * out, z0 + (z1 - z0) * share + out_z * out
 
 
 class EmptyStorey(NamedTuple):
@@ -151,23 +163,6 @@ class SpareStorey:
         return rect.cells(self.storey.grid, slack=_SLACK) if self.storey.grid.contains(rc).all() else None
 
 
-class WallSpot(NamedTuple):
-    """A place at a wall."""
-
-    face: WallFace
-    along: float
-    """Distance from the face's start, metres."""
-
-    @property
-    def yaw(self) -> float:
-        """Yaw of a piece with its back to the wall."""
-        return float(np.arctan2(self.face.out[0], self.face.out[1]))
-
-    def at(self, out: float) -> tuple[float, float]:
-        """The place (x, z) at this distance from the wall, metres."""
-        return self.face.at(self.along, out)
-
-
 class SpareRoom:
     """Random places in one room."""
 
@@ -181,12 +176,8 @@ class SpareRoom:
         self._away: tuple[int, NDArray[np.float64]] | None = None
         rows, cols = np.nonzero(mine)
         self._part = np.s_[rows.min(initial=0) : rows.max(initial=0) + 1, cols.min(initial=0) : cols.max(initial=0) + 1]
-        self._spots = [
-            WallSpot(face, float(along))
-            for face in empty.walls
-            for along in np.arange(_SPOT / 2, face.length, _SPOT)
-            if _holds(empty, mine, face.at(float(along), _BEFORE_WALL))
-        ]
+        spots = (WallSpot(face, float(at)) for face in empty.walls for at in np.arange(_SPOT / 2, face.length, _SPOT))
+        self._spots = [spot for spot in spots if _holds(empty, mine, spot.at(_BEFORE_WALL))]
 
     @property
     def wall_length(self) -> float:

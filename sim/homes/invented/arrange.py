@@ -48,12 +48,14 @@ class _Piece(NamedTuple):
     """A piece before it is written into the plan."""
 
     category: str
+    word: str
+    """Word for the size: "small", "large" or ""."""
     size: tuple[float, float, float]
-    x: float
-    y: float
-    z: float
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
     """Coordinates of the centre (x, y, z), metres; y counts from the room's floor."""
-    yaw: float
+    yaw: float = 0.0
 
     @property
     def body(self) -> Body:
@@ -61,12 +63,6 @@ class _Piece(NamedTuple):
         w, d = (self.size[2], self.size[0]) if is_turned else (self.size[0], self.size[2])
         rect = Rect(self.x - w / 2, self.z - d / 2, self.x + w / 2, self.z + d / 2)
         return Body(rect, self.y - self.size[1] / 2, self.y + self.size[1] / 2)
-
-
-class _Sized(NamedTuple):
-    word: str
-    """Word for the size: "small", "large" or ""."""
-    size: tuple[float, float, float]
 
 
 def furnish_room(
@@ -80,94 +76,70 @@ def furnish_room(
     found: list[Furniture] = []
     placed: list[_Piece] = []
     for group, chance in RECIPES[room.name]:
-        if rng.random() >= chance:
-            continue
-        pieces, words = _placed_or_instead(group, space, tries=_NEEDED_TRIES if chance == 1 else _TRIES, rng=rng)
-        if pieces is not None:
+        if rng.random() < chance:
+            pieces = _placed_or_instead(group, space, tries=_NEEDED_TRIES if chance == 1 else _TRIES, rng=rng)
             placed += pieces
-            found += _finished(pieces, words, room, floor_y, used, rng)
+            found += _finished(pieces, room, floor_y, used, rng)
     for small in SMALL.get(room.name, ()):
         if rng.random() < small.chance:
-            sized_one = _drawn_size(small.category, (1.0, 1.0, 1.0), rng)
-            piece = _placed_small(small, sized_one.size, placed, rng)
-            if piece is not None:
-                placed.append(piece)
-                found += _finished([piece], [sized_one.word], room, floor_y, used, rng)
+            pieces = _placed_small(small, placed, rng)
+            placed += pieces
+            found += _finished(pieces, room, floor_y, used, rng)
     return found
 
 
 def _finished(
-    pieces: Sequence[_Piece],
-    words: Sequence[str],
-    room: Room,
-    floor_y: float,
-    used: UsedLooks,
-    rng: np.random.Generator,
+    pieces: Sequence[_Piece], room: Room, floor_y: float, used: UsedLooks, rng: np.random.Generator
 ) -> list[Furniture]:
     """The pieces, each with a look of its own; pieces whose looks are all used are left out."""
-    found: list[Furniture] = []
-    for piece, word in zip(pieces, words, strict=True):
-        look = used.draw(piece.category, rng)
-        if look is not None:
-            found.append(
-                Furniture(
-                    name=f"{piece.category}_0",
-                    category=piece.category,
-                    centre=(round(piece.x, 4), round(floor_y + piece.y, 4), round(piece.z, 4)),
-                    size=piece.size,
-                    yaw=piece.yaw,
-                    finish=look.finish,
-                    caption=described(piece.category, look.words, word),
-                    room=room.name,
-                )
-            )
-    return found
+    looks = [used.draw(piece.category, rng) for piece in pieces]
+    return [
+        Furniture(
+            name=f"{piece.category}_0",
+            category=piece.category,
+            centre=(round(piece.x, 4), round(floor_y + piece.y, 4), round(piece.z, 4)),
+            size=piece.size,
+            yaw=piece.yaw,
+            finish=look.finish,
+            caption=described(piece.category, look.words, piece.word),
+            room=room.name,
+        )
+        for piece, look in zip(pieces, looks, strict=True)
+        if look is not None
+    ]
 
 
-def _drawn_size(category: str, scale: tuple[float, float, float], rng: np.random.Generator) -> _Sized:
-    """The usual size times the group's scale; categories in SIZED are sometimes small or large."""
+def _drawn_piece(category: str, scale: tuple[float, float, float], rng: np.random.Generator) -> _Piece:
+    """A piece of the usual size times the group's scale; categories in SIZED are sometimes small or large."""
     usual = SIZES.get(category) or look_of(category).size
     word, factor = "", float(rng.uniform(0.94, 1.0))
     if category in SIZED:
         word, factor = (("small", 0.72), ("", 1.0), ("", 1.0), ("large", 1.32))[int(rng.integers(4))]
     grows_up = category in SIZED and category != "rug"
     w, h, d = (usual[k] * scale[k] for k in range(3))
-    return _Sized(word, (round(w * factor, 3), round(h * (factor if grows_up else 1.0), 3), round(d * factor, 3)))
+    size = (round(w * factor, 3), round(h * (factor if grows_up else 1.0), 3), round(d * factor, 3))
+    return _Piece(category, word, size)
 
 
-def _placed_or_instead(
-    group: str, space: FreeSpace, *, tries: int, rng: np.random.Generator
-) -> tuple[list[_Piece] | None, list[str]]:
-    """A group, or the smaller one that replaces it, with the words for its sizes; None where neither fits."""
+def _placed_or_instead(group: str, space: FreeSpace, *, tries: int, rng: np.random.Generator) -> list[_Piece]:
+    """A group, or the smaller one that replaces it, at a free place, which is then taken; [] where neither fits."""
     choice: str | None = group
     while choice is not None:
-        sized = [_drawn_size(member.category, member.scale, rng) for member in GROUPS[choice]]
-        pieces = _placed_group(choice, [item.size for item in sized], space, tries=tries, rng=rng)
-        if pieces is not None:
-            return pieces, [item.word for item in sized]
+        drawn = [_drawn_piece(member.category, member.scale, rng) for member in GROUPS[choice]]
+        if choice in BY_WINDOWS:
+            return _beside_a_window(GROUPS[choice][0], drawn[0], space, rng)
+        for _ in range(tries):
+            pieces = _at_a_wall(GROUPS[choice], drawn, space.inner, DISTANCES.get(choice, _AT_WALL), rng)
+            if _take(choice, pieces, space):
+                return pieces
         choice = INSTEAD.get(choice)
-    return None, []
-
-
-def _placed_group(
-    group: str, sizes: Sequence[tuple[float, float, float]], space: FreeSpace, *, tries: int, rng: np.random.Generator
-) -> list[_Piece] | None:
-    """The group's pieces at a free place, which is then taken; None when no try found one."""
-    members = GROUPS[group]
-    if group in BY_WINDOWS:
-        return _beside_a_window(members[0], sizes[0], space, rng)
-    for _ in range(tries):
-        pieces = _at_a_wall(members, sizes, space.inner, out=DISTANCES.get(group, _AT_WALL), rng=rng)
-        if _take(group, members, pieces, space):
-            return pieces
-    return None
+    return []
 
 
 def _at_a_wall(
     members: Sequence[Member],
-    sizes: Sequence[tuple[float, float, float]],
+    pieces: Sequence[_Piece],
     inner: Rect,
-    *,
     out: tuple[float, float],
     rng: np.random.Generator,
 ) -> list[_Piece]:
@@ -180,22 +152,19 @@ def _at_a_wall(
     cos, sin = round(math.cos(yaw)), round(math.sin(yaw))
     away = float(rng.uniform(*out))
     return [
-        _Piece(
-            member.category,
-            size,
-            origin[0] + cos * local_x + sin * (local_z + away),
-            y,
-            origin[1] - sin * local_x + cos * (local_z + away),
-            yaw + math.pi if member.turned else yaw,
+        piece._replace(
+            x=origin[0] + cos * local_x + sin * (local_z + away),
+            y=y,
+            z=origin[1] - sin * local_x + cos * (local_z + away),
+            yaw=yaw + math.pi if member.turned else yaw,
         )
-        for member, size, (local_x, y, local_z) in zip(members, sizes, _in_frame(members, sizes), strict=True)
+        for member, piece, (local_x, y, local_z) in zip(members, pieces, _in_frame(members, pieces), strict=True)
     ]
 
 
-def _in_frame(
-    members: Sequence[Member], sizes: Sequence[tuple[float, float, float]]
-) -> list[tuple[float, float, float]]:
+def _in_frame(members: Sequence[Member], pieces: Sequence[_Piece]) -> list[tuple[float, float, float]]:
     """Centres in the group's frame: x along the wall, y above the floor, z from the wall into the room (metres)."""
+    sizes = [piece.size for piece in pieces]
     at_wall = [k for k, member in enumerate(members) if (member.before, member.behind, member.on) == (None, None, None)]
     standing = [k for k in at_wall if members[k].hangs_at is None]
     left = -sum(sizes[k][0] + _SIDE_GAP for k in standing) / 2
@@ -217,9 +186,9 @@ def _in_frame(
     return [found[k] for k in range(len(members))]
 
 
-def _take(group: str, members: Sequence[Member], pieces: Sequence[_Piece], space: FreeSpace) -> bool:
+def _take(group: str, pieces: Sequence[_Piece], space: FreeSpace) -> bool:
     """Takes the group's space in the room if it is free; returns whether it is."""
-    if members[0].hangs_at is not None:
+    if GROUPS[group][0].hangs_at is not None:
         return space.take_wall(pieces[0].body)
     solid = [piece.body for piece in pieces if piece.category not in FLAT]
     if not solid:
@@ -232,23 +201,21 @@ def _take(group: str, members: Sequence[Member], pieces: Sequence[_Piece], space
     return space.take_floor(solid, front)
 
 
-def _beside_a_window(
-    member: Member, size: tuple[float, float, float], space: FreeSpace, rng: np.random.Generator
-) -> list[_Piece] | None:
-    """A curtain at the left or right of a window of the room; None where none fits."""
+def _beside_a_window(member: Member, drawn: _Piece, space: FreeSpace, rng: np.random.Generator) -> list[_Piece]:
+    """A curtain at the left or right of a window of the room; [] where none fits."""
     choices = [(pane, side) for pane in space.windows for side in (-1, 1)]
     for k in rng.permutation(len(choices)):
         pane, side = choices[int(k)]
-        piece = _hung_beside(member, size, pane, side, space.inner)
+        piece = _hung_beside(member, drawn, pane, side, space.inner)
         if space.take_wall(piece.body, beside_window=True):
             return [piece]
-    return None
+    return []
 
 
-def _hung_beside(member: Member, size: tuple[float, float, float], pane: Pane, side: int, inner: Rect) -> _Piece:
+def _hung_beside(member: Member, piece: _Piece, pane: Pane, side: int, inner: Rect) -> _Piece:
     x, z = pane.middle
-    off = side * (pane.width / 2 + size[0] / 2 - 0.12)
-    depth = size[2] / 2 + 0.005
+    off = side * (pane.width / 2 + piece.size[0] / 2 - 0.12)
+    depth = piece.size[2] / 2 + 0.005
     sides = {
         0: (abs(z - inner.z0), (x + off, inner.z0 + depth)), 1: (abs(z - inner.z1), (x + off, inner.z1 - depth)),
         2: (abs(x - inner.x0), (inner.x0 + depth, z + off)), 3: (abs(x - inner.x1), (inner.x1 - depth, z + off)),
@@ -256,26 +223,24 @@ def _hung_beside(member: Member, size: tuple[float, float, float], pane: Pane, s
     nearest = min(sides, key=lambda k: sides[k][0])
     (at_x, at_z) = sides[nearest][1]
     assert member.hangs_at is not None
-    return _Piece(member.category, size, at_x, member.hangs_at, at_z, _YAWS[nearest])
+    return piece._replace(x=at_x, y=member.hangs_at, z=at_z, yaw=_YAWS[nearest])
 
 
-def _placed_small(
-    small: Small, size: tuple[float, float, float], placed: Sequence[_Piece], rng: np.random.Generator
-) -> _Piece | None:
-    """The thing on a random suitable piece of the room with free space; None when there is none."""
-    for _ in range(_SMALL_TRIES):
-        supports = [piece for piece in placed if piece.category in small.supports]
-        if not supports:
-            return None
-        piece = _on_top(small.category, size, supports[int(rng.integers(len(supports)))], rng)
-        others = [other.body for other in placed if other.category not in SEATS and other.y - other.size[1] / 2 > 0.05]
+def _placed_small(small: Small, placed: Sequence[_Piece], rng: np.random.Generator) -> list[_Piece]:
+    """The thing on a random suitable piece of the room with free space; [] when there is none."""
+    drawn = _drawn_piece(small.category, (1.0, 1.0, 1.0), rng)
+    supports = [piece for piece in placed if piece.category in small.supports]
+    others = [piece.body for piece in placed if piece.category not in SEATS and piece.y - piece.size[1] / 2 > 0.05]
+    for _ in range(_SMALL_TRIES if supports else 0):
+        piece = _on_top(drawn, supports[int(rng.integers(len(supports)))], rng)
         if piece is not None and not any(_meet(piece.body, other) for other in others):
-            return piece
-    return None
+            return [piece]
+    return []
 
 
-def _on_top(category: str, size: tuple[float, float, float], below: _Piece, rng: np.random.Generator) -> _Piece | None:
+def _on_top(piece: _Piece, below: _Piece, rng: np.random.Generator) -> _Piece | None:
     """The thing at a random place on the piece below, with its yaw; None when the thing is too large."""
+    category, size = piece.category, piece.size
     upholstery = below.category in SEATS and SEATS[below.category] < 1
     side = 0.18 if upholstery and below.category != "bed" else 0.03
     room_x, room_z = below.size[0] / 2 - side - size[0] / 2, below.size[2] / 2 - 0.03 - size[2] / 2
@@ -289,7 +254,7 @@ def _on_top(category: str, size: tuple[float, float, float], below: _Piece, rng:
     cos, sin = round(math.cos(below.yaw)), round(math.sin(below.yaw))
     y = below.y - below.size[1] / 2 + below.size[1] * SEATS.get(below.category, 1.0) + size[1] / 2
     x, z = below.x + cos * local_x + sin * local_z, below.z - sin * local_x + cos * local_z
-    return _Piece(category, size, x, y, z, below.yaw)
+    return piece._replace(x=x, y=y, z=z, yaw=below.yaw)
 
 
 def _meet(first: Body, second: Body) -> bool:

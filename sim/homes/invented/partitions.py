@@ -29,6 +29,8 @@ class Border(NamedTuple):
     span: tuple[float, float]
     rooms: tuple[int, ...]
     """Indices of the one or two rooms that meet here."""
+    openings: tuple[Opening, ...] = ()
+    """Doors and windows, with offsets from the line's origin."""
 
 
 class Partition(NamedTuple):
@@ -121,14 +123,14 @@ def build_partition(
     """
     wanted = {frozenset(door) for door in doors}
     is_open = {frozenset(pair) for pair in layout.open_pairs}
-    solids: list[tuple[bool, float, float, float, list[Opening]]] = []  # offsets of openings from the line's origin
+    solids: list[Border] = []
     gaps: list[Rect] = []
     for border in borders_of(layout.rects):
         a, b = border.span
         meeting = frozenset(border.rooms)
         if meeting in is_open:
             stub = _STUB if b - a >= 2.0 else _SHORT_STUB
-            solids += [(border.is_along_x, border.at, x, y, []) for x, y in ((a, a + stub), (b - stub, b))]
+            solids += [border._replace(span=span) for span in ((a, a + stub), (b - stub, b))]
             gaps.append(_line(border, a + stub, b - stub))
             continue
         openings: list[Opening] = []
@@ -138,7 +140,7 @@ def build_partition(
             wanted.discard(meeting)
             low, high = spans[int(rng.integers(len(spans)))]
             openings = [_door(low, high, rng)]
-        solids.append((border.is_along_x, border.at, a, b, openings))
+        solids.append(border._replace(openings=tuple(openings)))
     assert not wanted, wanted
     return Partition(tuple(_joined_walls(solids, storey)), tuple(gaps))
 
@@ -193,24 +195,20 @@ def _windows(border: Border, name: str, stair: Stair | None) -> list[Opening]:
     return found
 
 
-def _joined_walls(solids: Sequence[tuple[bool, float, float, float, list[Opening]]], storey: int) -> list[Wall]:
+def _joined_walls(solids: Sequence[Border], storey: int) -> list[Wall]:
     """The walls, with pieces that continue each other joined into one."""
-    found: list[Wall] = []
-    runs: list[list[tuple[bool, float, float, float, list[Opening]]]] = []
+    joined: list[Border] = []
     for solid in solids:
-        last = runs[-1][-1] if runs else None
-        if last is not None and last[:2] == solid[:2] and abs(last[3] - solid[2]) < 1e-9:
-            runs[-1].append(solid)
+        last = joined[-1] if joined else None
+        if last is not None and last[:2] == solid[:2] and abs(last.span[1] - solid.span[0]) < 1e-9:
+            span = (last.span[0], solid.span[1])
+            joined[-1] = last._replace(span=span, openings=(*last.openings, *solid.openings))
         else:
-            runs.append([solid])
-    for run in runs:
-        is_along_x, at, low, _, _ = run[0]
-        high = run[-1][3]
-        openings = tuple(
-            opening.model_copy(update={"offset": round(opening.offset - low, 3)})
-            for *_, openings in run
-            for opening in openings
-        )
-        start, end = ((low, at), (high, at)) if is_along_x else ((at, low), (at, high))
-        found.append(Wall(storey=storey, start=_rounded(start), end=_rounded(end), height=CEILING, openings=openings))
+            joined.append(solid)
+    found: list[Wall] = []
+    for is_along_x, at, (low, high), _, openings in joined:
+        ends = ((low, at), (high, at)) if is_along_x else ((at, low), (at, high))
+        start, end = map(_rounded, ends)
+        own = tuple(one.model_copy(update={"offset": round(one.offset - low, 3)}) for one in openings)
+        found.append(Wall(storey=storey, start=start, end=end, height=CEILING, openings=own))
     return found
