@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -102,10 +102,7 @@ def figures_of(
     """
     num_actions, server_s = max(1, counted.sent), spent.server_cpu_s
     presses = [press for log in logs for press in log.presses]
-    acks = [1e3 * (press.counted_s - press.sent_s) for press in presses if press.counted_s is not None]
-    shown = [1e3 * (press.shown_s - press.sent_s) for press in presses if press.shown_s is not None]
     points = [point for log in logs for point in log.points]
-    marks = [1e3 * (point.shown_s - point.sent_s) for point in points if point.shown_s is not None]
     return BotFigures(
         participants=len(logs),
         kinds=tuple(kinds),
@@ -114,11 +111,8 @@ def figures_of(
         actions=counted.sent,
         actions_per_s=counted.sent / spent.elapsed_s,
         frames=sum(log.num_frames for log in logs),
-        ack_p50_ms=quantile(acks, 0.5),
-        ack_p95_ms=quantile(acks, 0.95),
-        ack_max_ms=quantile(acks, 1.0),
-        key_to_frame_p50_ms=quantile(shown, 0.5),
-        key_to_frame_p95_ms=quantile(shown, 0.95),
+        **quantiles_ms("ack", [press.counted_ms for press in presses], 50, 95, 100),
+        **quantiles_ms("key_to_frame", [press.shown_ms for press in presses], 50, 95),
         unanswered=sum(log.num_unanswered for log in logs),
         lost=len(counted.lost),
         duplicated=counted.duplicated,
@@ -135,9 +129,7 @@ def figures_of(
         tasks=dict(Counter(log.task for log in logs)),
         clicks=len(points),
         answers=counted.answers,
-        click_to_mark_p50_ms=quantile(marks, 0.5),
-        click_to_mark_p95_ms=quantile(marks, 0.95),
-        click_to_mark_max_ms=quantile(marks, 1.0),
+        **quantiles_ms("click_to_mark", [point.shown_ms for point in points], 50, 95, 100),
         finished=sum(log.is_finished for log in logs),
         resting=sum(log.is_resting for log in logs),
     )
@@ -148,6 +140,12 @@ def problems_of(logs: Sequence[BotLog]) -> tuple[str, ...]:
     return tuple(f"{log.code} ({log.kind}): {log.problem}" for log in logs if log.problem)
 
 
-def quantile(values: Sequence[float], share: float) -> float | None:
-    """An interpolated quantile; None without values."""
-    return float(np.quantile(values, share)) if values else None
+def quantile(values: Sequence[float | None], share: float) -> float | None:
+    """An interpolated quantile of the values that are not None; None without any."""
+    known = [value for value in values if value is not None]
+    return float(np.quantile(known, share)) if known else None
+
+
+def quantiles_ms(name: str, values: Sequence[float | None], *percents: int) -> dict[str, Any]:
+    """Quantiles of milliseconds, or None, under their names such as `ack_p95_ms`; 100 % is `ack_max_ms`."""
+    return {f"{name}_{'max' if p == 100 else f'p{p}'}_ms": quantile(values, p / 100) for p in percents}

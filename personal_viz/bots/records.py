@@ -43,6 +43,11 @@ class Sent:
     was_cut_off: bool = field(default=False, kw_only=True)
     """Whether the connection, or the time of the trial, ended before that."""
 
+    @property
+    def shown_ms(self) -> float | None:
+        """Milliseconds from sending it until then."""
+        return None if self.shown_s is None else 1e3 * (self.shown_s - self.sent_s)
+
 
 @dataclass(slots=True, eq=False)
 class Press(Sent):
@@ -54,6 +59,11 @@ class Press(Sent):
     """Number of steps of the trial once it is stored."""
     counted_s: float | None = None
     """When the step counter said that it is stored."""
+
+    @property
+    def counted_ms(self) -> float | None:
+        """Milliseconds from sending it until then."""
+        return None if self.counted_s is None else 1e3 * (self.counted_s - self.sent_s)
 
 
 @dataclass(slots=True, eq=False)

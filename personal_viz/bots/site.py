@@ -10,14 +10,11 @@ from human_study.design.plan import PLAN_FILE, PRACTICE_FOLDER, StudyPlan, load_
 from human_study.design.secrets import load_secrets
 from human_study.design.study import (
     STUDY_FILE,
-    FlowStep,
-    PogCondition,
     StudyBreaks,
     StudyChecks,
     StudyConfig,
     StudyDataset,
     StudyDesign,
-    StudyPog,
     StudyPractice,
     load_study,
     save_study,
@@ -49,96 +46,65 @@ class Site:
 
 
 def make_pilot(
-    study: Path,
+    folder: Path,
     dataset: Path,
     *,
-    name: str,
+    participants: int,
     scenes_dir: Path | None = None,
     splits: dict[Split, int | Literal["all"]] | None = None,
-    scenes: tuple[str, ...] = (),
     seed: int = 0,
     **choices: Any,
 ) -> StudyConfig:
-    """Plans a pilot without checks, in which everybody may do every episode.
+    """Plans a pilot without checks, practice and breaks, in which everybody does every episode.
 
     Args:
-        study: A new folder.
+        folder: A new folder.
         dataset: Dataset of its episodes.
-        name: Name of the study.
+        participants: Number for each task, and in POG for each condition.
         scenes_dir: Folder of licensed scans.
         splits: Number of episodes of each split; None = all.
-        scenes: Only these homes of the dataset; () = all.
         seed: Seed of the plan.
-        choices: Further fields of StudyConfig.
+        choices: Fields of StudyConfig; by default the task is PAN.
     """
     from personal_viz.study_app.study_files import plan_study
 
-    config = StudyConfig(
-        study=name,
-        dataset=StudyDataset(
+    usual = {
+        "study": "bots",
+        "task": ("pan",),
+        "dataset": StudyDataset(
             sha256=PersonalDataset(dataset).digest(),
             splits=splits or dict.fromkeys(SPLITS, "all"),
-            scenes=scenes,
             stratify="none",
             max_per_scene=None,
             seed=seed,
         ),
-        checks=StudyChecks(every=None),
-        **choices,
-    )
-    save_study(study, config)
-    plan_study(study, dataset, scenes_dir, pilot=True)
+        "design": StudyDesign(kind="crossed", raters_per_episode=participants),
+        "checks": StudyChecks(every=None),
+        "practice": StudyPractice(pan=0, pog=0),
+        "breaks": StudyBreaks(every=None, sitting_max=None),
+    }
+    config = StudyConfig(**(usual | choices))
+    save_study(folder, config)
+    plan_study(folder, dataset, scenes_dir, pilot=True)
     return config
 
 
-def make_bot_study(
-    folder: Path,
-    *,
-    participants: int,
-    seed: int,
-    dataset: Path | None = None,
-    scenes: tuple[str, ...] = (),
-    flow: tuple[FlowStep, ...] = ("device", "consent", "instructions", "quiz"),
-    task: tuple[TaskKind, ...] = ("pan",),
-    pog_conditions: tuple[PogCondition, ...] = ("map_first",),
-    practice: int = 0,
-    breaks_every: int | None = None,
-    confidence: bool = False,
-) -> Path:
-    """Plans a study for bots, in which everybody does every episode; returns its dataset's folder.
+def make_bot_study(folder: Path, *, participants: int, seed: int, dataset: Path | None = None, **choices: Any) -> Path:
+    """Plans a pilot for bots in `folder`/study; returns its dataset's folder.
 
     Args:
         folder: A new folder.
-        participants: Number for each task, and in POG for each condition.
+        participants: As in `make_pilot`.
         seed: Seed of the home and of the plan.
         dataset: None = a home is invented in `folder`.
-        scenes: Only these homes of the dataset; () = all.
-        flow: The pages before the first trial.
-        task: Tasks of the study, one for each participant.
-        pog_conditions: Conditions of POG.
-        practice: Number of practice trials.
-        breaks_every: Number of trials between two breaks; None = no breaks.
-        confidence: Whether people are asked how sure they are.
+        choices: As in `make_pilot`.
     """
     from sim.authoring.generation import invent_dataset
 
     if dataset is None:
         dataset = folder / "dataset"
         invent_dataset(dataset, name=HOME, seed=seed)
-    make_pilot(
-        folder / "study",
-        dataset,
-        name="bots",
-        scenes=scenes,
-        seed=seed,
-        task=task,
-        design=StudyDesign(kind="crossed", raters_per_episode=participants),
-        flow=flow,
-        pog=StudyPog(conditions=pog_conditions),
-        practice=StudyPractice(pan=practice, pog=practice),
-        breaks=StudyBreaks(every=breaks_every, sitting_max=None),
-        confidence=confidence,
-    )
+    make_pilot(folder / "study", dataset, participants=participants, seed=seed, **choices)
     return dataset
 
 

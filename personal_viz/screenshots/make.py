@@ -20,7 +20,6 @@ from playwright.sync_api import Page, expect
 from human_study.design.plan import load_plan
 from human_study.design.study import (
     Condition,
-    StudyDesign,
     StudyEthics,
     StudyMemory,
     StudyPog,
@@ -218,7 +217,6 @@ def picture_instructions(folder: Path) -> None:
             "flow": ("instructions",),
             "memory": StudyMemory.model_validate({"arms": (pan,)}),
             "pog": StudyPog.model_validate({"conditions": (pog,)}),
-            "practice": StudyPractice(pan=0, pog=0),
         }
         with _served_study(folder / f"{pan}-{pog}", **choices) as study, open_chromium() as browser:
             shown: tuple[tuple[Condition, str], ...] = ((pan, study.link("pan")), (pog, study.link("pog")))
@@ -332,18 +330,18 @@ def _served_study(folder: Path, **choices: Any) -> Iterator[ServedStudy]:
         folder: For the study and its episodes.
         choices: Fields of StudyConfig.
     """
-    dataset, study = folder / "dataset", folder / "study"
+    dataset = folder / "dataset"
     invent_dataset(dataset, name="PictureHome", seed=5)
     make_pilot(
-        study,
+        folder / "study",
         dataset,
-        name="picture-study",
+        participants=1,
         splits={"easy": 4},
-        design=StudyDesign(kind="crossed", raters_per_episode=1),
+        study="picture-study",
         ethics=StudyEthics(institution="Example University", contact="study@example.org", duration_min=30),
         **choices,
     )
-    with served(serve_command(study, dataset, workers=1)) as program:
+    with served(serve_command(folder / "study", dataset, workers=1)) as program:
         yield program
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from human_study.design.study import StudyBreaks, StudyPog, StudyPractice
 from human_study.store.records import read_study
 from human_study.trial.commands import Click, Confirm, Start
 from human_study.trial.events import ShownStorey
@@ -161,9 +162,9 @@ def test_bots_that_know_the_target_answer_rightly_under_all_conditions(tmp_path:
         seed=3,
         dataset=dataset,
         task=("pog",),
-        pog_conditions=CONDITIONS,
-        practice=1,
-        breaks_every=2,
+        pog=StudyPog(conditions=CONDITIONS),
+        practice=StudyPractice(pog=1),
+        breaks=StudyBreaks(every=2, sitting_max=None),
         confidence=True,
     )
     with Server(tmp_path / "study", dataset) as server:

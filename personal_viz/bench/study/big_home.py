@@ -4,16 +4,14 @@ import shutil
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
-from human_study.design.plan import PlannedParticipant, StudyPlan, load_plan, save_plan
-from human_study.design.study import StudyBreaks, StudyDesign, StudyMemory, StudyPractice
+from human_study.design.plan import PlannedParticipant, load_plan, save_plan
+from human_study.design.study import StudyMemory
 from sim.authoring.generation import invent_dataset
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.open_home import open_scene
 
-from ...bots.crowd import Crowd
-from ...bots.figures import quantile
+from ...bots.figures import quantiles_ms
 from ...bots.records import count_bots
 from ...bots.server import Server
 from ...bots.site import HOME, Person, Site, make_pilot
@@ -40,22 +38,6 @@ class BigHomeSettings(CrewSettings):
     def words(self) -> str:
         """A description of the work, for the report."""
         return f"keys of {self.bots} bots while somebody opens a home of {self.faces} triangles."
-
-
-class _Window(NamedTuple):
-    """Start and end of an event, `time.perf_counter()`."""
-
-    begin_s: float
-    end_s: float
-
-    def acks_ms(self, bots: Crowd) -> list[float]:
-        """Times of the keys that were sent within the window and answered, milliseconds."""
-        presses = [press for log in bots.logs for press in log.presses]
-        return [
-            1e3 * (press.counted_s - press.sent_s)
-            for press in presses
-            if press.counted_s is not None and self.begin_s <= press.sent_s <= self.end_s
-        ]
 
 
 def measure_big_home(settings: BigHomeSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
@@ -89,25 +71,28 @@ def measure_big_home(settings: BigHomeSettings, *, folder: Path, dataset: Path, 
             bots.begin()
             began_s = time.perf_counter()
             time.sleep(settings.before_s)  # the measured time itself: the others act
-            before = _Window(began_s, time.perf_counter())
-            first, again = (_opening(site, people[code], settings, progress) for code in openers)
+            spans = {"before": (began_s, time.perf_counter())}
+            for name, code in zip(("while", "again"), openers, strict=True):
+                progress(f"{code} opens the big home")
+                spans[name] = _opening(site, people[code], settings)
             bots.halt()
         held = held_by(server.pid)
         found = count_bots(site.folder, bots.logs)
-    acks = {"before": before.acks_ms(bots), "while": first.acks_ms(bots), "again": again.acks_ms(bots)}
+    presses = [press for log in bots.logs for press in log.presses]
+    acks = {
+        name: [press.counted_ms for press in presses if begin_s <= press.sent_s <= end_s]
+        for name, (begin_s, end_s) in spans.items()
+    }
     return {
         "participants": settings.bots,
         "faces": num_faces,
         "scan_mb": scan.stat().st_size / 1e6,
         "browser_mb": max(path.stat().st_size for path in (folder / "cache").glob("glb/*.glb")) / 1e6,
-        "opening_s": first.end_s - first.begin_s,
-        "opening_again_s": again.end_s - again.begin_s,
-        "before_ack_p50_ms": quantile(acks["before"], 0.5),
-        "before_ack_p99_ms": quantile(acks["before"], 0.99),
-        "while_ack_p50_ms": quantile(acks["while"], 0.5),
-        "while_ack_p99_ms": quantile(acks["while"], 0.99),
-        "while_ack_max_ms": quantile(acks["while"], 1.0),
-        "again_ack_p99_ms": quantile(acks["again"], 0.99),
+        "opening_s": spans["while"][1] - spans["while"][0],
+        "opening_again_s": spans["again"][1] - spans["again"][0],
+        **quantiles_ms("before_ack", acks["before"], 50, 99),
+        **quantiles_ms("while_ack", acks["while"], 50, 99, 100),
+        **quantiles_ms("again_ack", acks["again"], 99),
         "peak_mb": held["peak_mb"],
         "lost": len(found.lost),
         "duplicated": found.duplicated,
@@ -123,13 +108,12 @@ def _write_scan(path: Path, dataset: Path, *, num_faces: int, seed: int) -> int:
     return len(mesh.faces)
 
 
-def _opening(site: Site, person: Person, settings: BigHomeSettings, progress: Progress) -> _Window:
-    """Times one participant who comes in, looks at the home in 3-D, and then stands in it."""
-    progress(f"{person.code} opens the big home")
+def _opening(site: Site, person: Person, settings: BigHomeSettings) -> tuple[float, float]:
+    """When a participant came in, and when they stood in the home, after a look at it in 3-D; `time.perf_counter()`."""
     with settings.crowd(site, [person]) as opener:
         began_s = time.perf_counter()
         opener.arrive()
-        return _Window(began_s, time.perf_counter())
+        return began_s, time.perf_counter()
 
 
 def _plan(study: Path, data: Path, scans: Path, *, num_others: int, seed: int) -> tuple[Sequence[str], Sequence[str]]:
@@ -137,16 +121,12 @@ def _plan(study: Path, data: Path, scans: Path, *, num_others: int, seed: int) -
     config = make_pilot(
         study,
         data,
-        name="big-home",
+        participants=num_others + 2,
         scenes_dir=scans,
         seed=seed,
-        task=("pan",),
-        design=StudyDesign(kind="crossed", raters_per_episode=num_others + 2),
         memory=StudyMemory(arms=("none", "glb")),
-        practice=StudyPractice(pan=0, pog=0),
-        breaks=StudyBreaks(every=None, sitting_max=None),
     )
-    plan: StudyPlan = load_plan(study, config)
+    plan = load_plan(study, config)
     people = [one.code for one in plan.participants if plan.conditions_of(config, one)[BIG_HOME] == "glb"]
     openers, others = people[:2], people[2 : 2 + num_others]
     scene = dict.fromkeys(openers, BIG_HOME) | dict.fromkeys(others, HOME)

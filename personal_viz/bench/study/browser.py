@@ -16,7 +16,7 @@ from human_study.design.study import StudyConfig, load_study
 from sim.errors import MissingDependencyError
 
 from ...bots.crowd import background_loop
-from ...bots.figures import quantile
+from ...bots.figures import quantiles_ms
 from ...bots.forms import right_answers
 from ...bots.server import Server
 from ...bots.site import make_bot_study
@@ -113,15 +113,13 @@ def measure_browser(settings: BrowserSettings, *, folder: Path, dataset: Path, p
         except MissingDependencyError as error:
             progress(f"No figures of a browser: {error}")
             return {}
-    late_p50 = quantile(late, 0.5)
+    delayed_ms = quantiles_ms("delayed", late, 50, 95)
+    late_ms = delayed_ms["delayed_p50_ms"]
     return {
-        "alone_p50_ms": quantile(alone, 0.5),
-        "alone_p95_ms": quantile(alone, 0.95),
-        "key_to_image_p50_ms": quantile(together, 0.5),
-        "key_to_image_p95_ms": quantile(together, 0.95),
-        "delayed_p50_ms": late_p50,
-        "delayed_p95_ms": quantile(late, 0.95),
-        "delayed_p50_over_round_trip_ms": None if late_p50 is None else late_p50 - settings.round_trip_ms,
+        **quantiles_ms("alone", alone, 50, 95),
+        **quantiles_ms("key_to_image", together, 50, 95),
+        **delayed_ms,
+        "delayed_p50_over_round_trip_ms": None if late_ms is None else late_ms - settings.round_trip_ms,
     }
 
 

@@ -14,7 +14,7 @@ from human_study.store.store import StudyStore, open_store
 from human_study.trial.events import Act, Event, Key, Open, Shown
 from sim.types import PAPER4, Action, EpisodeKey
 
-from ...bots.figures import quantile
+from ...bots.figures import quantiles_ms
 from ..harness import Progress, Values
 
 SCENE = "BenchHome"
@@ -39,7 +39,7 @@ class StoreSettings(BaseModel):
 def measure_store(settings: StoreSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
     """Times the store alone, from handing over a key and its step until they are on disk. It serves no study."""
     acks = store_acks_ms(folder, participants=settings.participants, rate=settings.rate, seconds=settings.seconds)
-    return {"ack_p50_ms": quantile(acks, 0.5), "ack_p95_ms": quantile(acks, 0.95)}
+    return quantiles_ms("ack", acks, 50, 95)
 
 
 def store_acks_ms(folder: Path, *, participants: int, rate: float, seconds: float) -> list[float]:
