@@ -143,7 +143,7 @@ def _scan(path: Path, name: str, kind: SceneKind, up: Up) -> Scene:
     objects: tuple[SceneObject, ...] = ()
     files = find_semantics(path, name)
     if files is not None:
-        mesh, objects, _ = load_semantics(*files, mesh, up=up)
+        mesh, objects = load_semantics(*files, mesh, up=up)
     navmesh = _fitting_navmesh(path, name, mesh)
     if navmesh is not None:
         digest = hashlib.sha256(f"{mesh.digest()} {navmesh.digest}".encode()).hexdigest()

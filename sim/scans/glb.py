@@ -13,6 +13,7 @@ from .gltf_file import MAX_ELEMENTS, GltfFile, floats, read_gltf
 from .gltf_nodes import placed_meshes
 from .gltf_schema import Primitive
 from .gltf_textures import Look, TextureSet, look_of
+from .scene_files import refused
 
 MAX_PARTS = 1 << 13
 MAX_EXTENT = 1e5
@@ -88,11 +89,10 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linea
             face_uv[part.faces] = uv.reshape(-1, 3, 2)
         elif vertex_rgb is not None and "COLOR_0" in attributes:
             face_texture[part.faces] = VERTEX_COLOURS
-            total = vertex_rgb[faces[part.faces]].sum(axis=1, dtype=np.uint16)
-            face_rgb[part.faces] = (2 * total + 3) // 6
+            face_rgb[part.faces] = mean_rgb(vertex_rgb[faces[part.faces]])
         else:
             face_texture[part.faces] = FLAT
-    _require_a_home(file, vertices)
+    require_near(path, vertices)
     instance = np.zeros(counts.faces, np.int32)
     return TriangleMesh(vertices, faces, face_rgb, instance, face_texture, face_uv, textures.textures(), vertex_rgb)
 
@@ -225,12 +225,17 @@ def _bytes(shares: NDArray[np.floating]) -> NDArray[np.uint8]:
     return (np.clip(np.nan_to_num(shares), 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
-def _require_a_home(file: GltfFile, vertices: NDArray[np.float32]) -> None:
-    """Raises SceneError unless all vertices are finite and near the origin."""
+def mean_rgb(corners: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Mean colours (F, 3) of faces from those of their corners (F, 3, 3), rounded."""
+    return ((2 * corners.sum(axis=1, dtype=np.uint16) + 3) // 6).astype(np.uint8)
+
+
+def require_near(path: Path, vertices: NDArray[np.floating]) -> None:
+    """Raises SceneError unless all vertices (V, 3) of a scene file are finite and near the origin."""
     for first in range(0, len(vertices), _BLOCK):
         usable = (np.abs(vertices[first : first + _BLOCK]) <= MAX_EXTENT).all(axis=1)
         if not usable.all():
             wrong = first + int(np.argmin(usable))
             found = f"vertex {wrong} is {vertices[wrong].tolist()}"
             expected = f"finite metres within {MAX_EXTENT:.0f} of the origin"
-            raise file.refused(found, expected, advice="Export the scene again.")
+            raise refused(path, found, expected, advice="Export the scene again.")

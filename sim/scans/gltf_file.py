@@ -12,7 +12,7 @@ from pydantic.alias_generators import to_camel
 from sim.errors import SceneError, line_from_validation_error, short
 
 from .gltf_schema import Accessor, Document
-from .scene_files import COPY_AGAIN, Bytes, mapped, refused, resource
+from .scene_files import COPY_AGAIN, Bytes, FilePart, mapped, refused, resource
 
 MAX_ELEMENTS = 1 << 25
 """Most vertices, faces or elements of one accessor: ten times the largest scans that we know."""
@@ -165,7 +165,7 @@ class GltfFile:
         if index not in self._buffers:
             where = f"buffers.{index}"
             if buffer.uri is not None:
-                data = resource(self.path, buffer.uri, what=where)
+                data = resource(FilePart(self.path, where), buffer.uri)
             elif index == 0 and self._binary is not None:
                 data = self._binary
             else:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from .gltf_file import GltfFile
 from .gltf_schema import CLAMP_TO_EDGE, MIRRORED_REPEAT, REPEAT, Sampler, TextureInfo
-from .images import MAX_TEXELS, MAX_WORK, EncodedImage, decoded, measured
-from .scene_files import Bytes, resource
+from .images import MAX_TEXELS, MAX_WORK, EncodedImage, decoded, measured, tinted
+from .scene_files import FilePart, resource
 
 MAX_TEXTURES = 1 << 15
 _MAX_ENCODED = 1 << 30
@@ -170,29 +170,25 @@ class TextureSet:
 
     def _encoded(self, index: int) -> tuple[int, EncodedImage]:
         """The file's first image with the same content, and that content."""
-        what = f"images.{index}"
         image = self._file.get("images", index, of="a texture")
         source = image.buffer_view if image.uri is None else image.uri
         index = self._sources.setdefault(source, index)
         if index not in self._images:
+            part = FilePart(self._file.path, f"images.{index}")
             if source is None:
-                raise self._file.refused(f"{what} has no bufferView and no uri", "one of them")
-            content = self._content(source, what)
+                raise part.refused("has no bufferView and no uri", "one of them")
+            by_uri = isinstance(source, str)
+            content = resource(part, source) if by_uri else self._file.view(source, of=part.what)
             self._bytes += len(content)
             if self._bytes > _MAX_ENCODED:
                 found = f"the images have {self._bytes} bytes or more"
                 raise self._file.refused(found, f"at most {_MAX_ENCODED}", advice="Make the textures smaller.")
-            self._images[index] = measured(content, path=self._file.path, what=what)
+            self._images[index] = measured(content, part)
         return index, self._images[index]
-
-    def _content(self, source: str | int, what: str) -> Bytes:
-        if isinstance(source, str):
-            return resource(self._file.path, source, what=what)
-        return self._file.view(source, of=what)
 
     def _made_of(self, index: int) -> dict[_Texture, NDArray[np.uint8]]:
         """All textures made from one image; the image itself is not kept."""
-        texels = decoded(self._images[index], path=self._file.path, what=f"images.{index}")
+        texels = decoded(self._images[index])
         return {texture: _finished(texels, texture) for texture in self._textures if texture.image == index}
 
 
@@ -234,12 +230,7 @@ def _padding(values: NDArray[np.float32], texels: int, wrap: int) -> _Padding:
 
 def _finished(texels: NDArray[np.uint8], texture: _Texture) -> NDArray[np.uint8]:
     """The texels times the base colour, enlarged where the image must not repeat."""
-    if any(abs(value - 1) > 1e-8 for value in texture.factor):
-        levels = np.clip(np.arange(256)[:, None] * np.array(texture.factor) + 0.5, 0, 255).astype(np.uint8)
-        tinted = np.empty_like(texels)
-        for channel in range(3):
-            tinted[..., channel] = levels[:, channel][texels[..., channel]]
-        texels = tinted
+    texels = tinted(texels, np.array(texture.factor))
     for axis, (before, after, mode) in enumerate(texture.padding):
         if before or after:
             pads = [(0, 0)] * 3

@@ -1,4 +1,4 @@
-"""HM3D's semantic annotations: `.semantic.glb` and `.semantic.txt` become object ids on a scan, objects and regions."""
+"""HM3D's semantic annotations: `.semantic.glb` and `.semantic.txt` become object ids on a scan, and objects."""
 
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -23,8 +23,6 @@ class Semantics(NamedTuple):
     """The scan with ids; 0 where a place shows the colour of no object."""
     objects: tuple[SceneObject, ...]
     """The objects with at least one vertex in the file, in the order of the text."""
-    regions: dict[int, tuple[int, ...]]
-    """Ids of the objects of each region (room), from the text."""
 
 
 def find_semantics(scan: Path, name: str) -> tuple[Path, Path] | None:
@@ -70,10 +68,7 @@ def load_semantics(
     painted = _painted(semantic_glb, semantic_txt, labels, up)
     boxes = _boxes(painted)
     objects = tuple(_object(label, *boxes[label.id]) for label in labels if label.id in boxes)
-    regions: dict[int, list[int]] = {}
-    for label in labels:
-        regions.setdefault(label.region, []).append(label.id)
-    return Semantics(with_ids(mesh, painted), objects, {region: tuple(ids) for region, ids in regions.items()})
+    return Semantics(with_ids(mesh, painted), objects)
 
 
 def _painted(

@@ -2,7 +2,6 @@
 
 import io
 import struct
-from pathlib import Path
 from typing import Literal, NamedTuple
 
 import imagecodecs
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from .basis import basis_rgb, basis_size, is_basis
-from .scene_files import Bytes, refused
+from .scene_files import Bytes, FilePart
 
 MAX_SIDE = 16384
 MAX_TEXELS = 3 << 27
@@ -40,12 +39,12 @@ class EncodedImage(NamedTuple):
     height: int
     work: int
     """Most bytes for decoding it, including the final texels and their copy in another tint."""
+    part: FilePart
+    """Its name in errors."""
 
 
-def measured(data: Bytes, *, path: Path, what: str) -> EncodedImage:
+def measured(data: Bytes, part: FilePart) -> EncodedImage:
     """An image's kind and size, from its first bytes.
-
-    `path` and `what` name the scene file and the image in errors.
 
     Raises:
         SceneError: The kind is unknown, the header is damaged, or the image has more than 16384 texels a side or takes
@@ -56,23 +55,21 @@ def measured(data: Bytes, *, path: Path, what: str) -> EncodedImage:
     if head.startswith(b"\x89PNG\r\n\x1a\n") and len(head) >= 24:
         kind, size, each = "png", struct.unpack(">II", head[16:24]), _png_work(head)
     elif head.startswith(b"\xff\xd8"):
-        kind, (*size, each) = "jpeg", _jpeg_size(data, path=path, what=what)
+        kind, (*size, each) = "jpeg", _jpeg_size(data, part)
     elif is_basis(data):
-        size, each = basis_size(data, path=path, what=what), _BASIS_WORK
+        size, each = basis_size(data, part), _BASIS_WORK
     else:
-        raise refused(path, f"{what} starts with {head[:8]!r}", _KIND, advice="Export the scene with such textures.")
+        raise part.refused(f"starts with {head[:8]!r}", _KIND, advice="Export the scene with such textures.")
     width, height = size
     work = int(width * height * each)
     if not (0 < width <= MAX_SIDE and 0 < height <= MAX_SIDE and work <= MAX_WORK):
         expected = f"at least 1, at most {MAX_SIDE} a side and {MAX_WORK} bytes while it is decoded, not {work}"
-        raise refused(path, f"{what} has {width} x {height} texels", expected, advice="Make the texture smaller.")
-    return EncodedImage(data, kind, width, height, work)
+        raise part.refused(f"has {width} x {height} texels", expected, advice="Make the texture smaller.")
+    return EncodedImage(data, kind, width, height, work, part)
 
 
-def decoded(image: EncodedImage, *, path: Path, what: str) -> NDArray[np.uint8]:
+def decoded(image: EncodedImage) -> NDArray[np.uint8]:
     """The texels (height, width, 3) of an image, top row first, alpha dropped. Runs without the interpreter lock.
-
-    `path` and `what` name the scene file and the image in errors.
 
     Raises:
         SceneError: The content is damaged.
@@ -80,19 +77,28 @@ def decoded(image: EncodedImage, *, path: Path, what: str) -> NDArray[np.uint8]:
     """
     try:
         if image.kind == "basis":
-            texels = basis_rgb(image.data, (image.width, image.height), path=path, what=what)
+            texels = basis_rgb(image.data, (image.width, image.height), image.part)
         elif image.kind == "png":
             texels = _rgb(imagecodecs.png_decode(bytes(image.data)))
         else:
             texels = _jpeg(bytes(image.data))
     except (imagecodecs.PngError, imagecodecs.Jpeg8Error, OSError, ValueError) as error:
         reason = " ".join(str(error).split())[:80]
-        raise refused(path, f"{what} cannot be decoded ({reason})", f"a whole {image.kind.upper()} image") from None
+        raise image.part.refused(f"cannot be decoded ({reason})", f"a whole {image.kind.upper()} image") from None
     if texels.shape != (image.height, image.width, 3):
-        raise refused(
-            path, f"{what} decodes to {texels.shape}", f"{(image.height, image.width, 3)}, as its header says"
-        )
+        raise image.part.refused(f"decodes to {texels.shape}", f"{(image.height, image.width, 3)}, as its header says")
     return texels
+
+
+def tinted(texels: NDArray[np.uint8], factor: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """The texels (h, w, 3) times a base colour (3,), 0-1; the same array where it is white."""
+    if (np.abs(factor - 1) <= 1e-8).all():
+        return texels
+    levels = np.clip(np.arange(256)[:, None] * factor + 0.5, 0, 255).astype(np.uint8)
+    tinted = np.empty_like(texels)
+    for channel in range(3):
+        tinted[..., channel] = levels[:, channel][texels[..., channel]]
+    return tinted
 
 
 def _rgb(texels: NDArray) -> NDArray[np.uint8]:
@@ -139,11 +145,11 @@ def _jpeg_work(content: bytes, at: int) -> float:
     return each
 
 
-def _jpeg_size(data: Bytes, *, path: Path, what: str) -> tuple[int, int, float]:
+def _jpeg_size(data: Bytes, part: FilePart) -> tuple[int, int, float]:
     """(width, height, work per texel) from the frame header; the segments before it are skipped."""
     content = bytes(data)
     if content.count(b"\xff\xda") > _MAX_SCANS:
-        raise refused(path, f"{what} has more than {_MAX_SCANS} scans", "an ordinary JPEG image")
+        raise part.refused(f"has more than {_MAX_SCANS} scans", "an ordinary JPEG image")
     at = 2
     while at + 9 <= len(content) and content[at] == 0xFF:
         marker = content[at + 1]
@@ -156,4 +162,4 @@ def _jpeg_size(data: Bytes, *, path: Path, what: str) -> tuple[int, int, float]:
             at += 1 if marker == 0xFF else 2
         else:
             at += 2 + struct.unpack(">H", content[at + 2 : at + 4])[0]
-    raise refused(path, f"{what} is a JPEG without size", _KIND)
+    raise part.refused("is a JPEG without size", _KIND)

@@ -16,10 +16,10 @@ from sim.errors import SceneError, short
 from sim.frames import world_from_glb_zup
 
 from ..mesh import FLAT, VERTEX_COLOURS, TriangleMesh
-from .glb import MAX_EXTENT
+from .glb import mean_rgb, require_near
 from .gltf_file import MAX_ELEMENTS
-from .images import MAX_SIDE, MAX_TEXELS, measured
-from .scene_files import Bytes, file_beside, mapped, refused
+from .images import MAX_SIDE, MAX_TEXELS, measured, tinted
+from .scene_files import Bytes, FilePart, file_beside, mapped, refused
 
 _MAX_BYTES = 1 << 30
 _MAX_PARTS = 1 << 13
@@ -97,11 +97,12 @@ class _Folder(Resolver):
     def get(self, key: Any) -> bytes:
         name = str(key).strip()
         try:
-            data = mapped(file_beside(self._path, name, what="the file"), what=f"the file that {self._path.name} names")
+            beside = file_beside(FilePart(self._path, "the file"), name)
+            data = mapped(beside, what=f"the file that {self._path.name} names")
             if len(data) > _MAX_BYTES:
                 raise refused(self._path, f"names {short(name)} of {len(data)} bytes", f"at most {_MAX_BYTES}")
             if bytes(data[:3]) in _MEASURED:
-                measured(data, path=self._path, what=f"the image {short(name)}")
+                measured(data, FilePart(self._path, f"the image {short(name)}"))
             return bytes(data)
         except SceneError as error:
             self.problem = self.problem or error
@@ -131,12 +132,8 @@ class _Textures:
         """The index of an image times its factor."""
         key = (id(image), tuple(factor.tolist()))
         if key not in self._known:
-            texels = self._decoded(image)
-            if not np.allclose(factor, 1.0):
-                levels = np.clip(np.arange(256)[:, None] * factor + 0.5, 0, 255).astype(np.uint8)
-                texels = np.stack([levels[texels[..., channel], channel] for channel in range(3)], axis=-1)
-            self._known[key] = len(self.texels)
-            self.texels.append(texels)
+            self.texels.append(tinted(self._decoded(image), factor))
+            self._known[key] = len(self.texels) - 1
         return self._known[key]
 
     def _decoded(self, image: Image.Image) -> NDArray[np.uint8]:
@@ -228,7 +225,7 @@ def _part(path: Path, mesh: trimesh.Trimesh, textures: _Textures) -> _Part:
         uv[..., 1] = 1 - uv[..., 1]  # trimesh counts v from the bottom
     elif colours is not None:
         texture = VERTEX_COLOURS
-        face_rgb = ((2 * colours[faces].sum(axis=1, dtype=np.uint16) + 3) // 6).astype(np.uint8)
+        face_rgb = mean_rgb(colours[faces])
     elif isinstance(mesh.visual, ColorVisuals) and mesh.visual.kind == "face":
         face_rgb = np.array(mesh.visual.face_colors[:, :3], np.uint8)
     face_texture = np.full(count, texture, np.int16)
@@ -269,11 +266,7 @@ def _vertex_rgb(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
 def _joined(path: Path, parts: list[_Part], textures: _Textures, *, up: Literal["z", "y"]) -> TriangleMesh:
     starts = np.cumsum([0] + [len(part.vertices) for part in parts])
     points = np.concatenate([part.vertices for part in parts])
-    usable = (np.abs(points) <= MAX_EXTENT).all(axis=1)
-    if not usable.all():
-        wrong = int(np.argmin(usable))
-        found, expected = f"vertex {wrong} is {points[wrong].tolist()}", f"finite metres within {MAX_EXTENT:.0f} of 0"
-        raise refused(path, found, expected, advice="Export the scene again.")
+    require_near(path, points)
     face_texture = np.concatenate([part.face_texture for part in parts])
     has_colours = bool((face_texture == VERTEX_COLOURS).any())
     return TriangleMesh(

@@ -6,6 +6,7 @@ import mmap
 import re
 import stat
 from pathlib import Path
+from typing import NamedTuple
 from urllib.parse import unquote, unquote_to_bytes
 
 import numpy as np
@@ -30,6 +31,19 @@ def refused(path: Path, found: str, expected: str, *, advice: str = COPY_AGAIN) 
     return SceneError(f"{path}: {' '.join(found.split())}; expected {expected}. {advice}")
 
 
+class FilePart(NamedTuple):
+    """A part of a scene file, for errors."""
+
+    path: Path
+    """The scene file."""
+    what: str
+    """The part's name: `images.0`."""
+
+    def refused(self, found: str, expected: str, *, advice: str = COPY_AGAIN) -> SceneError:
+        """The error of this part; `found` continues its name."""
+        return refused(self.path, f"{self.what} {found}", expected, advice=advice)
+
+
 def mapped(path: Path, *, what: str) -> Bytes:
     """The bytes of a regular file (N,), read-only, read from disk where they are used; `what` is its expected kind, for
     errors.
@@ -49,31 +63,26 @@ def mapped(path: Path, *, what: str) -> Bytes:
         raise refused(path, f"cannot be read ({reason})", what, advice="Check the path or --scenes-dir.") from None
 
 
-def resource(path: Path, uri: str, *, what: str) -> Bytes:
-    """The bytes that a URI in the scene file `path` names: inside the URI itself, or in a file of the same folder.
-
-    Args:
-        path: The scene file.
-        uri: `data:` with the content, or the name of a file in the folder of `path` or below it.
-        what: The named part, for the error: `buffers.0`.
+def resource(part: FilePart, uri: str) -> Bytes:
+    """The bytes that a URI names: inside the URI itself (`data:`), or in a file beside the scene file (`file_beside`).
 
     Raises:
         SceneError: The URI names another place, or there is nothing to read.
     """
     if not uri.startswith("data:"):
-        return mapped(file_beside(path, uri, what=what), what=f"the file that {what} of {path.name} names")
+        return mapped(file_beside(part, uri), what=f"the file that {part.what} of {part.path.name} names")
     head, comma, content = uri[5:].partition(",")
     try:
         if not comma:
             raise ValueError("no comma")
         data = base64.b64decode(content, validate=True) if head.endswith(";base64") else unquote_to_bytes(content)
     except (binascii.Error, ValueError) as error:
-        raise refused(path, f"{what} has a damaged data: URI ({error})", "base64") from None
+        raise part.refused(f"has a damaged data: URI ({error})", "base64") from None
     return np.frombuffer(data, np.uint8)
 
 
-def file_beside(path: Path, uri: str, *, what: str) -> Path:
-    """The file that a relative URI names, in the folder of `path` or below it.
+def file_beside(part: FilePart, uri: str) -> Path:
+    """The file that a relative URI names, in the folder of the scene file or below it.
 
     A foreign scene must not make us read other files: other schemes, absolute names, `..` and links that lead out of
     the folder are refused.
@@ -82,7 +91,7 @@ def file_beside(path: Path, uri: str, *, what: str) -> Path:
         SceneError: The URI names another place, or no file.
     """
     name = unquote(uri)
-    folder = path.parent.resolve()
+    folder = part.path.parent.resolve()
     target = folder / name.replace("\\", "/")
     outside = bool(_SCHEME.match(name)) or name.startswith(("/", "\\")) or ".." in target.parts
     found = False
@@ -94,5 +103,5 @@ def file_beside(path: Path, uri: str, *, what: str) -> Path:
         outside = True
     if not found:
         expected = "a file in the folder of the scene" if outside else "a file, but there is none of this name"
-        raise refused(path, f"{what} names {short(uri)}", expected, advice="Put the file beside the scene.")
+        raise part.refused(f"names {short(uri)}", expected, advice="Put the file beside the scene.")
     return target

@@ -13,11 +13,12 @@ from sim.cache import VARIABLE
 from sim.errors import MissingDependencyError, SceneError
 from sim.scans.basis import basis_rgb, basis_size, is_basis
 from sim.scans.glb import load_glb
+from sim.scans.scene_files import FilePart
 
 from .gltf_files import BLUE, DATA, GREEN, RED, UV, YELLOW, GltfWriter, four_colours, loaded, shown
 
 FILES = ("corners_etc1s.basis", "corners_uastc.basis", "corners_etc1s.ktx2", "corners_uastc.ktx2")
-HERE = Path("scene.glb")
+PART = FilePart(Path("scene.glb"), "images.0")
 
 
 def content(name: str) -> bytes:
@@ -26,7 +27,7 @@ def content(name: str) -> bytes:
 
 def texels(data: bytes) -> np.ndarray:
     array = np.frombuffer(data, np.uint8)
-    return basis_rgb(array, basis_size(array, path=HERE, what="images.0"), path=HERE, what="images.0")
+    return basis_rgb(array, basis_size(array, PART), PART)
 
 
 def refusal(data: bytes) -> str:
@@ -53,7 +54,7 @@ def basis_scene(name: str) -> GltfWriter:
 def test_every_kind_is_read_with_its_top_row_first(name):
     data = np.frombuffer(content(name), np.uint8)
     assert is_basis(data)
-    assert basis_size(data, path=HERE, what="images.0") == (64, 64)
+    assert basis_size(data, PART) == (64, 64)
     image = texels(content(name))
     assert image.shape == (64, 64, 3)
     assert image.flags.c_contiguous
