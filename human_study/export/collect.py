@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from sim.homes.kind import scene_label
-from sim.tasks.run_files import EpisodeRun, Run
+from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo
 
 from ..design.plan import StudyPlan
 from ..design.study import StudyConfig
@@ -54,13 +54,13 @@ def collect(reader: StudyReader) -> Collected:
         StudyError: A record cannot be read.
     """
     config, plan = reader.config, reader.plan
-    results = _Results(reader, config, plan)
+    run_facts = _run_facts(reader, plan)
     verified = {entry.trial_id: entry.status for entry in reader.verifications()}
-    excluded: defaultdict[tuple[str, str | None], list[str]] = defaultdict(list)
+    excluded: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
     for entry in reader.exclusions():
         if not entry.is_undone:
             excluded[entry.target_kind, entry.target].append(entry.rule_id)
-    found = Collected(runs=results.runs)
+    found = Collected()
     kept: dict[str, str] = {}
     names: dict[str, TrialRow] = {}
     for code, exported in sorted(exported_codes(reader).items(), key=lambda item: item[1]):
@@ -72,22 +72,25 @@ def collect(reader: StudyReader) -> Collected:
         trials = reader.trials(code)
         found.participants.append(_participant_row(person, trials, code=exported))
         for trial in trials:
-            events, head_hash = (), None
-            if trial.trial_id is not None:
-                events, head_hash = reader.events(trial.trial_id), reader.head_hash(trial.trial_id)
+            trial_id, home = (
+                trial.trial_id or "",
+                plan.scene(trial.key.scene),
+            )  # "" = never opened
+            stored = reader.events(trial_id)
+            events = [entry.event for entry in stored]
             told = {
                 "participant": exported,
-                "scene_kind": plan.scene(trial.key.scene).kind,
-                "verification": verified.get(trial.trial_id or ""),
-                "excluded": tuple(dict.fromkeys([*excluded["participant", code], *excluded["trial", trial.trial_id]])),
-                "head_hash": head_hash,
+                "scene_kind": home.kind,
+                "verification": verified.get(trial_id),
+                "excluded": tuple(dict.fromkeys([*excluded["participant", code], *excluded["trial", trial_id]])),
+                "head_hash": reader.head_hash(trial_id),
             }
-            row = _trial_row(trial, [stored.event for stored in events], config, told)
+            row = names[trial_id] = _trial_row(trial, events, config, told)
             found.trials.append(row)
-            found.events.append((row, events))
-            results.add(trial, row, events)
-            if trial.trial_id is not None:
-                names[trial.trial_id] = row
+            found.events.append((row, stored))
+            if row.left_out is None and trial.outcome is not None:
+                info = trial_run_info(config, home, exported, trial.task, condition=trial.condition, **run_facts)
+                _add(result_of(events, trial.outcome, code=exported), info, found.runs)
     found.exclusions += _exclusion_rows(config, reader, names, kept)
     found.verifications += _verification_rows(reader, names)
     return found
@@ -130,33 +133,24 @@ def event_rows(name: AttemptName, events: Sequence[StoredEvent]) -> list[EventRo
     return rows
 
 
-class _Results:
-    """Collects counted trials as runs."""
+def _run_facts(reader: StudyReader, plan: StudyPlan) -> dict[str, Any]:
+    """The arguments of `trial_run_info` that all runs of a study share."""
+    return {
+        "created_utc": created_utc(reader.created_ns),
+        "app_version": reader.app_version,
+        "study_version": reader.study_version,
+        "mixes_kinds": len({home.kind for home in plan.scenes}) > 1,
+        "is_pilot": reader.is_pilot,
+    }
 
-    def __init__(self, reader: StudyReader, config: StudyConfig, plan: StudyPlan) -> None:
-        self.runs: dict[str, Run] = {}
-        self._config, self._plan = config, plan
-        self._told = {
-            "created_utc": created_utc(reader.created_ns),
-            "app_version": reader.app_version,
-            "study_version": reader.study_version,
-            "mixes_kinds": len({home.kind for home in plan.scenes}) > 1,
-            "is_pilot": reader.is_pilot,
-        }
 
-    def add(self, trial: StoredTrial, row: TrialRow, events: Sequence[StoredEvent]) -> None:
-        """Adds the trial's result if it counts."""
-        if row.left_out is not None or trial.outcome is None:
-            return
-        home, code = self._plan.scene(trial.key.scene), row.participant
-        info = trial_run_info(self._config, home, code, trial.task, condition=trial.condition, **self._told)
-        run = self.runs.get(info.run_id, Run(info=info))
-        result = result_of([stored.event for stored in events], trial.outcome, code=code)
-        if isinstance(result, EpisodeRun):
-            changed = {"episodes": (*run.episodes, result)}
-        else:
-            changed = {"answers": (*run.answers, result)}
-        self.runs[info.run_id] = run.model_copy(update=changed)
+def _add(result: EpisodeRun | Answer, info: RunInfo, runs: dict[str, Run]) -> None:
+    """Adds a result to its run."""
+    run = runs.get(info.run_id, Run(info=info))
+    if isinstance(result, EpisodeRun):
+        runs[info.run_id] = run.model_copy(update={"episodes": (*run.episodes, result)})
+    else:
+        runs[info.run_id] = run.model_copy(update={"answers": (*run.answers, result)})
 
 
 def _trial_row(trial: StoredTrial, events: Sequence[Event], config: StudyConfig, told: Mapping[str, Any]) -> TrialRow:

@@ -108,9 +108,9 @@ def spread_rows(group: TrialGroup) -> list[SpreadRow]:
             values = group.trials[measure] if split == "all" else group.trials[measure][group.trials["split"] == split]
             known = values.dropna()
             if len(known):
-                found = dict(zip(("lower", "median", "upper"), np.quantile(known, [0.25, 0.5, 0.75]), strict=True))
-                counts = {"n": len(known), "num_missing": len(values) - len(known)}
-                rows.append(SpreadRow(**group.names, measure=measure, split=split, **found, **counts))
+                lower, median, upper = np.quantile(known, [0.25, 0.5, 0.75])
+                names = {**group.names, "measure": measure, "split": split, "num_missing": len(values) - len(known)}
+                rows.append(SpreadRow(**names, lower=lower, median=median, upper=upper, n=len(known)))
     return rows
 
 

@@ -148,7 +148,7 @@ def _blocks(group: TrialGroup, by: str, block: str, trials: Frame) -> list[Block
         found = {"by": by, "block": block, "measure": measure, "n": estimate.n}
         k = int((trials[measure] == 100).sum()) if measure == "sr" else None
         limits = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
-        rows.append(BlockRow.model_validate({**group.people_names, **found, **limits, "k": k}))
+        rows.append(BlockRow(**group.people_names, **found, **limits, k=k))
     return rows
 
 

@@ -1,84 +1,82 @@
 """A study's report as pictures (SVG): people beside agents, each outcome, effort, order, and the flow of people."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from pandas import concat
 
 from sim.homes.kind import scene_labels
 from sim.plan_view.svg import drawn_svg
 from sim.types import SPLITS, TaskKind
 
 from .counts import FlowCount
-from .report import PersonOutcome, StudyReport
-from .trials import TrialGroup, row_label
+from .report import StudyReport
+from .trials import Frame, TrialGroup, row_label
 
 _PERSON, _AGENT = "#1f5fa8", "#b5472f"
 _ROW_INCHES, _COLUMN_INCHES = 0.22, 0.16
 _LINES, _MARKERS = ("#1f5fa8", "#2e7d4f", "#7a4fa3", "#b5472f"), ("o", "s", "^", "D")
+_ROW = ["who", "condition"]
+"""Columns that name a row of trials."""
 _MOST_LABELS = 60
 """Most episodes that are named in a picture."""
 
 
-def person_dots_svg(report: StudyReport, task: TaskKind) -> str:
+def person_dots_svg(groups: Sequence[TrialGroup], task: TaskKind) -> str:
     """Success rate of each person as a dot, one row per condition; rates of agents as dashed lines with their names."""
-    outcomes = [outcome for outcome in report.outcomes if outcome.task == task]
-    people = {row.who for row in report.rows if row.kind == "human" and row.task == task}
-    conditions = list(dict.fromkeys((o.who, o.condition) for o in outcomes if o.who in people))
-    agents = list(dict.fromkeys((o.who, o.condition) for o in outcomes if o.who not in people))
-    figure = Figure(figsize=(7, 1.6 + 0.7 * len(conditions)), layout="constrained")
+    trials = _trials_of(groups, task)
+    is_person = trials["kind"] == "human"
+    conditions = trials[is_person].groupby(_ROW, sort=False)
+    figure = Figure(figsize=(7, 1.6 + 0.7 * conditions.ngroups), layout="constrained")
     axes = figure.subplots()
-    for place, name in enumerate(conditions):
-        rates = _rates([o for o in outcomes if (o.who, o.condition) == name])
+    for place, (_, own) in enumerate(conditions):
+        rates = own.groupby("participant")["sr"].mean()
         for rate, number in zip(*np.unique(rates, return_counts=True), strict=True):
             heights = place + 0.09 * (np.arange(number) - (number - 1) / 2)
             axes.plot(np.full(number, rate), heights, "o", color=_PERSON, markersize=6, alpha=0.8)
     by_rate: dict[float, list[str]] = {}
-    for name in agents:
-        rate = float(np.mean([o.success for o in outcomes if (o.who, o.condition) == name])) * 100
+    for name, rate in trials[~is_person].groupby(_ROW, sort=False)["sr"].mean().items():
         by_rate.setdefault(rate, []).append(row_label(*name))
     for rate, names in by_rate.items():
         axes.axvline(rate, color=_AGENT, linestyle="--", linewidth=1)
         axes.annotate(", ".join(names), (rate, -0.5), color=_AGENT, fontsize=8, rotation=20)
-    axes.set_yticks(range(len(conditions)), [row_label(who, condition) for who, condition in conditions])
-    axes.set_ylim(len(conditions) - 0.4, -0.9 - 0.02 * max((len(", ".join(n)) for n in by_rate.values()), default=0))
+    axes.set_yticks(range(conditions.ngroups), [row_label(*name) for name, _ in conditions])
+    axes.set_ylim(conditions.ngroups - 0.4, -0.9 - 0.02 * max((len(", ".join(n)) for n in by_rate.values()), default=0))
     axes.set_xlim(-3, 103)
     axes.set_xlabel("success rate of a person over their trials (%)")
-    return _svg(figure, _kinds(report, task))
+    return _svg(figure, trials["scene_kind"])
 
 
-def outcome_matrix_svg(report: StudyReport, task: TaskKind) -> str:
+def outcome_matrix_svg(groups: Sequence[TrialGroup], task: TaskKind) -> str:
     """People and agents by episodes: filled square = success, open = failure, nothing = not done."""
-    outcomes = [outcome for outcome in report.outcomes if outcome.task == task]
-    names = {outcome.episode for outcome in outcomes}
-    episodes = [name for split in SPLITS for name in sorted(names) if name.startswith(f"{split}/")]
-    names_of_rows = list(dict.fromkeys((o.who, o.condition) for o in outcomes))
-    found = {(o.who, o.condition, o.participant) for o in outcomes}
-    rows = sorted(found, key=lambda row: (names_of_rows.index(row[:2]), row[2]))
+    trials = _trials_of(groups, task)
+    episodes = [name for split in SPLITS for name in sorted(set(trials["episode"][trials["split"] == split]))]
+    names = trials.groupby(_ROW, sort=False)
+    rows = [(who, condition, code) for (who, condition), own in names for code in sorted(set(own["participant"]))]
     width = max(5.0, 2.5 + _COLUMN_INCHES * len(episodes))
     figure = Figure(figsize=(width, 1.8 + _ROW_INCHES * len(rows)), layout="constrained")
     axes = figure.subplots()
     place = {name: at for at, name in enumerate(episodes)}
     at = {name: number for number, name in enumerate(rows)}
     axes.scatter(
-        [place[outcome.episode] for outcome in outcomes],
-        [at[outcome.who, outcome.condition, outcome.participant] for outcome in outcomes],
+        trials["episode"].map(place),
+        [at[name] for name in zip(*(trials[column] for column in (*_ROW, "participant")), strict=True)],
         s=49,
         marker="s",
         edgecolors="black",
-        facecolors=[str(1 - outcome.success) for outcome in outcomes],
+        facecolors=[str(1 - percent / 100) for percent in trials["sr"]],
     )
-    labels = [_row_name(who, condition, participant) for who, condition, participant in rows]
-    axes.set_yticks(range(len(rows)), labels, fontsize=7)
+    axes.set_yticks(range(len(rows)), [_row_name(*row) for row in rows], fontsize=7)
     shown = episodes if len(episodes) <= _MOST_LABELS else []
     axes.set_xticks(range(len(shown)), shown, rotation=90, fontsize=6)
     axes.set_xlim(-0.7, len(episodes) - 0.3)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_title("filled: success", fontsize=8, loc="left")
-    return _svg(figure, _kinds(report, task))
+    return _svg(figure, trials["scene_kind"])
 
 
 def effort_svg(groups: Sequence[TrialGroup], task: TaskKind) -> str:
@@ -125,7 +123,7 @@ def order_svg(report: StudyReport, task: TaskKind) -> str:
     panels[1].set_xlabel("home")
     panels[0].set_ylabel("success (%)")
     panels[0].legend(fontsize=7)
-    return _svg(figure, _kinds(report, task))
+    return _svg(figure, [row.scene_kind for row in report.rows if row.task == task])
 
 
 def flow_svg(report: StudyReport) -> str:
@@ -140,6 +138,11 @@ def flow_svg(report: StudyReport) -> str:
     return drawn_svg(template, steps=steps, labels=report.scene_labels, person=_PERSON, agent=_AGENT)
 
 
+def _trials_of(groups: Sequence[TrialGroup], task: TaskKind) -> Frame:
+    """The trials of one task as one frame, in the order of the groups."""
+    return concat([group.trials for group in groups if group.task == task])
+
+
 def _row_name(who: str, condition: str, participant: str) -> str:
     code = participant.rpartition("/")[2]
     if who != "human":
@@ -147,17 +150,7 @@ def _row_name(who: str, condition: str, participant: str) -> str:
     return code if condition == "none" else f"{code}, {condition.replace('_', ' ')}"
 
 
-def _rates(outcomes: Sequence[PersonOutcome]) -> list[float]:
-    """Success rate of each person, percent."""
-    people = dict.fromkeys(outcome.participant for outcome in outcomes)
-    return [100 * float(np.mean([o.success for o in outcomes if o.participant == name])) for name in people]
-
-
-def _kinds(report: StudyReport, task: TaskKind) -> list[str]:
-    return [row.scene_kind for row in report.rows if row.task == task]
-
-
-def _svg(figure: Figure, kinds: Sequence[str]) -> str:
+def _svg(figure: Figure, kinds: Iterable[str]) -> str:
     """The figure as SVG text, with the labels of these kinds of homes above it; the same figure gives the same text."""
     labels = scene_labels(kinds)
     if labels:

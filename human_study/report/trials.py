@@ -6,7 +6,7 @@ Input: runs and, if there are any, the study's rows. The frame's groups are the 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal
 
 from pandas import DataFrame
 from pydantic import BaseModel, ConfigDict
@@ -71,20 +71,6 @@ class LeftOut(ReportValue):
     n: int
 
 
-class PeopleNames(TypedDict):
-    """The fields of a `PeopleRow`."""
-
-    task: TaskKind
-    scene_kind: str
-    condition: str
-
-
-class GroupNames(PeopleNames):
-    """The fields of a `GroupRow`."""
-
-    who: str
-
-
 @dataclass(frozen=True, slots=True)
 class TrialGroup:
     """All trials of one row name."""
@@ -98,13 +84,13 @@ class TrialGroup:
     """The trials, as `trial_frame` makes them."""
 
     @property
-    def names(self) -> GroupNames:
-        """The names of the group in the report's lists."""
+    def names(self) -> dict[str, Any]:
+        """The fields of a `GroupRow`."""
         return {**self.people_names, "who": self.who}
 
     @property
-    def people_names(self) -> PeopleNames:
-        """The names of a group of people in lists of people alone."""
+    def people_names(self) -> dict[str, Any]:
+        """The fields of a `PeopleRow`."""
         return {"task": self.task, "scene_kind": self.scene_kind, "condition": self.condition}
 
     @property

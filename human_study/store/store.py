@@ -24,7 +24,7 @@ from ..trial.outcome import Outcome
 from .assigning import assign, due_order_no, fill
 from .database import audit, open_database, take_lock
 from .people import PeopleWrites
-from .records import DATABASE_FILE, StoredEvent, StoredTrial, read_study
+from .records import DATABASE_FILE, StoredEvent, read_study
 from .trial_writes import (
     Now,
     insert_events,
@@ -284,20 +284,10 @@ class StudyStore(PeopleWrites):
         with read_study(self.folder) as reader:
             return reader.events(trial_id)
 
-    def trials(self, code: str) -> tuple[StoredTrial, ...]:
-        """All planned trials of a participant, in order. Raises StudyError for an unknown participant."""
-        with read_study(self.folder) as reader:
-            return reader.trials(code)
-
     def code_of_token(self, token: str) -> str | None:
         """Code of the participant with this personal token; None if there is none."""
         with read_study(self.folder) as reader:
             return reader.code_of_token(token)
-
-    def check(self) -> int:
-        """Checks the database and all hash chains; returns the number of events. Raises StudyError on damage."""
-        with read_study(self.folder) as reader:
-            return reader.check()
 
     def _require_consent(self, database: sqlite3.Connection, code: str) -> None:
         """Raises StudyError where the study needs consent and the last answer is not yes."""

@@ -11,7 +11,7 @@ from human_study.design.secrets import token_hash
 from human_study.design.study import StudyConfig
 from human_study.export.collect import collect, exported_codes
 from human_study.export.trial_table import TrialRow
-from human_study.store.records import read_study
+from human_study.store.records import StoredTrial, read_study
 from human_study.store.store import StudyStore, Trial, open_store
 from human_study.trial.events import Abandoned, Error, Event, Key, Moment, Open
 from sim.tasks.run_files import EpisodeEnd
@@ -100,6 +100,18 @@ def do_next(store: StudyStore, code: str, *, reason: str = "giveup") -> EpisodeK
     store.append(trial.trial_id, trial.epoch, ENDS[reason])
     store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
     return trial.key
+
+
+def trials_of(store: StudyStore, code: str) -> tuple[StoredTrial, ...]:
+    """All assigned trials of a participant, each with all its attempts."""
+    with read_study(store.folder) as reader:
+        return reader.trials(code)
+
+
+def checked(store: StudyStore) -> int:
+    """The number of events, after a check of the database and all hash chains."""
+    with read_study(store.folder) as reader:
+        return reader.check()
 
 
 def edit(folder: Path, sql: str) -> None:

@@ -15,12 +15,12 @@ from sim.tasks.run_files import EpisodeEnd
 from sim.types import SPLITS
 
 from .small_world import study
-from .stores import HOMES, KEY, begin_next, do_next, open_planned, plan_homes, started
+from .stores import HOMES, KEY, begin_next, checked, do_next, open_planned, plan_homes, started, trials_of
 
 
 def homes_done(store: StudyStore, code: str) -> list[str]:
     """Homes in which the participant finished a trial and kept it."""
-    return sorted(trial.key.scene for trial in store.trials(code) if trial.has_ended and not trial.is_released)
+    return sorted(trial.key.scene for trial in trials_of(store, code) if trial.has_ended and not trial.is_released)
 
 
 def test_a_trial_that_is_due_stays_the_same_until_it_ends(tmp_path: Path) -> None:
@@ -42,7 +42,7 @@ def test_what_a_drop_out_leaves_goes_to_a_spare_person_once(tmp_path: Path) -> N
         given = [do_next(store, "p03"), do_next(store, "p03"), do_next(store, "p03")]
         assert given[2] is None
         assert sorted(key.scene for key in given if key) == sorted(set(HOMES) - {done.scene if done else ""})
-        assert {trial.made_by for trial in store.trials("p03")} == {"fill"}
+        assert {trial.made_by for trial in trials_of(store, "p03")} == {"fill"}
         assert store.next_trial("p01") is None
         assert not has_dropped_out(store.participant("p01").stages)  # asked for more: has returned
 
@@ -61,7 +61,7 @@ def test_an_abandoned_trial_goes_to_somebody_who_has_not_met_the_home(tmp_path: 
         assert left is not None
         assert do_next(store, "p03") == left
         assert len(list(iter(lambda: do_next(store, "p01"), None))) == 2
-        visited = [trial.key.scene for trial in store.trials("p01") if trial.trial_id]
+        visited = [trial.key.scene for trial in trials_of(store, "p01") if trial.trial_id]
         assert sorted(visited) == list(HOMES)
 
 
@@ -71,7 +71,7 @@ def test_a_technical_failure_is_queued_once_more(tmp_path: Path) -> None:
         first = do_next(store, "p01", reason="technical")
         assert do_next(store, "p01", reason="technical") == first
         assert do_next(store, "p01") != first
-        attempts = [trial for trial in store.trials("p01") if trial.key == first]
+        attempts = [trial for trial in trials_of(store, "p01") if trial.key == first]
         assert [(trial.attempt, trial.prior_visits_scene) for trial in attempts] == [(1, 0), (2, 1)]
     with started(tmp_path / "once") as store:
         first = do_next(store, "p01", reason="technical")
@@ -95,7 +95,7 @@ def test_fifty_who_come_at_once_get_different_places(tmp_path: Path) -> None:
             thread.join()
         assert sorted(got) == sorted(person.code for person in store.plan.participants)
         assert store.claim_person(None) is None
-        slots = [(trial.key, trial.rep) for code in got for trial in store.trials(code)]
+        slots = [(trial.key, trial.rep) for code in got for trial in trials_of(store, code)]
         assert len(set(slots)) == len(slots) == 50
 
 
@@ -130,7 +130,7 @@ def test_withdrawal_deletes_what_was_done_and_the_chain_still_verifies(tmp_path:
             store.append(running.trial_id, running.epoch, KEY)
         with pytest.raises(StudyError, match=r"'p01' has left \(withdrawn\)"):
             store.next_trial("p01")
-        assert store.check() == 4
+        assert checked(store) == 4
         with read_study(tmp_path) as reader:
             assert reader.is_shredded("p01")
             for trial in reader.trials("p01"):
@@ -161,8 +161,8 @@ def test_what_is_kept_after_a_withdrawal_can_still_be_read(tmp_path: Path) -> No
     with started(tmp_path, privacy={"on_withdraw": "keep"}) as store:
         do_next(store, "p01")
         store.withdraw("p01")
-        assert [trial.outcome for trial in store.trials("p01") if trial.has_ended] == [EpisodeEnd(reason="giveup")]
-        assert sum(trial.is_released for trial in store.trials("p01")) == 2
+        assert [trial.outcome for trial in trials_of(store, "p01") if trial.has_ended] == [EpisodeEnd(reason="giveup")]
+        assert sum(trial.is_released for trial in trials_of(store, "p01")) == 2
 
 
 def test_no_trial_begins_before_consent(tmp_path: Path) -> None:
@@ -188,7 +188,7 @@ def test_a_lost_key_is_an_error_and_not_a_withdrawal(tmp_path: Path) -> None:
 def test_who_is_screened_out_gives_the_trials_to_others(tmp_path: Path) -> None:
     with started(tmp_path) as store:
         store.enter_stage("p01", "screened_out")
-        assert all(trial.is_released for trial in store.trials("p01"))
+        assert all(trial.is_released for trial in trials_of(store, "p01"))
         assert sorted(key.scene for key in iter(lambda: do_next(store, "p03"), None)) == list(HOMES)
         with pytest.raises(StudyError, match=r"has left \(screened_out\)"):
             store.next_trial("p01")

@@ -23,7 +23,7 @@ from sim.types import Action
 
 from .finished import POINT, SUCCESS, TOO_FAR, do_trial, events_of, first_key, study_with_trials
 from .small_world import SquareRoom, episode, study
-from .stores import edit, filled, open_small
+from .stores import edit, filled, open_small, trials_of
 
 
 def rows_of(out: Path, table: str) -> list[dict]:
@@ -198,7 +198,7 @@ def test_times_begin_with_the_trial_and_no_id_of_the_store_is_told(finished: Pat
 
 def test_exclusions_take_trials_out_of_the_run_folders_and_stay_in_the_tables(folder: Path) -> None:
     with open_small(folder / "study") as store:
-        trial_id = next(trial.trial_id for trial in store.trials("p02") if trial.order_no == 1)
+        trial_id = next(trial.trial_id for trial in trials_of(store, "p02") if trial.order_no == 1)
         assert trial_id is not None
         exclusion = store.exclude("trial", trial_id, rule_id="disturbed", reason="=1+1 telephone")
         store.exclude("participant", "p01", rule_id="odd", reason="not in the plan")
@@ -218,7 +218,7 @@ def test_exclusions_take_trials_out_of_the_run_folders_and_stay_in_the_tables(fo
 
 def test_the_latest_verification_stands_beside_each_trial(folder: Path) -> None:
     with open_small(folder / "study") as store:
-        trial_id = store.trials("p01")[0].trial_id or ""
+        trial_id = trials_of(store, "p01")[0].trial_id or ""
         store.add_verification(VerificationEntry(trial_id, "RUN1", "drift", 0.5, 3, "step 3", "s" * 64, 1))
         store.add_verification(VerificationEntry(trial_id, "RUN2", "verified", 0.0, None, "", "t" * 64, 2))
     export_study(folder / "study", folder / "out")

@@ -14,7 +14,7 @@ from sim.types import TaskKind
 
 from .finished import BEGUN, POINT, events_of, room
 from .small_world import episode, plan, study
-from .stores import begin_next, do_next, filled, open_planned, plan_homes, started
+from .stores import begin_next, checked, do_next, filled, open_planned, plan_homes, started
 
 CROSSED = {"kind": "crossed", "raters_per_episode": 1}
 
@@ -53,7 +53,7 @@ def test_who_leaves_in_mid_trial_for_good_has_abandoned_it(tmp_path: Path) -> No
         with pytest.raises(TrialEndedError, match="has ended"):
             store.open_trial("p01", 1)
         assert trial.key in {do_next(store, "p03") for _ in range(3)}
-        assert store.check() >= 2
+        assert checked(store) >= 2
         with read_study(tmp_path) as reader:
             assert study_progress(reader, now_ns=0).people[0].num_abandoned == 1
 

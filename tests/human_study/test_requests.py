@@ -24,7 +24,7 @@ from sim.errors import StudyError
 
 from .finished import SUCCESS, do_trial
 from .small_world import episode, plan, study
-from .stores import KEY, OPEN, filled
+from .stores import KEY, OPEN, filled, trials_of
 
 
 def prepared(folder: Path) -> StudyStore:
@@ -65,7 +65,7 @@ def test_a_withdrawal_is_done_by_the_process_that_serves_the_study(tmp_path: Pat
         with answered(lambda: take_requests(store)) as told:
             change_study(tmp_path, [Withdrawal(participant="p02")])
         assert told == ["done as asked from outside: p02 has withdrawn"]
-        assert store.trials("p02")[0].is_shredded
+        assert trials_of(store, "p02")[0].is_shredded
         with pytest.raises(StudyError, match="has left"):
             store.next_trial("p02")
         assert left(tmp_path) == []
@@ -73,7 +73,7 @@ def test_a_withdrawal_is_done_by_the_process_that_serves_the_study(tmp_path: Pat
 
 def test_exclusions_are_made_and_taken_back_while_the_study_is_served(tmp_path: Path) -> None:
     with prepared(tmp_path) as store, answered(lambda: take_requests(store)):
-        ids = [trial.trial_id or "" for trial in store.trials("p02") if trial.trial_id]
+        ids = [trial.trial_id or "" for trial in trials_of(store, "p02") if trial.trial_id]
         asked = [Exclusion(target_kind="trial", target=name, rule_id="disturbed", reason="phone") for name in ids]
         change_study(tmp_path, [*asked, Exclusion(target_kind="participant", target="p01", rule_id="own", reason="x")])
         with read_study(tmp_path) as reader:

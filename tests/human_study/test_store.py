@@ -19,7 +19,7 @@ from sim.tasks.run_files import EpisodeEnd
 from sim.types import Action
 
 from .small_world import plan, study
-from .stores import KEY, OPEN, filled, open_small, opened
+from .stores import KEY, OPEN, checked, filled, open_small, opened, trials_of
 
 
 def test_stored_events_come_back_as_they_were(tmp_path: Path) -> None:
@@ -37,7 +37,7 @@ def test_stored_events_come_back_as_they_were(tmp_path: Path) -> None:
 
 def test_a_participants_trials_are_in_the_plans_order(tmp_path: Path) -> None:
     with filled(tmp_path) as store:
-        trials = store.trials("p01")
+        trials = trials_of(store, "p01")
         assert [trial.key for trial in trials] == [trial.key for trial in plan(study()).participants[0].trials]
         assert [trial.order_no for trial in trials] == [1, 2, 3]
         assert {(trial.task, trial.trial_id, trial.outcome) for trial in trials} == {("pog", None, None)}
@@ -83,7 +83,7 @@ def test_reloading_does_not_hide_how_long_the_participant_was_away(
 ) -> None:
     store, _ = opened(tmp_path)
     with store:
-        start_ns = store.events(store.trials("p02")[0].trial_id or "")[0].t_srv_mono_ns
+        start_ns = store.events(trials_of(store, "p02")[0].trial_id or "")[0].t_srv_mono_ns
         monkeypatch.setattr("time.monotonic_ns", lambda: start_ns + 700 * 10**9)
         monkeypatch.setattr("time.time_ns", lambda: 0)
         first = store.open_trial("p02", 1)
@@ -99,7 +99,7 @@ def test_the_first_outcome_stays_and_is_returned(tmp_path: Path) -> None:
     with store:
         assert store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop")).reason == "stop"
         assert store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup")).reason == "stop"
-        status = store.trials("p02")[0]
+        status = trials_of(store, "p02")[0]
     assert status.outcome == EpisodeEnd(reason="stop")
 
 
@@ -127,7 +127,7 @@ def test_unknown_trials_and_participants_are_named(tmp_path: Path) -> None:
         with pytest.raises(StudyError, match="'p02' has no trial 9"):
             store.open_trial("p02", 9)
         with pytest.raises(StudyError, match="found no participant 'p77'"):
-            store.trials("p77")
+            trials_of(store, "p77")
 
 
 TABLES = ("study", "participant", "assignment", "release", "claim", "trial", "sitting", "event", "outcome", "stage")
@@ -178,7 +178,7 @@ def test_writes_of_many_threads_get_numbers_without_gaps(tmp_path: Path) -> None
         thread.join()
     with store:
         assert sorted(numbers) == list(range(2, 202))
-        assert store.check() == 201
+        assert checked(store) == 201
 
 
 def _hold(folder: Path, ready: object, release: object) -> None:
@@ -302,4 +302,4 @@ def test_an_error_of_the_connection_is_kept_with_the_running_trial_only(tmp_path
         ]
         store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
         store.note_error("p02", "too late")
-        assert store.check() == 2
+        assert checked(store) == 2

@@ -17,7 +17,7 @@ from human_study.store.writer import StoreFullError
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd
 
-from .stores import KEY, OPEN, filled, opened
+from .stores import KEY, OPEN, checked, filled, opened
 
 STOP = EpisodeEnd(reason="stop")
 
@@ -86,7 +86,7 @@ def test_a_commit_that_fails_acknowledges_nothing_and_works_later(tmp_path: Path
         store._writer._database = whole
         assert store.append(trial.trial_id, trial.epoch, KEY) == 2
         assert store.finish_trial(trial.trial_id, STOP) == STOP
-        assert store.check() == 2
+        assert checked(store) == 2
 
 
 def test_on_a_full_disk_every_write_is_whole_or_refused(tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_on_a_full_disk_every_write_is_whole_or_refused(tmp_path: Path) -> None:
         store._database.execute("PRAGMA max_page_count = 100000")
         num_events = len(store.events(other.trial_id))
         assert store.append(other.trial_id, other.epoch, KEY) == num_events + 1
-        store.check()
+        checked(store)
 
 
 def _write_on_and_on(store: StudyStore, trial: Trial) -> None:

@@ -20,7 +20,7 @@ from human_study.store.vault import KEYS_FILE, Vault
 from human_study.trial.events import Shown
 from sim.tasks.run_files import EpisodeEnd
 
-from .stores import open_small, opened
+from .stores import checked, open_small, opened, trials_of
 
 STOP = EpisodeEnd(reason="stop")
 SECTOR = 512
@@ -184,11 +184,11 @@ def test_who_was_cut_off_between_commit_and_reply_finds_the_same_outcome_once(tm
     with open_small(tmp_path) as store:
         for reason in ("stop", "giveup"):
             assert store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason)) == STOP  # type: ignore[arg-type]
-        assert store.trials("p02")[0].outcome == STOP
+        assert trials_of(store, "p02")[0].outcome == STOP
         due = store.next_trial("p02")
         assert due is not None
         assert due.order_no == 2
-        assert store.check() >= 1
+        assert checked(store) >= 1
 
 
 @pytest.mark.slow
@@ -197,7 +197,7 @@ def test_who_was_cut_off_before_the_commit_finds_the_trial_running(tmp_path: Pat
     store.close()
     killed(_finish_and_die_before_the_commit, tmp_path)
     with open_small(tmp_path) as store:
-        assert not store.trials("p02")[0].has_ended
+        assert not trials_of(store, "p02")[0].has_ended
         again = store.open_trial("p02", 1)
         assert (again.trial_id, again.epoch) == (trial.trial_id, 3)
         assert store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup")).reason == "giveup"
@@ -221,7 +221,7 @@ def test_a_withdrawal_that_was_cut_off_is_finished_at_the_next_start(tmp_path: P
     killed(_withdraw_and_die_before_the_key_is_deleted, tmp_path)
     assert json.loads((tmp_path / KEYS_FILE).read_text())["p02"] is not None
     with open_small(tmp_path) as store:
-        assert store.trials("p02")[0].is_shredded
+        assert trials_of(store, "p02")[0].is_shredded
         assert store.events(trial.trial_id) == ()
-        store.check()
+        checked(store)
     assert json.loads((tmp_path / KEYS_FILE).read_text())["p02"] is None

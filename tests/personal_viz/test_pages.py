@@ -25,7 +25,7 @@ from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.recruit_codes import EndCode
 from tests.human_study.small_world import CANARY
-from tests.human_study.stores import do_next, started
+from tests.human_study.stores import do_next, started, trials_of
 
 from .gateways import OnePort, admission_for, few_people
 
@@ -167,7 +167,7 @@ def test_declining_is_an_answer_that_is_stored_and_stays(taking: Callable[..., T
     answer = who.store.participant(CODE).consent
     assert answer is not None
     assert not answer.given
-    assert all(trial.is_released for trial in who.store.trials(CODE))
+    assert all(trial.is_released for trial in trials_of(who.store, CODE))
 
 
 def test_a_form_that_is_sent_twice_answers_once_and_an_old_one_nothing(taking: Callable[..., Taking]) -> None:

@@ -22,7 +22,7 @@ from personal_viz.study_app.screens.seat import Study
 from personal_viz.study_app.server import serve
 from personal_viz.study_app.store_link import StoreLink, StoreService
 from personal_viz.study_app.worker_door import SECRET_HEADER, WorkerDoor
-from tests.human_study.stores import filled
+from tests.human_study.stores import filled, trials_of
 
 from .fake_play import meshless_home
 from .gateways import wait_until
@@ -75,7 +75,7 @@ class Worker:
 
     def trial(self) -> StoredTrial:
         """The participant's first."""
-        return self.store.trials(CODE)[0]
+        return trials_of(self.store, CODE)[0]
 
 
 @contextlib.contextmanager

@@ -98,11 +98,11 @@ def _texts(found: StudyReport, groups: ReportGroups, pictures: dict[str, str]) -
 def _pictures(found: StudyReport, groups: ReportGroups) -> dict[str, str]:
     from human_study.report.figures import effort_svg, flow_svg, order_svg, outcome_matrix_svg, person_dots_svg
 
-    pictures = {}
+    pictures, shown = {}, (*groups.people, *groups.averaged)
     for task in _tasks(found):
-        pictures[f"{task}-people.svg"] = person_dots_svg(found, task)
-        pictures[f"{task}-episodes.svg"] = outcome_matrix_svg(found, task)
-        pictures[f"{task}-effort.svg"] = effort_svg((*groups.people, *groups.averaged), task)
+        pictures[f"{task}-people.svg"] = person_dots_svg(shown, task)
+        pictures[f"{task}-episodes.svg"] = outcome_matrix_svg(shown, task)
+        pictures[f"{task}-effort.svg"] = effort_svg(shown, task)
         if any(row.task == task for row in found.blocks):
             pictures[f"{task}-order.svg"] = order_svg(found, task)
     if found.flow:
