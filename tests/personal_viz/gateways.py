@@ -16,6 +16,7 @@ from typing import Any, cast
 
 import msgspec
 from starlette.testclient import TestClient
+from starlette.types import ASGIApp
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.sync.client import ClientConnection, connect
 
@@ -30,6 +31,14 @@ from sim.errors import StudyError
 
 KEY = b"k" * 32
 PRESS: dict[str, Any] = {"type": "GuiUpdateMessage", "uuid": "b-1", "updates": {"value": True}}
+CLICK: dict[str, Any] = {
+    "type": "ScenePointerMessage",
+    "event_type": "click",
+    "ray_origin": [0.0, 3.0, 0.0],
+    "ray_direction": [0.0, -1.0, 0.0],
+    "screen_pos": [[0.5, 0.5]],
+    "modifier": None,
+}
 KEY_PRESS: dict[str, Any] = {"type": "CommandTriggerMessage", "uuid": "c-1"}
 
 
@@ -198,18 +207,9 @@ def running(
     folder: Path, *, options: ServeOptions | None = None, request_within_s: float = 15.0, **admission: Any
 ) -> Iterator[Running]:
     """A gateway on loopback until the end of the block."""
-    options = options or ServeOptions(port=0)
-    viser, tickets, people, told = EchoViser(), Tickets(), few_people(), []
-    gateway = Gateway(
-        admission_for(people, folder, **admission),
-        OnePort(viser.port),
-        tickets=tickets,
-        options=options,
-        pages=NO_PAGES,
-        screen_out_code="FULL-1",
-        tell=told.append,
-    )
-    server = uvicorn_server(gateway.app(), options)
+    options, viser = options or ServeOptions(port=0), EchoViser()
+    app, *parts = _gateway(folder, viser.port, options, **admission)
+    server = uvicorn_server(app, options)
     protocol = server.config.http
     assert isinstance(protocol, type)
     assert issubclass(protocol, PromptProtocol)
@@ -217,7 +217,24 @@ def running(
     with contextlib.closing(viser), listen(options.bind, options.port) as listener:
         port = listener.getsockname()[1]
         with served_in_thread(server, listener):
-            yield Running(f"http://127.0.0.1:{port}", port, viser, tickets, people, told)
+            yield Running(f"http://127.0.0.1:{port}", port, viser, *parts)
+
+
+def _gateway(
+    folder: Path, port: int, options: ServeOptions, **admission: Any
+) -> tuple[ASGIApp, Tickets, FewPeople, list[str]]:
+    """A gateway before a port; (application, tickets, people, what it tells)."""
+    tickets, people, told = Tickets(), few_people(), list[str]()
+    gateway = Gateway(
+        admission_for(people, folder, **admission),
+        OnePort(port),
+        tickets=tickets,
+        options=options,
+        pages=NO_PAGES,
+        screen_out_code="FULL-1",
+        tell=told.append,
+    )
+    return gateway.app(), tickets, people, told
 
 
 @dataclass
@@ -232,18 +249,8 @@ class Site:
 
 def site(folder: Path, *, options: ServeOptions | None = None, peer: str = "192.0.2.7", **admission) -> Site:
     """A gateway that is asked from one address."""
-    tickets, people, told = Tickets(), few_people(), []
-    gateway = Gateway(
-        admission_for(people, folder, **admission),
-        OnePort(9),
-        tickets=tickets,
-        options=options or ServeOptions(),
-        pages=NO_PAGES,
-        screen_out_code="FULL-1",
-        tell=told.append,
-    )
-    client = TestClient(gateway.app(), base_url="http://127.0.0.1", client=(peer, 5000))
-    return Site(client, tickets, people, told)
+    app, *parts = _gateway(folder, 9, options or ServeOptions(), **admission)
+    return Site(TestClient(app, base_url="http://127.0.0.1", client=(peer, 5000)), *parts)
 
 
 def enter(address: str, token: str, *, origin: str | None = None, **context: Any) -> tuple[str, dict[str, str]]:

@@ -19,16 +19,7 @@ from personal_viz.study_app.gateway.filter import (
     viser_bytes,
 )
 
-from .gateways import KEY_PRESS, PRESS, pack
-
-CLICK = {
-    "type": "ScenePointerMessage",
-    "event_type": "click",
-    "ray_origin": [0.0, 1.0, 2.0],
-    "ray_direction": [0.0, 0.0, 1.0],
-    "screen_pos": [[0.5, 0.5]],
-    "modifier": None,
-}
+from .gateways import CLICK, KEY_PRESS, PRESS, pack
 
 
 @pytest.mark.parametrize("message", [CAMERA, CLICK, PRESS, KEY_PRESS])

@@ -10,6 +10,7 @@ import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,51 +18,24 @@ import viser
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
+from human_study.trial.clock import SHORTEST_PRESS_S
 from personal_viz.study_app.gateway.filter import CAMERA, browser_message, viser_bytes
 from personal_viz.study_app.home.homes import Home
+from personal_viz.study_app.screens import play as play_module
 
 from ..human_study.small_world import study
-from .gateways import PRESS, connected, pack, raw, running, says
+from .gateways import CLICK, PRESS, connected, pack, raw, running, says
 from .stage import invented_home, staged
 from .wire import WireClient, texts_of
 
-CLICK: dict[str, Any] = {
-    "type": "ScenePointerMessage",
-    "event_type": "click",
-    "ray_origin": [0.0, 3.0, 0.0],
-    "ray_direction": [0.0, -1.0, 0.0],
-    "screen_pos": [[0.5, 0.5]],
-    "modifier": None,
-}
 VECTORS = (
-    [0.0, 0.0, 0.0],
-    [1e9, -1e9, 1e9],
-    [1e308, 1e308, 1e308],
-    [5e-324, 0.0, 0.0],
-    [3.0, 3.0, 3.0],
-    None,
-    [1, 2],
-    "x",
+    *([0.0, 0.0, 0.0], [1e9, -1e9, 1e9], [1e308, 1e308, 1e308], [5e-324, 0.0, 0.0], [3.0, 3.0, 3.0]),
+    *(None, [1, 2], "x"),
 )
 SCALARS = (0, -1, 0.0, 1e-320, 1e308, 2**63, None, "1", True)
 VALUES = (
-    None,
-    True,
-    False,
-    0,
-    -7,
-    1e308,
-    2**63,
-    "",
-    "Left",
-    "Nowhere",
-    "\x00",
-    "x" * 60_000,
-    [],
-    [1.5, 2.5],
-    [[1], [2]],
-    "{}",
-    "[[[",
+    *(None, True, False, 0, -7, 1e308, 2**63, "", "Left", "Nowhere", "\x00", "x" * 60_000),
+    *([], [1.5, 2.5], [[1], [2]], "{}", "[[["),
 )
 LETTERS = (
     {"kind": "press", "n": 1, "t_cli_ms": 1, "code": "\x00\x1b[2J"},
@@ -79,15 +53,7 @@ LETTERS = (
 )
 
 PATHS = ("/", "/enter", "/join", "/view/", "/check/download", "/page-version", "/ws/x", "/ws/x/y", "/static/enter.js")
-TAILS = (
-    "",
-    "?",
-    "?websocket=%ff/ws/%00",
-    "?websocket=/ws/%ed%a0%80/x",
-    "/%ff%fe",
-    "/" + "a" * 5000,
-    "?" + "a&" * 3000,
-)
+TAILS = ("", "?", "?websocket=%ff/ws/%00", "?websocket=/ws/%ed%a0%80/x", "/%ff%fe", "/" + "a" * 5000, "?" + "a&" * 3000)
 BODIES = (
     b"",
     b"{",
@@ -114,14 +80,7 @@ HEADERS = (
     "Expect: 100-continue",
     "Range: bytes=9-1,-",
 )
-SOCKET_HEADERS = (
-    "",
-    "Protocol: ,viser-v\xff",
-    "Protocol: ,",
-    "Extensions: ;;=",
-    "Extensions: \xff",
-    "Version: \xb2",
-)
+SOCKET_HEADERS = ("", "Protocol: ,viser-v\xff", "Protocol: ,", "Extensions: ;;=", "Extensions: \xff", "Version: \xb2")
 
 
 @pytest.fixture(scope="module")
@@ -200,7 +159,12 @@ def seat_of(client: WireClient) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("task", "condition"), [("pog", "map_open"), ("pan", "none")])
-def test_no_message_of_a_browser_makes_a_traceback(home: Home, no_traceback: None, task: Any, condition: Any) -> None:
+def test_no_message_of_a_browser_makes_a_traceback(
+    home: Home, no_traceback: None, monkeypatch: pytest.MonkeyPatch, task: Any, condition: Any
+) -> None:
+    readings = itertools.count()
+    hurried = SimpleNamespace(monotonic=lambda: time.monotonic() + SHORTEST_PRESS_S * next(readings))
+    monkeypatch.setattr(play_module, "time", hurried)  # no message comes too early, however fast all are sent
     choices: dict[str, Any] = {"pog": {"conditions": [condition]}} if task == "pog" else {"actions": "paper6"}
     with staged(home, task, condition, **choices) as stage:
         url = f"ws{stage.url[4:]}"
@@ -219,7 +183,6 @@ def test_no_message_of_a_browser_makes_a_traceback(home: Home, no_traceback: Non
                 if passed is not None:
                     line.send(viser_bytes(passed))
                     num_sent += 1
-                    time.sleep(0 if task == "pan" else 0.003)  # so that most are taken, not dropped as too early
             assert num_sent > 50
             stage.link.wait_for("open")
             client.give_up()

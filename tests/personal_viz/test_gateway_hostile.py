@@ -10,7 +10,6 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -19,16 +18,7 @@ from websockets.sync.client import ClientConnection, connect
 from personal_viz.study_app.gateway.filter import CAMERA
 from personal_viz.study_app.gateway.options import ServeOptions
 
-from .gateways import KEY_PRESS, PRESS, Running, connected, enter, pack, raw, running, says, wait_until
-
-CLICK: dict[str, Any] = {
-    "type": "ScenePointerMessage",
-    "event_type": "click",
-    "ray_origin": [0.0, 0.0, math.inf],
-    "ray_direction": [0.0, 0.0, 1.0],
-    "screen_pos": [[0.5, 0.5]],
-    "modifier": None,
-}
+from .gateways import CLICK, KEY_PRESS, PRESS, Running, connected, enter, pack, raw, running, says, wait_until
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +62,7 @@ def closed_code(connection: ClientConnection) -> int | None:
         (pack(CAMERA)[:-4], {1008}),
         (b"", {1008}),
         (pack({**CAMERA, "position": [math.nan, 0.0, 0.0]}), {1008}),
-        (pack(CLICK), {1008}),
+        (pack({**CLICK, "ray_origin": [0.0, 0.0, math.inf]}), {1008}),
         (b"\x91" * 60_000, {1008}),
         (pack({"type": "ShareUrlRequest"}), {1008}),
         (pack({"type": "ShareUrlDisconnect"}), {1008}),

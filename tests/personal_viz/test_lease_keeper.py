@@ -3,7 +3,6 @@
 import contextlib
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,7 @@ from hypothesis import strategies as st
 
 from human_study.design.plan import save_plan
 from human_study.design.study import save_study
-from human_study.journey import has_dropped_out
+from human_study.journey import Stage, has_dropped_out
 from human_study.store.database import BACKUP_FOLDER, require_free_space
 from human_study.store.progress import study_progress
 from human_study.store.records import read_study
@@ -28,149 +27,109 @@ CROSSED = {"kind": "crossed", "raters_per_episode": 2}
 LEASE_S = 900.0
 
 
-@dataclass
-class Clock:
-    """A steady clock that the test moves."""
+class Kept:
+    """A store and its keeper, with a steady clock that the test moves, and what the keeper tells."""
 
-    now_s: float = 0.0
+    def __init__(self, store: StudyStore) -> None:
+        self.store, self.now_s, self.told = store, 0.0, list[str]()
+        self.keeper = LeaseKeeper(store, tell=self.told.append, clock=lambda: self.now_s)
 
-    def __call__(self) -> float:
-        """The present time, seconds."""
-        return self.now_s
-
-
-def kept(store: StudyStore) -> tuple[LeaseKeeper, Clock, list[str]]:
-    """A keeper with a clock that stands still, and what it tells."""
-    clock, told = Clock(), []
-    return LeaseKeeper(store, tell=told.append, clock=clock), clock, told
+    def gives_away_after(self, seconds: float, code: str = "p01") -> bool:
+        """Whether others have got the participant's trials this much later."""
+        self.now_s += seconds
+        self.keeper.tick()
+        return has_dropped_out(self.store.participant(code).stages)
 
 
-def is_out(store: StudyStore, code: str) -> bool:
-    """Whether the participant's trials were given to others."""
-    return has_dropped_out(store.participant(code).stages)
+@contextlib.contextmanager
+def kept(folder: Path, *stages: Stage, **changes: object) -> Iterator[Kept]:
+    """A study of three homes in which p01 has reached these stages and the keeper has looked around once."""
+    with started(folder, **changes) as store:
+        for stage in stages:
+            store.enter_stage("p01", stage)
+        found = Kept(store)
+        found.keeper.tick()
+        yield found
 
 
 def test_a_person_who_leaves_in_the_middle_gives_the_rest_to_others_once(tmp_path: Path) -> None:
-    with started(tmp_path) as store:
-        keeper, clock, told = kept(store)
-        with keeper.present("p01"):
-            store.enter_stage("p01", "arrived")
-            keeper.tick()
-        clock.now_s = LEASE_S
-        keeper.tick()
-        assert not is_out(store, "p01")
-        clock.now_s += 1
-        keeper.tick()
-        keeper.tick()
-        assert is_out(store, "p01")
-        assert told == ["p01 has been away for 15 minutes: others get what is left"]
-        assert store.next_trial("p03") is not None
+    with kept(tmp_path) as study:
+        with study.keeper.present("p01"):
+            study.store.enter_stage("p01", "arrived")
+            study.keeper.tick()
+        assert not study.gives_away_after(LEASE_S)
+        assert study.gives_away_after(1)
+        study.keeper.tick()
+        assert study.told == ["p01 has been away for 15 minutes: others get what is left"]
+        assert study.store.next_trial("p03") is not None
 
 
 def test_a_living_tab_keeps_everything_however_long(tmp_path: Path) -> None:
-    with started(tmp_path) as store:
-        keeper, clock, _ = kept(store)
-        store.enter_stage("p01", "arrived")
-        with keeper.present("p01"):
-            with keeper.present("p01"):
-                assert keeper.people_here() == {"p01"}
-            clock.now_s = 100 * LEASE_S
-            keeper.tick()
-        assert keeper.people_here() == frozenset()
-        keeper.tick()
-        assert not is_out(store, "p01")
+    with kept(tmp_path, "arrived") as study:
+        with study.keeper.present("p01"):
+            with study.keeper.present("p01"):
+                assert study.keeper.people_here() == {"p01"}
+            assert not study.gives_away_after(100 * LEASE_S)
+        assert study.keeper.people_here() == frozenset()
+        assert not study.gives_away_after(0)
 
 
 def test_people_who_never_came_or_have_finished_lose_nothing(tmp_path: Path) -> None:
-    with started(tmp_path) as store:
-        keeper, clock, told = kept(store)
-        store.enter_stage("p02", "finished")
-        keeper.tick()
-        clock.now_s = 10 * LEASE_S
-        keeper.tick()
-        assert (is_out(store, "p01"), is_out(store, "p02"), told) == (False, False, [])
+    with kept(tmp_path) as study:
+        study.store.enter_stage("p02", "finished")
+        assert not study.gives_away_after(0)
+        assert not study.gives_away_after(10 * LEASE_S, "p02")
+        assert not study.gives_away_after(0)
+        assert study.told == []
 
 
 def test_a_place_that_was_claimed_by_nobody_who_came_is_given_back(tmp_path: Path) -> None:
-    with started(tmp_path) as store:
-        keeper, clock, _ = kept(store)
-        assert store.claim_person(None) == "p01"
-        keeper.tick()
-        clock.now_s = LEASE_S + 1
-        keeper.tick()
-        assert is_out(store, "p01")
+    with kept(tmp_path) as study:
+        assert study.store.claim_person(None) == "p01"
+        assert not study.gives_away_after(0)
+        assert study.gives_away_after(LEASE_S + 1)
 
 
 def test_a_restart_takes_nobodys_place_away(tmp_path: Path) -> None:
     with started(tmp_path) as store:
         store.enter_stage("p01", "arrived")
     with started(tmp_path) as store:
-        keeper, clock, _ = kept(store)
-        clock.now_s = 50_000.0  # of a machine that runs for long
-        keeper.tick()
-        clock.now_s += LEASE_S
-        keeper.tick()
-        assert not is_out(store, "p01")
-        clock.now_s += 1
-        keeper.tick()
-        assert is_out(store, "p01")
+        study = Kept(store)
+        assert not study.gives_away_after(50_000.0)  # of a machine that runs for long
+        assert not study.gives_away_after(LEASE_S)
+        assert study.gives_away_after(1)
 
 
 def test_a_person_who_was_asked_to_come_back_later_has_that_much_more_time(tmp_path: Path) -> None:
-    with started(tmp_path, breaks={"sitting_max": 1, "sitting_gap_s": 3600.0}) as store:
-        keeper, clock, _ = kept(store)
-        store.enter_stage("p01", "arrived")
-        store.enter_stage("p01", "instructed")
-        do_next(store, "p01")
-        keeper.tick()
-        clock.now_s = LEASE_S + 3600.0
-        keeper.tick()
-        assert not is_out(store, "p01")
-        clock.now_s += 1
-        keeper.tick()
-        assert is_out(store, "p01")
+    with kept(tmp_path, "arrived", "instructed", breaks={"sitting_max": 1, "sitting_gap_s": 3600.0}) as study:
+        do_next(study.store, "p01")
+        assert not study.gives_away_after(0)
+        assert not study.gives_away_after(LEASE_S + 3600.0)
+        assert study.gives_away_after(1)
 
 
 def test_where_nobody_could_take_it_nothing_is_given_away(tmp_path: Path) -> None:
-    with started(tmp_path, design=CROSSED) as store:
-        keeper, clock, _ = kept(store)
-        store.enter_stage("p01", "arrived")
-        keeper.tick()
-        clock.now_s = 10 * LEASE_S
-        keeper.tick()
-        assert not is_out(store, "p01")
+    with kept(tmp_path, "arrived", design=CROSSED) as study:
+        assert not study.gives_away_after(10 * LEASE_S)
 
 
 def test_a_wall_clock_that_jumps_takes_nobodys_place_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with started(tmp_path) as store:
-        keeper, clock, _ = kept(store)
-        store.enter_stage("p01", "arrived")
-        keeper.tick()
+    with kept(tmp_path, "arrived") as study:
         now_ns = time.time_ns()
         for jump_h in (24, -24):
             monkeypatch.setattr("time.time_ns", lambda jump_h=jump_h: now_ns + jump_h * 3600 * 10**9)
-            clock.now_s += LEASE_S / 2
-            keeper.tick()
-            assert not is_out(store, "p01")
+            assert not study.gives_away_after(LEASE_S / 2)
 
 
 def test_a_second_absence_is_counted_anew(tmp_path: Path) -> None:
-    with started(tmp_path) as store:
-        keeper, clock, told = kept(store)
-        store.enter_stage("p01", "arrived")
-        keeper.tick()
-        clock.now_s = LEASE_S + 1
-        keeper.tick()
-        with keeper.present("p01"):
-            assert store.next_trial("p01") is not None
-            keeper.tick()
-        clock.now_s += LEASE_S
-        keeper.tick()
-        assert not is_out(store, "p01")
-        clock.now_s += 1
-        keeper.tick()
-        assert is_out(store, "p01")
-        assert len(told) == 2
+    with kept(tmp_path, "arrived") as study:
+        assert study.gives_away_after(LEASE_S + 1)
+        with study.keeper.present("p01"):
+            assert study.store.next_trial("p01") is not None
+            study.keeper.tick()
+        assert not study.gives_away_after(LEASE_S)
+        assert study.gives_away_after(1)
+        assert len(study.told) == 2
 
 
 STEPS = st.lists(
@@ -195,50 +154,44 @@ def test_only_people_without_a_tab_who_left_long_ago_are_out(
 ) -> None:
     store, dropped = awaiting
     dropped.clear()
-    keeper, clock, _ = kept(store)
-    keeper.tick()
+    study = Kept(store)
+    study.keeper.tick()
     open_tabs: dict[str, list[contextlib.ExitStack]] = {"p01": [], "p02": []}
     left_s = dict.fromkeys(open_tabs, 0.0)
     for what, code, passed_s in steps:
-        clock.now_s += passed_s
+        study.now_s += passed_s
         if what == "here":
             open_tabs[code].append(contextlib.ExitStack())
-            open_tabs[code][-1].enter_context(keeper.present(code))
+            open_tabs[code][-1].enter_context(study.keeper.present(code))
         elif open_tabs[code]:
             open_tabs[code].pop().close()
-            left_s[code] = clock.now_s
-    clock.now_s += later_s
-    keeper.tick()
-    assert dropped == [code for code, left in left_s.items() if not open_tabs[code] and clock.now_s - left > LEASE_S]
+            left_s[code] = study.now_s
+    study.now_s += later_s
+    study.keeper.tick()
+    assert dropped == [code for code, left in left_s.items() if not open_tabs[code] and study.now_s - left > LEASE_S]
 
 
 def test_a_store_that_cannot_be_written_is_told_and_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with started(tmp_path) as store:
-        keeper, clock, told = kept(store)
-        store.enter_stage("p01", "arrived")
-        keeper.tick()
-        clock.now_s = LEASE_S + 1
+    def full(code: str, reason: str) -> int:
+        raise StudyError("the disk is full")
 
-        def full(code: str, reason: str) -> int:
-            raise StudyError("the disk is full")
-
+    with kept(tmp_path, "arrived") as study:
         with monkeypatch.context() as patch:
-            patch.setattr(store, "drop_out", full)
-            keeper.tick()
-        assert told == ["the disk is full"]
-        keeper.tick()
-        assert is_out(store, "p01")
+            patch.setattr(study.store, "drop_out", full)
+            assert not study.gives_away_after(LEASE_S + 1)
+        assert study.told == ["the disk is full"]
+        assert study.gives_away_after(0)
 
 
 def test_backups_are_made_when_something_was_written_and_not_oftener(tmp_path: Path) -> None:
-    with started(tmp_path, design=CROSSED) as store:  # where leases give nothing away
-        keeper, clock, _ = kept(store)
-        rounds = Upkeep(store, keeper, tell=print, clock=clock)
+    with kept(tmp_path, design=CROSSED) as study:  # where leases give nothing away
+        store = study.store
+        rounds = Upkeep(store, study.keeper, tell=print, clock=lambda: study.now_s)
 
         def backups(now_s: float) -> list[Path]:
-            clock.now_s = now_s
+            study.now_s = now_s
             rounds.tick()
             return sorted((tmp_path / BACKUP_FOLDER).glob("*.db"))
 
@@ -257,11 +210,10 @@ def test_backups_are_made_when_something_was_written_and_not_oftener(tmp_path: P
 
 
 def test_the_thread_ends_with_the_block_and_leaves_a_last_copy(tmp_path: Path) -> None:
-    with started(tmp_path) as store:
-        keeper, _, told = kept(store)
-        with upkeep(store, keeper, tell=told.append, tick_s=0.01):
-            store.enter_stage("p01", "arrived")
-        assert told == []
+    with kept(tmp_path) as study:
+        with upkeep(study.store, study.keeper, tell=study.told.append, tick_s=0.01):
+            study.store.enter_stage("p01", "arrived")
+        assert study.told == []
         with read_study(tmp_path) as reader:
             assert study_progress(reader, now_ns=0).disk.num_backups == 1
 
@@ -269,18 +221,16 @@ def test_the_thread_ends_with_the_block_and_leaves_a_last_copy(tmp_path: Path) -
 def test_a_failure_stops_neither_the_rest_of_a_round_nor_the_next_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with started(tmp_path) as store:
-        keeper, _, told = kept(store)
-        rounds = Upkeep(store, keeper, tell=told.append)
+    def vanished() -> None:
+        raise FileNotFoundError("study.db-wal")
 
-        def vanished() -> None:
-            raise FileNotFoundError("study.db-wal")
-
-        monkeypatch.setattr(keeper, "tick", vanished)
+    with kept(tmp_path) as study:
+        rounds = Upkeep(study.store, study.keeper, tell=study.told.append)
+        monkeypatch.setattr(study.keeper, "tick", vanished)
         monkeypatch.setattr("personal_viz.study_app.gateway.upkeep.free_mb", lambda _: 3)
         rounds.tick()
         rounds.tick()
-    assert [line.split("failed")[0].split(":")[1].strip() for line in told] == [
+    assert [line.split("failed")[0].split(":")[1].strip() for line in study.told] == [
         "looking after the study",
         "its disk has 3 MB free; free some space soon. The study goes on.",
         "looking after the study",
@@ -288,13 +238,12 @@ def test_a_failure_stops_neither_the_rest_of_a_round_nor_the_next_one(
 
 
 def test_a_disk_that_gets_full_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with started(tmp_path) as store:
-        keeper, _, told = kept(store)
-        rounds = Upkeep(store, keeper, tell=told.append)
+    with kept(tmp_path) as study:
+        rounds = Upkeep(study.store, study.keeper, tell=study.told.append)
         monkeypatch.setattr("personal_viz.study_app.gateway.upkeep.free_mb", lambda _: 3)
         rounds.tick()
         rounds.tick()
-    assert told == [f"{tmp_path}: its disk has 3 MB free; free some space soon. The study goes on."]
+    assert study.told == [f"{tmp_path}: its disk has 3 MB free; free some space soon. The study goes on."]
 
 
 def test_a_study_is_not_served_from_a_disk_that_is_nearly_full(tmp_path: Path) -> None:
@@ -311,9 +260,8 @@ def test_commands_of_the_researcher_work_while_the_study_is_served(
     with started(tmp_path) as store:
         save_study(tmp_path, store.config)
         save_plan(tmp_path, store.plan)
-        trial = store.open_trial("p02", 1)
-        keeper, _, told = kept(store)
-        with upkeep(store, keeper, tell=told.append, tick_s=0.01):
+        trial, study = store.open_trial("p02", 1), Kept(store)
+        with upkeep(store, study.keeper, tell=study.told.append, tick_s=0.01):
             assert StudyWithdraw(study=tmp_path, participant="p01").run() == 0
             names = {"study": tmp_path, "trial": "p02/1", "participant": None, "rule": "disturbed"}
             assert StudyExclude(**names, reason="somebody came in", undo=False).run() == 0
@@ -321,5 +269,5 @@ def test_commands_of_the_researcher_work_while_the_study_is_served(
         assert store.participant("p01").is_withdrawn
         with read_study(tmp_path) as reader:
             assert [(entry.target, entry.is_undone) for entry in reader.exclusions()] == [(trial.trial_id, True)]
-    assert [line.partition(": ")[2].split()[0] for line in told] == ["p01", "rule", "exclusion"]
+    assert [line.partition(": ")[2].split()[0] for line in study.told] == ["p01", "rule", "exclusion"]
     assert "p01 has withdrawn; everything done is deleted" in capsys.readouterr().out
