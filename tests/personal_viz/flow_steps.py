@@ -2,15 +2,19 @@
 
 import math
 import re
+import time
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from playwright.sync_api import Page, expect
 
 from human_study.design.study import load_study
 from human_study.journey import Person
+from human_study.store.progress import PersonProgress, study_progress
 from human_study.store.records import StoredTrial, read_study
 from human_study.texts.quiz import questions_for
-from human_study.trial.events import Cam
+from human_study.trial.events import Act, Cam
 from sim.frames import Rs_from_quats_xyzw
 from sim.types import TaskKind
 
@@ -45,9 +49,28 @@ def stages(study: PlannedStudy, code: str) -> list[str]:
 
 def events(study: PlannedStudy, code: str, order_no: int) -> list:
     """Events of the newest attempt at a trial."""
-    with read_study(study.folder) as reader:
-        trial_id = [trial.trial_id for trial in reader.trials(code) if trial.order_no == order_no][-1]
+    return events_in(study.folder, code, order_no)
+
+
+def events_in(folder: Path, code: str, order_no: int, attempt: int = -1) -> list:
+    """Events of an attempt at a trial, the newest where nothing else is said."""
+    with read_study(folder) as reader:
+        trial_id = [trial.trial_id for trial in reader.trials(code) if trial.order_no == order_no][attempt]
         return [stored.event for stored in reader.events(trial_id)] if trial_id is not None else []
+
+
+def acts(folder: Path, code: str, order_no: int = 1) -> list[Act]:
+    """Stored steps of the newest attempt at a trial; the hash chains are whole."""
+    with read_study(folder) as reader:
+        reader.check()
+    return [event for event in events_in(folder, code, order_no) if isinstance(event, Act)]
+
+
+def progress(folder: Path, code: str) -> PersonProgress:
+    """How far a participant is, as `study status` reads it."""
+    with read_study(folder) as reader:
+        people = study_progress(reader, now_ns=time.time_ns()).people
+    return next(person for person in people if person.code == code)
 
 
 def come_to_the_trials(page: Page, study: PlannedStudy, code: str, task: TaskKind = "pan") -> None:
@@ -70,6 +93,12 @@ def come_to_the_trials(page: Page, study: PlannedStudy, code: str, task: TaskKin
         expect(page.get_by_text(question.text)).to_be_visible()
         press_by_keyboard(page, question.answers[0])
     press_by_keyboard(page, "Begin to practise")
+
+
+def take_step(page: Page, number: int, key: str = "a") -> None:
+    """Presses a key, which is this step."""
+    page.keyboard.press(key, delay=HOLD_MS)
+    see_step(page, number)
 
 
 def see_step(page: Page, number: int) -> None:
@@ -107,6 +136,21 @@ def point_somewhere(page: Page) -> None:
         if marked.count():
             return
     raise AssertionError("no click met the home")
+
+
+def resting_camera(
+    page: Page, told: Callable[[], list], is_there: Callable[[Cam], bool] = lambda _: True, *, rests_s: float = 1.0
+) -> Cam:
+    """The newest camera pose among these events, once it is where it should be and no other has come for so long."""
+    last, num_equal = None, 0
+    for _ in range(240):
+        page.wait_for_timeout(250)  # a participant who holds still: that nothing comes can only be waited for
+        cams = [event for event in told() if isinstance(event, Cam)]
+        num_equal = num_equal + 1 if cams and cams[-1] == last and is_there(cams[-1]) else 0
+        if num_equal == 4 * rests_s:
+            return cams[-1]
+        last = cams[-1] if cams else None
+    raise AssertionError(f"found the camera at {last}; expected it at rest where the screen puts it")
 
 
 def pixel_of(point: tuple[float, float, float], cam: Cam, box: dict[str, float]) -> tuple[float, float]:

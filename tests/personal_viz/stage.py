@@ -1,9 +1,10 @@
 """One trial after the other in a real browser without gateway and store: viser, page, session and screens are real."""
 
 import contextlib
+import socket
 import threading
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
@@ -12,7 +13,7 @@ import viser
 
 from human_study.design.plan import StudyScene
 from human_study.design.study import Condition, StudyConfig
-from human_study.store.store import SupersededError
+from human_study.store.store import StudyStore, SupersededError
 from personal_viz.study_app.home.frames import RenderThreads
 from personal_viz.study_app.home.homes import Home
 from personal_viz.study_app.page_script import PageMessages
@@ -20,7 +21,7 @@ from personal_viz.study_app.screens.cards import Card, Choice, paragraphs
 from personal_viz.study_app.screens.page import GoneError, Page
 from personal_viz.study_app.screens.play import TrialPlay
 from personal_viz.study_app.server import open_home
-from personal_viz.study_app.store_link import StoreLink
+from personal_viz.study_app.store_link import StoreLink, StoreService
 from sim.episodes.dataset import PersonalDataset
 from sim.types import EpisodeKey, TaskKind
 
@@ -49,6 +50,19 @@ def invented_home(folder: Path, config: StudyConfig) -> Home:
     scene = StudyScene(name=f"Invented{SEED}", kind="invented")
     invented_dataset(folder, name=scene.name, seed=SEED)
     return open_home(config, scene, PersonalDataset(folder), None, threads=RenderThreads(1))
+
+
+@contextlib.contextmanager
+def store_line(
+    store: StudyStore, *, code_of_ticket: Callable[[str], str | None] = lambda _: None
+) -> Iterator[StoreLink]:
+    """A worker's line to a store of this process, until the end of the block."""
+    ours, theirs = socket.socketpair()
+    service = StoreService(
+        ours, store, code_of_ticket=code_of_ticket, client_profile=lambda _: None, on_end=lambda: None
+    )
+    with contextlib.closing(service):
+        yield StoreLink(theirs)
 
 
 @contextlib.contextmanager

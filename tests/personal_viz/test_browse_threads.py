@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 import viser
-from websockets.sync.client import ClientConnection, connect
-from websockets.typing import Origin, Subprotocol
+from websockets.sync.client import ClientConnection
+from websockets.typing import Origin
 
 from personal_viz.browse import app as browse_app
 from personal_viz.browse.app import browser_app, is_own_page
@@ -19,15 +19,13 @@ from personal_viz.study_app.worker_door import make_updates_safe
 
 from .gateways import pack
 from .invented import invented_dataset
+from .wire import line_to
 
 
 @contextlib.contextmanager
 def page_from(origin: str, address: str) -> Iterator[ClientConnection]:
     """A connection to the app by a page that another address may have delivered."""
-    protocol = Subprotocol(f"viser-v{viser.__version__}")
-    with connect(
-        address.replace("http", "ws"), origin=Origin(origin), subprotocols=[protocol], max_size=None, proxy=None
-    ) as connection:
+    with line_to(address, origin=Origin(origin)) as connection:
         connection.send(pack(CAMERA))
         yield connection
 

@@ -2,7 +2,7 @@
 
 import io
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import TURN_STEP, Action, EpisodeKey
 
 from ..human_study.small_world import study
-from .flow_steps import HOLD_MS, pixel_of, see_step, stop
+from .flow_steps import HOLD_MS, pixel_of, resting_camera, see_step, stop
 from .stage import Stage, invented_home, staged
 
 pytestmark = pytest.mark.browser
@@ -103,22 +103,11 @@ def test_the_papers_order_shows_the_home_first_and_its_texts_after_that(home: Ho
     assert end_reason(events) == "giveup"
 
 
-def resting_camera(page: Page, stage: Stage, is_there: Callable[[Cam], bool]) -> Cam:
-    """The stored camera pose, once it is where the screen puts it and no other has come for a second."""
-    last, num_equal = None, 0
-    for _ in range(240):
-        page.wait_for_timeout(250)
-        cams = [event for event in stage.link.events() if isinstance(event, Cam)]
-        num_equal = num_equal + 1 if cams and cams[-1] == last and is_there(cams[-1]) else 0
-        if num_equal == 4:
-            return cams[-1]
-        last = cams[-1] if cams else None
-    raise AssertionError(f"found the camera at {last}; expected it where the screen puts it")
-
-
 def camera_above(page: Page, stage: Stage, centre: tuple[float, float]) -> Cam:
     """The stored camera pose, once it has come to rest over a place (x, z)."""
-    return resting_camera(page, stage, lambda cam: math.dist((cam.position[0], cam.position[2]), centre) < 0.01)
+    return resting_camera(
+        page, stage.link.events, lambda cam: math.dist((cam.position[0], cam.position[2]), centre) < 0.01
+    )
 
 
 def middle_of_picture(stage: Stage) -> tuple[float, float]:
@@ -177,7 +166,9 @@ def test_a_mark_can_be_made_moved_and_confirmed_without_a_mouse(home: Home, brow
         page = browser.new_page()
         page.goto(stage.url)
         expect(page.get_by_role("button", name="Confirm the mark")).to_be_visible()
-        resting_camera(page, stage, lambda cam: max(map(abs, cam.wxyz[2:])) < 1e-3)  # north is up on the screen
+        resting_camera(
+            page, stage.link.events, lambda cam: max(map(abs, cam.wxyz[2:])) < 1e-3
+        )  # north is up on the screen
         for number, key in enumerate(["ArrowUp", "ArrowUp", "ArrowLeft"], start=1):
             page.keyboard.press(key, delay=HOLD_MS)
             stage.link.wait_for("click", count=number)

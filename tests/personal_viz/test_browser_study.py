@@ -11,8 +11,7 @@ from playwright.sync_api import BrowserContext, Page, expect
 from human_study.design.plan import load_plan
 from human_study.design.study import load_study
 from human_study.export.verify import verify_trial
-from human_study.store.records import StoredTrial, read_study
-from human_study.trial.events import Act, Cam, Clicked, Dropped, Key, Reconnect
+from human_study.trial.events import Clicked, Dropped, Key, Reconnect
 from personal_viz.study_app.home.trial_homes import open_any_home
 from sim.copies.cut import storey_mesh
 from sim.episodes.dataset import PersonalDataset
@@ -22,10 +21,27 @@ from sim.tasks.run_files import Answer
 from sim.types import Action
 from sim.walk.storeys import storey_of
 
-from .flow_steps import HOLD_MS, events, pixel_of, record, see_step, stages, start
+from .flow_steps import (
+    HOLD_MS,
+    acts,
+    events,
+    events_in,
+    pixel_of,
+    record,
+    resting_camera,
+    see_step,
+    stages,
+    start,
+    take_step,
+)
 from .flow_studies import Line, PlannedStudy
 
 pytestmark = pytest.mark.browser
+
+
+def actions(study: PlannedStudy, code: str) -> list[Action]:
+    """Actions of the stored steps of a participant's first trial."""
+    return [act.action for act in acts(study.folder, code)]
 
 
 def test_a_held_key_is_one_step_and_a_reload_resumes_at_the_same_step(
@@ -46,7 +62,7 @@ def test_a_held_key_is_one_step_and_a_reload_resumes_at_the_same_step(
     see_step(page, 2)
     assert page.get_by_alt_text("What the robot sees").get_attribute("src") == before
     stored = events(quick_study, code, 1)
-    assert [event.action for event in stored if isinstance(event, Act)] == [Action.LEFT, Action.RIGHT]
+    assert actions(quick_study, code) == [Action.LEFT, Action.RIGHT]
     assert sum(isinstance(event, Key) for event in stored) - sum(isinstance(event, Dropped) for event in stored) == 2
 
 
@@ -61,7 +77,7 @@ def test_a_pog_trial_with_real_clicks(quick_study: PlannedStudy, browser: Browse
     start(page, quick_study.links[code])
     expect(page.get_by_text(episode.record.query[0])).to_be_visible()
     page.get_by_role("button", name=f"Show storey {storey + 1}").click()
-    cam = wait_for_camera(page, quick_study, code)
+    cam = resting_camera(page, lambda: events(quick_study, code, 1), rests_s=2.0)
     box = page.locator("canvas").last.bounding_box()
     assert box is not None
     page.mouse.click(*pixel_of(target.position, cam, box))
@@ -99,19 +115,6 @@ def ray_meets(scene: Scene, floor_y: float, clicked: Clicked) -> NDArray[np.floa
     return origin + t[hit].min() * direction
 
 
-def wait_for_camera(page: Page, study: PlannedStudy, code: str) -> Cam:
-    """The last stored camera pose, once it has been the same for two seconds: poses are stored twice a second."""
-    last, num_equal = None, 0
-    for _ in range(200):
-        page.wait_for_timeout(250)
-        cams = [event for event in events(study, code, 1) if isinstance(event, Cam)]
-        num_equal = num_equal + 1 if cams and cams[-1] == last else 0
-        if cams and num_equal == 8:
-            return cams[-1]
-        last = cams[-1] if cams else None
-    raise AssertionError("the browser never told its camera")
-
-
 def test_leaving_in_the_middle_of_a_trial_deletes_what_was_done(
     quick_study: PlannedStudy, browser: BrowserContext
 ) -> None:
@@ -119,13 +122,11 @@ def test_leaving_in_the_middle_of_a_trial_deletes_what_was_done(
     page = browser.new_page()
     start(page, quick_study.links[code])
     see_step(page, 0)
-    page.keyboard.press("a", delay=HOLD_MS)
-    see_step(page, 1)
+    take_step(page, 1)
     page.get_by_role("button", name="Leave the study").click()
     expect(page.get_by_text("will be deleted and cannot be brought back")).to_be_visible()
     page.get_by_role("button", name="No, go on").click()
-    page.keyboard.press("a", delay=HOLD_MS)
-    see_step(page, 2)
+    take_step(page, 2)
     page.get_by_role("button", name="Leave the study").click()
     page.get_by_role("button", name="Yes, leave the study").click()
     expect(page.get_by_role("heading", name="You have left the study")).to_be_visible()
@@ -168,19 +169,16 @@ def test_keys_are_places_on_the_keyboard_and_can_be_chosen(quick_study: PlannedS
     expect(page.get_by_text("already used for: Turn left")).to_be_visible()
     page.get_by_role("button", name="Close").click()
     page.keyboard.press("a", delay=HOLD_MS)
-    page.keyboard.press("j", delay=HOLD_MS)
-    see_step(page, 4)
+    take_step(page, 4, "j")
     expect(page.get_by_role("button", name="Turn left (J)")).to_be_visible()
     page.reload()
     see_step(page, 4)
     expect(page.get_by_role("button", name="Turn left (J)")).to_be_visible()
     page.wait_for_function("document.querySelector('[data-tool=keys]') !== null")
     page.wait_for_timeout(500)  # the script hears of the participant's keys just after the picture
-    page.keyboard.press("j", delay=HOLD_MS)
-    see_step(page, 5)
+    take_step(page, 5, "j")
 
-    acts = [event.action for event in events(quick_study, code, 1) if isinstance(event, Act)]
-    assert acts == [Action.LEFT, Action.RIGHT, Action.LEFT, Action.LEFT, Action.LEFT]
+    assert actions(quick_study, code) == [Action.LEFT, Action.RIGHT, Action.LEFT, Action.LEFT, Action.LEFT]
     pressed = [event for event in events(quick_study, code, 1) if isinstance(event, Key)]
     assert [event.code for event in pressed] == ["KeyA", "KeyD", "KeyA", "KeyJ", "KeyJ"]
     times = [event.t_cli_ms for event in pressed[:4]]
@@ -196,8 +194,7 @@ def test_the_newest_tab_drives_and_the_back_button_and_a_copied_tab_count_no_ste
     page.goto("about:blank")
     start(page, quick_study.links[code])
     see_step(page, 0)
-    page.keyboard.press("a", delay=HOLD_MS)
-    see_step(page, 1)
+    take_step(page, 1)
     page.go_back()
     page.go_forward()
     see_step(page, 1)
@@ -208,10 +205,8 @@ def test_the_newest_tab_drives_and_the_back_button_and_a_copied_tab_count_no_ste
     expect(page.get_by_text("This page is no longer used")).to_be_visible()
     page.keyboard.press("w", delay=HOLD_MS)
     copy.bring_to_front()
-    copy.keyboard.press("d", delay=HOLD_MS)
-    see_step(copy, 2)
-    acts = [event.action for event in events(quick_study, code, 1) if isinstance(event, Act)]
-    assert acts == [Action.LEFT, Action.RIGHT]
+    take_step(copy, 2, "d")
+    assert actions(quick_study, code) == [Action.LEFT, Action.RIGHT]
 
 
 def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
@@ -224,8 +219,7 @@ def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
         page = browser.new_page()
         start(page, f"http://127.0.0.1:{line.port}/#{token}")
         see_step(page, 0)
-        page.keyboard.press("a", delay=HOLD_MS)
-        see_step(page, 1)
+        take_step(page, 1)
         line.cut()
         expect(page.get_by_role("alert").filter(has_text="The connection is lost")).to_be_visible(timeout=60_000)
         expect(page.get_by_alt_text("What the robot sees")).to_be_hidden()
@@ -234,11 +228,9 @@ def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
         expect(page.get_by_role("alert").filter(has_text="The connection is lost")).to_be_hidden(timeout=60_000)
         see_step(page, 1)
         expect(page.get_by_alt_text("What the robot sees")).to_be_visible()
-        page.keyboard.press("a", delay=HOLD_MS)
-        see_step(page, 2)
-        stored = events(quick_study, code, 1)
-        assert [event.action for event in stored if isinstance(event, Act)] == [Action.LEFT, Action.LEFT]
-        assert any(isinstance(event, Reconnect) for event in stored)
+        take_step(page, 2)
+        assert actions(quick_study, code) == [Action.LEFT, Action.LEFT]
+        assert any(isinstance(event, Reconnect) for event in events(quick_study, code, 1))
     finally:
         line.close()
 
@@ -259,14 +251,9 @@ def test_a_lost_3d_picture_ends_the_trial_as_technical_and_it_comes_again(
     page.get_by_role("button", name="Load the page again").click()
     expect(page.get_by_text("Click the middle of the object")).to_be_visible()
     trials = [trial for trial in record(quick_study, code)[1] if trial.trial_id is not None]
-    assert any(event.kind == "context_lost" for event in _events_of(quick_study, trials[0]))
+    lost = events_in(quick_study.folder, code, trials[0].order_no, attempt=0)
+    assert any(event.kind == "context_lost" for event in lost)
     assert trials[0].outcome is not None
     assert trials[0].outcome.reason == "technical"
     assert [trial.attempt for trial in trials] == [1, 2]
     assert trials[0].key == trials[1].key
-
-
-def _events_of(study: PlannedStudy, trial: StoredTrial) -> list:
-    with read_study(study.folder) as reader:
-        assert trial.trial_id is not None
-        return [stored.event for stored in reader.events(trial.trial_id)]

@@ -6,7 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,13 +14,10 @@ from typing import Any
 import pytest
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 
-from human_study.store.progress import study_progress
-from human_study.store.records import read_study
-from human_study.trial.events import Act
 from personal_viz.study_app.operator.served import free_port, served
 
 from .conftest import Profiles
-from .flow_steps import HOLD_MS, see_step, start
+from .flow_steps import HOLD_MS, acts, progress, see_step, start, take_step
 from .flow_studies import children
 from .gateways import running, wait_until
 
@@ -47,20 +43,6 @@ def serving(
     assert process.returncode == 0
 
 
-def num_steps(folder: Path, code: str = "p01") -> int:
-    """Steps of a participant's first trial that are stored; the chains are whole."""
-    with read_study(folder) as reader:
-        reader.check()
-        trial_id = reader.trials(code)[0].trial_id or ""
-        return sum(isinstance(stored.event, Act) for stored in reader.events(trial_id))
-
-
-def step(page: Page, number: int) -> None:
-    """Turns left, which is this step."""
-    page.keyboard.press("a", delay=HOLD_MS)
-    see_step(page, number)
-
-
 def notice(page: Page) -> Locator:
     """What says that the program was updated."""
     return page.get_by_role("alertdialog", name="The study's program was updated.")
@@ -78,13 +60,13 @@ def test_a_page_of_before_an_upgrade_says_so_and_loads_itself_or_by_a_button(
             for person, code in zip((page, chooser), codes, strict=True):
                 start(person, links[code])
                 see_step(person, 0)
-                step(person, 1)
+                take_step(person, 1)
             chooser.get_by_role("button", name="Keys", exact=True).click()  # this page is not loaded by itself then
         with serving(folder, port, page_version="second"):
             loaded.clear()
             see_it_load_itself(page, loaded)
             load_it_by_the_button(chooser)
-    assert [num_steps(folder, code) for code in codes] == [2, 2]
+    assert [len(acts(folder, code)) for code in codes] == [2, 2]
 
 
 def see_it_load_itself(page: Page, loaded: list[str]) -> None:
@@ -96,7 +78,7 @@ def see_it_load_itself(page: Page, loaded: list[str]) -> None:
     page.wait_for_url("**/second")
     see_step(page, 1)
     expect(notice(page)).to_be_hidden()
-    step(page, 2)
+    take_step(page, 2)
     assert [url.rpartition("/")[2] for url in loaded] == ["first", "second"], "once, and sent on to its own version"
 
 
@@ -113,7 +95,7 @@ def load_it_by_the_button(page: Page) -> None:
     page.keyboard.press("Enter")
     page.wait_for_url("**/second")
     see_step(page, 1)
-    step(page, 2)
+    take_step(page, 2)
 
 
 def test_a_page_that_stays_as_old_as_it_was_is_not_loaded_for_ever(tmp_path: Path, browser: BrowserContext) -> None:
@@ -157,27 +139,20 @@ def test_other_answers_than_a_version_are_not_taken_for_an_update(
         assert notice(page).count() == 0
 
 
-def num_reconnects(folder: Path) -> int:
-    """How often p01's page has come back."""
-    with read_study(folder) as reader:
-        people = study_progress(reader, now_ns=time.time_ns()).people
-    return next(person.num_reconnects for person in people if person.code == "p01")
-
-
 def test_a_page_goes_on_after_its_worker_died_and_after_it_hung(quick_folder: Path, browser: BrowserContext) -> None:
     folder, page = quick_folder, browser.new_page()
     with serving(folder, free_port(), patience_s=5, every_s=0.2) as (process, links, told):
         start(page, links["p01"])
         see_step(page, 0)
-        step(page, 1)
+        take_step(page, 1)
         for number, harm in ((2, signal.SIGKILL), (3, signal.SIGSTOP)):
-            (worker,), before = children(process.pid), num_reconnects(folder)
+            (worker,), before = children(process.pid), progress(folder, "p01").num_reconnects
             os.kill(worker, harm)
             wait_until(lambda gone=worker: gone not in children(process.pid), patience_s=120)
-            wait_until(lambda before=before: num_reconnects(folder) > before, patience_s=150)
+            wait_until(lambda before=before: progress(folder, "p01").num_reconnects > before, patience_s=150)
             see_step(page, number - 1)
-            step(page, number)
-    assert num_steps(folder) == 3
+            take_step(page, number)
+    assert len(acts(folder, "p01")) == 3
     assert sum("viser worker 1 ended; it is started again." in text for text in told) == 1
     line = "viser worker 1 has not answered for 5 s and was killed; it is started again."
     assert sum(line in text for text in told) == 1

@@ -14,9 +14,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-import viser
-from websockets.sync.client import connect
-from websockets.typing import Subprotocol
 
 from human_study.trial.clock import SHORTEST_PRESS_S
 from personal_viz.study_app.gateway.filter import CAMERA, browser_message, viser_bytes
@@ -26,7 +23,7 @@ from personal_viz.study_app.screens import play as play_module
 from ..human_study.small_world import study
 from .gateways import CLICK, PRESS, connected, pack, raw, running, says
 from .stage import invented_home, staged
-from .wire import WireClient, texts_of
+from .wire import WireClient, line_to, texts_of
 
 VECTORS = (
     *([0.0, 0.0, 0.0], [1e9, -1e9, 1e9], [1e308, 1e308, 1e308], [5e-324, 0.0, 0.0], [3.0, 3.0, 3.0]),
@@ -166,27 +163,25 @@ def test_no_message_of_a_browser_makes_a_traceback(
     hurried = SimpleNamespace(monotonic=lambda: time.monotonic() + SHORTEST_PRESS_S * next(readings))
     monkeypatch.setattr(play_module, "time", hurried)  # no message comes too early, however fast all are sent
     choices: dict[str, Any] = {"pog": {"conditions": [condition]}} if task == "pog" else {"actions": "paper6"}
-    with staged(home, task, condition, **choices) as stage:
-        url = f"ws{stage.url[4:]}"
-        with connect(url, subprotocols=[Subprotocol(f"viser-v{viser.__version__}")], max_size=None, proxy=None) as line:
-            client = WireClient(line)
-            client.send(CAMERA)
-            client.receive_until(lambda message: "Give up" in str(message.get("props", {}).get("label")))
-            client.receive_until(lambda message: "begin(" in str(message))
-            num_sent = 0
-            for message in hostile_messages(uuids_of(client), seat_of(client)):
-                try:
-                    packed = pack(message)
-                except UnicodeEncodeError:
-                    continue
-                passed = browser_message(packed)
-                if passed is not None:
-                    line.send(viser_bytes(passed))
-                    num_sent += 1
-            assert num_sent > 50
-            stage.link.wait_for("open")
-            client.give_up()
-            stage.link.wait_for_outcome()
+    with staged(home, task, condition, **choices) as stage, line_to(stage.url) as line:
+        client = WireClient(line)
+        client.send(CAMERA)
+        client.receive_until(lambda message: "Give up" in str(message.get("props", {}).get("label")))
+        client.receive_until(lambda message: "begin(" in str(message))
+        num_sent = 0
+        for message in hostile_messages(uuids_of(client), seat_of(client)):
+            try:
+                packed = pack(message)
+            except UnicodeEncodeError:
+                continue
+            passed = browser_message(packed)
+            if passed is not None:
+                line.send(viser_bytes(passed))
+                num_sent += 1
+        assert num_sent > 50
+        stage.link.wait_for("open")
+        client.give_up()
+        stage.link.wait_for_outcome()
 
 
 def hostile_requests(address: str) -> Iterator[bytes]:

@@ -15,9 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import viser
-from websockets.sync.client import connect
-from websockets.typing import Subprotocol
 
 from human_study.design.plan import PRACTICE_FOLDER, StudyScene
 from human_study.design.study import (
@@ -48,7 +45,7 @@ from sim.types import Action
 from ..human_study.small_world import study
 from .invented import invented_dataset
 from .stage import staged
-from .wire import WireClient, numbers_of, texts_of
+from .wire import WireClient, line_to, numbers_of, texts_of
 
 pytestmark = pytest.mark.slow
 CANARY = "canary"
@@ -150,15 +147,13 @@ def test_no_look_map_or_trial_names_home_or_object(
     chosen: dict[str, Any] = (
         {"memory": {"arms": [condition]}} if task == "pan" else {"pog": {"conditions": [condition]}}
     )
-    with staged(home, task, condition, **chosen) as stage:
-        protocol = Subprotocol(f"viser-v{viser.__version__}")
-        with connect(f"ws{stage.url[4:]}", subprotocols=[protocol], max_size=None, proxy=None) as line:
-            client = WireClient(line)
-            client.send(CAMERA)
-            if leave_look is not None:
-                client.press(leave_look)
-            client.give_up()
-            client.receive_until(lambda message: "The trial is over" in str(message), timeout=60)
+    with staged(home, task, condition, **chosen) as stage, line_to(stage.url) as line:
+        client = WireClient(line)
+        client.send(CAMERA)
+        if leave_look is not None:
+            client.press(leave_look)
+        client.give_up()
+        client.receive_until(lambda message: "The trial is over" in str(message), timeout=60)
     assert_no_answer(client.messages, client.buffers, marked_dataset)
     kinds = {message["type"] for message in client.messages}
     has_geometry = any("Glb" in kind or "Mesh" in kind for kind in kinds)

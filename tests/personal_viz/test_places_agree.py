@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import socket
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -22,10 +21,12 @@ from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
 from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.operator.dashboard import Dashboard
 from personal_viz.study_app.operator.progress_view import place_words
-from personal_viz.study_app.store_link import StoreLink, StoreService
+from personal_viz.study_app.store_link import StoreLink
 from sim.types import EpisodeKey
 from tests.human_study.small_world import study
 from tests.human_study.stores import HOUSE_ONCE, begin_next, do_next, open_planned, plan_homes
+
+from .stage import store_line
 
 CODE, ORIGIN, PORT, GAP_S, LEASE_S = "p01", "http://127.0.0.1:4321", 4321, 3600.0, 900.0
 FLOWS: tuple[tuple[FlowStep, ...], ...] = (("device", "consent", "instructions", "quiz"), ("instructions",), ())
@@ -49,17 +50,9 @@ def started(folder: Path, flow: Sequence[FlowStep]) -> Iterator[tuple[StudyStore
         breaks={"every": 1, "sitting_max": 2, "sitting_gap_s": GAP_S},
     )
     practice = Practice((StudyScene(name="P", kind="invented"),), (EpisodeKey("easy", "P", "0"),), ())
-    ours, theirs = socket.socketpair()
-    with open_planned(folder, config, plan_homes(config, practice=practice)) as store:
-        service = StoreService(
-            ours,
-            store,
-            code_of_ticket=lambda _: None,
-            client_profile=lambda _: None,
-            on_end=lambda: None,
-        )
-        yield store, StoreLink(theirs)
-        service.close()
+    drawn = plan_homes(config, practice=practice)
+    with open_planned(folder, config, drawn) as store, store_line(store) as link:
+        yield store, link
 
 
 def act(store: StudyStore, name: str, journey: Journey) -> None:

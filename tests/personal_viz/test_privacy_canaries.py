@@ -10,8 +10,6 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-import viser
-from websockets.sync.client import connect
 
 from human_study.design.study import StudyPractice, StudyPrivacy, StudyRecruit
 from human_study.export.study_export import export_study
@@ -22,7 +20,7 @@ from personal_viz.study_app.recruit_codes import CODES_FILE
 
 from .flow_studies import plan_small
 from .tls_proxy import tls_proxy
-from .wire import CAMERA, WireClient
+from .wire import CAMERA, WireClient, line_to
 
 pytestmark = pytest.mark.slow
 AGENT, ADDRESS, PLATFORM_ID = "CanaryBrowser/99.5", "203.0.113.77", "5f9canaryplatformid77"
@@ -51,14 +49,10 @@ def visit(address: str) -> None:
     visitor = {"PROLIFIC_PID": PLATFORM_ID, "STUDY_ID": "canarystudy", "SESSION_ID": "canarysession"}
     joined, _ = post(address, "/join", visitor)
     entered, cookie = post(address, "/enter", {"token": joined["token"]})
-    with connect(
-        entered["view"].split("websocket=")[1],
-        subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
-        additional_headers={**TELLING, "Cookie": cookie, "Origin": address},
-        user_agent_header=None,
-        max_size=None,
-    ) as connection:
-        client = WireClient(connection)  # type: ignore[arg-type]
+    headers = {**TELLING, "Cookie": cookie, "Origin": address}
+    url = entered["view"].split("websocket=")[1]
+    with line_to(url, additional_headers=headers, user_agent_header=None) as connection:
+        client = WireClient(connection)
         client.send(CAMERA)
         client.receive_until(lambda message: "Step 0 of" in str(message) or "button" in str(message).lower())
 

@@ -2,7 +2,6 @@
 
 import contextlib
 import random
-import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -11,8 +10,6 @@ from pathlib import Path
 
 import pytest
 import viser
-from websockets.sync.client import ClientConnection, connect
-from websockets.typing import Subprotocol
 
 from human_study.store.records import StoredTrial
 from human_study.store.store import StudyStore, SupersededError
@@ -20,13 +17,13 @@ from personal_viz.study_app.gateway.filter import CAMERA
 from personal_viz.study_app.home.homes import Home, HomeLibrary
 from personal_viz.study_app.screens.seat import Study
 from personal_viz.study_app.server import serve
-from personal_viz.study_app.store_link import StoreLink, StoreService
 from personal_viz.study_app.worker_door import SECRET_HEADER, WorkerDoor
 from tests.human_study.stores import filled, trials_of
 
 from .fake_play import meshless_home
 from .gateways import wait_until
-from .wire import WireClient
+from .stage import store_line
+from .wire import WireClient, line_to
 
 CODE = "p02"
 """The participant who walks."""
@@ -68,7 +65,8 @@ class Worker:
     @contextlib.contextmanager
     def connected_as(self, number: int) -> Iterator[WireClient]:
         """A connection with this number."""
-        with _open(self.door, f"connection={number}&ticket={CODE}") as connection:
+        url, secret = f"ws://127.0.0.1:{self.door.port}/?connection={number}&ticket={CODE}", self.door.secret
+        with line_to(url, additional_headers={SECRET_HEADER: secret}, close_timeout=0.1) as connection:
             client = WireClient(connection)
             client.send(CAMERA)
             yield client
@@ -87,32 +85,13 @@ def opened(folder: Path) -> Iterator[StudyStore]:
         yield store
 
 
-def _open(door: WorkerDoor, query: str) -> ClientConnection:
-    return connect(
-        f"ws://127.0.0.1:{door.port}/?{query}",
-        subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-        additional_headers={SECRET_HEADER: door.secret},
-        max_size=None,
-        proxy=None,
-        close_timeout=0.1,
-    )
-
-
 @pytest.fixture
 def worker(tmp_path: Path) -> Iterator[Worker]:
     """Serves a study in the square room; whoever comes is the participant that the ticket names."""
     homes = SlowHomes()
-    ours, theirs = socket.socketpair()
-    with opened(tmp_path) as store:
-        service = StoreService(
-            ours,
-            store,
-            code_of_ticket=lambda ticket: ticket,
-            client_profile=lambda _: None,
-            on_end=lambda: None,
-        )
+    with opened(tmp_path) as store, store_line(store, code_of_ticket=lambda ticket: ticket) as link:
         library = HomeLibrary(homes.open, kept=0)
-        server, door = serve(Study(store.config, store.plan, library, time.monotonic()), StoreLink(theirs))
+        server, door = serve(Study(store.config, store.plan, library, time.monotonic()), link)
         try:
             yield Worker(store, homes, server, door)
         finally:
@@ -120,7 +99,6 @@ def worker(tmp_path: Path) -> Iterator[Worker]:
             server.stop()
             for seat in seats():
                 seat.join(30)
-            service.close()
             library.close()
 
 

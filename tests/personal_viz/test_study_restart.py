@@ -4,19 +4,15 @@ import json
 import os
 import re
 import signal
-import time
 from pathlib import Path
 
 import psutil
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from human_study.store.progress import PersonProgress, study_progress
-from human_study.store.records import read_study
-from human_study.trial.events import Act
 from personal_viz.study_app.operator.served import free_port
 
-from .flow_steps import HOLD_MS, see_step, start
+from .flow_steps import acts, progress, see_step, start, take_step
 from .flow_studies import PlannedStudy, children, served
 from .gateways import wait_until
 
@@ -32,27 +28,6 @@ def dashboard(program: PlannedStudy) -> str:
     return link.group(1)
 
 
-def walker(folder: Path) -> PersonProgress:
-    """How far the participant is who walks, as `study status` reads it."""
-    with read_study(folder) as reader:
-        people = study_progress(reader, now_ns=time.time_ns()).people
-    return next(person for person in people if person.code == CODE)
-
-
-def acts(folder: Path) -> list[Act]:
-    """Steps of the walk that are stored; the chains are whole."""
-    with read_study(folder) as reader:
-        reader.check()
-        trial = reader.trials(CODE)[0]
-        return [line.event for line in reader.events(trial.trial_id or "") if isinstance(line.event, Act)]
-
-
-def step(page: Page, key: str, number: int) -> None:
-    """Presses a key, which is this step."""
-    page.keyboard.press(key, delay=HOLD_MS)
-    see_step(page, number)
-
-
 def test_an_open_page_goes_on_after_the_program_was_killed_and_after_it_was_ended(
     quick_folder: Path, browser: BrowserContext
 ) -> None:
@@ -61,8 +36,8 @@ def test_an_open_page_goes_on_after_the_program_was_killed_and_after_it_was_ende
     with served(folder, folder.parent / "dataset", port=port) as first:
         start(page, first.links[CODE])
         see_step(page, 0)
-        step(page, "a", 1)
-        step(page, "w", 2)
+        take_step(page, 1)
+        take_step(page, 2, "w")
         watch.goto(dashboard(first))
         expect(row).to_contain_text("open")
         expect(row).to_contain_text("trial 1 of")
@@ -71,8 +46,8 @@ def test_an_open_page_goes_on_after_the_program_was_killed_and_after_it_was_ende
         first.process.wait(timeout=30)
     assert len(workers) == 1
     wait_until(lambda: not any(psutil.pid_exists(worker) for worker in workers))
-    assert len(acts(folder)) == 2
-    before = walker(folder)
+    assert len(acts(folder, CODE)) == 2
+    before = progress(folder, CODE)
     assert (before.is_in_trial, before.num_reconnects) == (True, 0)
     expect(watch.get_by_text("The study does not answer")).to_be_visible()
 
@@ -81,18 +56,18 @@ def test_an_open_page_goes_on_after_the_program_was_killed_and_after_it_was_ende
         require_new_link(watch, dashboard(second), dashboard(first).partition("#")[2])
         expect(row).to_contain_text("trial 1 of")
         page.bring_to_front()
-        wait_until(lambda: walker(folder).num_reconnects)  # the page comes back by itself
+        wait_until(lambda: progress(folder, CODE).num_reconnects)  # the page comes back by itself
         expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", "2", timeout=60_000)
-        after = walker(folder)
+        after = progress(folder, CODE)
         assert (after.place, after.num_abandoned, after.num_technical) == ("trial", 0, 0)
-        step(page, "d", 3)
+        take_step(page, 3, "d")
 
     with served(folder, folder.parent / "dataset", port=port):
-        reconnects = walker(folder).num_reconnects
-        wait_until(lambda: walker(folder).num_reconnects > reconnects)
+        reconnects = progress(folder, CODE).num_reconnects
+        wait_until(lambda: progress(folder, CODE).num_reconnects > reconnects)
         see_step(page, 3)
-        step(page, "a", 4)
-    stored = acts(folder)
+        take_step(page, 4)
+    stored = acts(folder, CODE)
     assert [act.action.value for act in stored] == ["left", "forward", "right", "left"]
     assert stored[2].position == stored[1].position, "it stands where it stood when the program was killed"
     require_secrets_of_the_owner_only(folder)

@@ -9,14 +9,13 @@ import viser
 from viser import _messages
 from viser.infra._async_message_buffer import AsyncMessageBuffer
 from websockets.exceptions import InvalidStatus
-from websockets.sync.client import connect
-from websockets.typing import Subprotocol
 
 from personal_viz.study_app.gateway.filter import CAMERA
 from personal_viz.study_app.server import address_of
 from personal_viz.study_app.worker_door import SECRET_HEADER, open_door, wake_on_loop_only
 
 from .gateways import pack, raw
+from .wire import line_to
 
 PUSHES = 300
 
@@ -34,12 +33,8 @@ def test_a_worker_knows_ticket_and_number_of_a_connection_and_opens_no_tunnel() 
     try:
         assert _messages.GuiUpdateMessage in server._websock_server._incoming_handlers
         assert not server._websock_server._incoming_handlers.get(_messages.ShareUrlRequest)
-        with connect(
-            f"ws://127.0.0.1:{server.get_port()}/?connection=7&ticket=abc-123",
-            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
-            additional_headers={SECRET_HEADER: door.secret},
-            proxy=None,
-        ) as connection:
+        url = f"ws://127.0.0.1:{server.get_port()}/?connection=7&ticket=abc-123"
+        with line_to(url, additional_headers={SECRET_HEADER: door.secret}) as connection:
             connection.send(pack({"type": "ShareUrlRequest"}))
             connection.send(pack(CAMERA))
             assert arrived.wait(30)
@@ -53,12 +48,11 @@ def test_a_worker_lets_nobody_in_without_the_gateways_secret(capfd: pytest.Captu
     (server, door), (other, others_door) = open_door(), open_door()
     arrived: list[int] = []
     server.on_client_connect(lambda client: arrived.append(client.client_id))
-    protocol = [Subprotocol(f"viser-v{viser.__version__}")]
     try:
         assert len({door.secret, others_door.secret}) == 2
         for headers in ({}, {SECRET_HEADER: ""}, {SECRET_HEADER: others_door.secret}, {SECRET_HEADER: "\xe9" * 43}):
             with pytest.raises(InvalidStatus) as refused:
-                connect(f"ws://127.0.0.1:{door.port}/", subprotocols=protocol, additional_headers=headers, proxy=None)
+                line_to(f"ws://127.0.0.1:{door.port}/", additional_headers=headers)
             assert refused.value.response.status_code == 403
         head = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{door.port}\r\nConnection: close\r\n"
         twice = f"{SECRET_HEADER}: {door.secret}\r\n" * 2

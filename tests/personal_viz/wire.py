@@ -6,13 +6,14 @@ from contextlib import contextmanager
 from typing import Any
 
 import msgspec
-import viser
 import zstandard
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
 
 from personal_viz.bots.forms import answer_pages, open_session
 from personal_viz.study_app.gateway.filter import CAMERA
+from personal_viz.study_app.page_script import SUBPROTOCOL
 
 
 class WireClient:
@@ -84,16 +85,17 @@ def _connected(url: str, headers: dict[str, str], patience_s: float) -> ClientCo
     until_s = time.monotonic() + patience_s
     while True:
         try:
-            return connect(
-                url,
-                subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
-                additional_headers=headers,
-                max_size=None,
-            )
+            return line_to(url, additional_headers=headers)
         except InvalidStatus:
             if time.monotonic() > until_s:
                 raise
             time.sleep(1)  # between two tries, as viser's client does
+
+
+def line_to(url: str, **choices: Any) -> ClientConnection:
+    """A connection to viser as its client makes it; `choices` are those of `connect`."""
+    address = url.replace("http", "ws", 1)
+    return connect(address, subprotocols=[Subprotocol(SUBPROTOCOL)], max_size=None, proxy=None, **choices)
 
 
 def texts_of(value: Any) -> Iterator[str]:
