@@ -82,9 +82,6 @@ def wald(printed: str, term: str) -> tuple[float, float]:
 def of_report(groups: list[TrialGroup]) -> tuple[float, float, float]:
     """(value, low, high) of the effect on success in percent points, over all splits."""
     (row,) = [row for row in memory_effects(groups) if (row.measure, row.split) == ("sr", "all")]
-    assert row.effect.value is not None
-    assert row.effect.low is not None
-    assert row.effect.high is not None
     return row.effect.value, row.effect.low, row.effect.high
 
 

@@ -68,8 +68,6 @@ def test_a_path_has_the_length_that_was_walked() -> None:
     drawn = overlay_svg([AGENT], KEY, "pan")
     points = re.search(r'points="([^"]+)"', drawn)
     scale = re.search(r'd="M10 \d+ h([\d.]+)"', drawn)
-    assert points is not None
-    assert scale is not None
     places = [tuple(float(x) for x in point.split(",")) for point in points[1].split()]
     assert len(places) == 9
     assert places[-1][1] - places[0][1] == pytest.approx(2 * float(scale[1]), abs=0.3)
@@ -83,7 +81,6 @@ def test_the_floor_lies_under_the_paths_where_it_is() -> None:
     storey = StoreyMap(0, 0.0, free, GridSpec((-1.0, -0.5), 0.5, (4, 6)))
     drawn = overlay_svg([PEOPLE], KEY, "pan", storey=storey, targets=[(0.0, 1.0)])
     cells = re.search(r'<path d="([^"]+)" fill="#ffffff"/>', drawn)
-    assert cells is not None
     assert cells[1].count("M") == 3  # one run of cells in the first row, two in the second
     assert drawn.count('stroke-dasharray="5 4"') == 1
     assert drawn.index("#ffffff") < drawn.index("<polyline")
@@ -106,7 +103,6 @@ def test_marks_are_drawn_where_people_pointed() -> None:
     assert "<polyline" not in drawn
     centres = [x for x, _ in ends(drawn)]
     scale = re.search(r'd="M10 \d+ h([\d.]+)"', drawn)
-    assert scale is not None
     assert max(centres) - min(centres) == pytest.approx(2 * float(scale[1]), abs=0.2)
     assert floors_needed([group], [KEY]) == {KEY: 0.4}
 
@@ -139,7 +135,6 @@ def test_the_drawing_of_a_large_home_has_a_longer_scale_and_of_a_narrow_one_room
     far = walked(KEY, "p01", hit=True, path=120)
     assert ">5 m</text>" in overlay_svg([replace(PEOPLE, trials=trial_frame([far]))], KEY, "pan")
     width = re.search(r'<svg [^>]*width="(\d+)"', overlay_svg([AGENT], KEY, "pan"))
-    assert width is not None
     assert int(width[1]) >= 460
 
 

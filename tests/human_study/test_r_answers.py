@@ -70,7 +70,6 @@ def test_mcnemars_p_is_that_of_binom_test(first: int, second: int) -> None:
 def test_where_all_succeed_the_interval_is_clopper_and_pearsons_of_the_people() -> None:
     alike = trials_of([1.0] * 10, [f"p{k // 2}" for k in range(10)], [f"e{k}" for k in range(10)])
     found = rate_interval(alike)
-    assert found is not None
     assert R["all_alike_5"] == close(found.low, found.high)
 
 
@@ -81,7 +80,6 @@ def test_the_two_way_variance_and_interval_are_those_of_sandwich(name: str) -> N
     assert R[f"{name}_variance"] == close(variance)
     assert R[f"{name}_df"] == close(df)
     interval = mean_interval(found) if name == "spl" else rate_interval(found)
-    assert interval is not None
     assert R[name] == close(interval.low, interval.high)
 
 

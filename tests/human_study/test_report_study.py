@@ -106,7 +106,6 @@ def test_technical_failures_can_count_as_failures(found: StudyReport, rows: list
         row for row in rows if (row.participant, row.order_no, row.attempt) == (failed.participant, failed.order_no, 2)
     ]
     assert worst.n == main.n  # the failure stands in place of the second attempt
-    assert main.k is not None
     assert worst.k == main.k - bool(again.success)
     late = ways["without each person's first 10 trials"]
     assert late.n == sum(row.condition == failed.condition and row.order_no in (11, 12) for row in rows)
@@ -128,8 +127,6 @@ def test_trials_that_nobody_ended_are_left_out_and_count_as_abandoned(rows: list
     ]
     assert ways[0] == ways[1]
     main = next(row for row in found.sensitivity if (row.who, row.condition) == ("human", condition))
-    assert ways[0].value is not None
-    assert main.value is not None
     assert ways[0].value < main.value
 
 
@@ -163,7 +160,6 @@ def test_without_records_a_trial_that_was_given_up_has_no_time_of_its_end(rows: 
 def test_pages_in_the_background_are_a_line_and_leave_nothing_out(rows: list[TrialRow], found: StudyReport) -> None:
     flagged = made([row.model_copy(update={"is_long_hidden": row.order_no == 5}) for row in rows])
     people = {row.participant for row in rows}
-    assert flagged.hidden is not None
     done = [row for row in rows if row.end_reason == "stop" and row.phase == "main"]
     hidden = flagged.hidden
     assert (hidden.limit_s, hidden.num_trials, hidden.num_people) == (60.0, len(done), len(people))
@@ -182,8 +178,6 @@ def test_the_memory_effect_is_found_within_people_and_is_primary(found: StudyRep
     human, memory = found.hypotheses
     assert memory.value == effect.effect.value
     assert human.value == pytest.approx(value(found, "human - walker", "none").value)
-    assert memory.p is not None
-    assert human.p is not None
     smaller, larger = sorted((human.p, memory.p))
     assert sorted(row.p_holm or 0 for row in (human, memory)) == pytest.approx(
         [min(1, 2 * smaller), max(2 * smaller, larger)]
@@ -306,7 +300,6 @@ def test_an_export_folder_is_read_whole_and_twice_is_refused(tmp_path: Path, row
     write_export(export, rows, CONFIG)
     write_runs(agents, AGENTS)
     source = read_source([export, agents])
-    assert source.records is not None
     assert source.records.rows == tuple(rows)
     assert len(source.runs) == 14
     with pytest.raises(StudyError, match="expected one, because a trial counts once"):

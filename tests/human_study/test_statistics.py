@@ -50,8 +50,6 @@ def test_names_and_order_do_not_matter() -> None:
     other = rate(
         trials_of([values[k] for k in order], [f"x{people[k]}" for k in order], [f"x{episodes[k]}" for k in order])
     )
-    assert other.interval is not None
-    assert first.interval is not None
     assert (other.value, other.n) == (first.value, first.n)
     assert (other.interval.low, other.interval.high) == pytest.approx((first.interval.low, first.interval.high))
     assert other.bootstrap == first.bootstrap  # drawn by place, and places are by name
@@ -69,19 +67,16 @@ def test_each_once_is_wilsons_interval() -> None:
 def test_where_all_succeed_people_are_counted_not_trials() -> None:
     all_right = trials_of([1] * 250, [f"p{k // 50}" for k in range(250)], [f"e{k % 50}" for k in range(250)])
     found = rate(all_right)
-    assert found.interval is not None
     assert (found.interval.low, found.interval.high) == pytest.approx((0.025 ** (1 / 5), 1))
     assert "counted as 5" in found.interval.method
     nothing = rate(
         Trials(1 - all_right.values, *(all_right.participant_index, all_right.episode_index), all_right.stratum_index)
     )
-    assert nothing.interval is not None
     assert (nothing.interval.low, nothing.interval.high) == pytest.approx((0, 1 - 0.025 ** (1 / 5)))
 
 
 def test_averaged_runs_stay_within_zero_and_one() -> None:
     found = rate(trials_of([0.0, 1 / 3, 0.0, 0.0], ["agent"] * 4, ["e1", "e2", "e3", "e4"]))
-    assert found.interval is not None
     assert 0 < found.interval.low < found.value < found.interval.high < 1
 
 
@@ -100,11 +95,9 @@ def test_trials_that_are_all_alike_have_no_interval_of_a_mean() -> None:
 def test_the_bootstrap_draws_people_and_episodes() -> None:
     by_person = trials_of([1.0] * 20 + [0.0] * 20, ["a"] * 20 + ["b"] * 20, [f"e{k % 20}" for k in range(40)])
     found = pigeonhole_interval(by_person, seed=1, num_resamples=2000)
-    assert found is not None
     assert (found.low, found.high) == (0, 1)  # a quarter of all resamples holds only one of the two people
     assert pigeonhole_interval(by_person, seed=1, num_resamples=2000) == found
     same = pigeonhole_interval(trials_of([2.0] * 6, list("aabbcc"), list("xyxyxy")))
-    assert same is not None
     assert (same.low, same.high) == (2, 2)
 
 
@@ -127,6 +120,5 @@ def test_intervals_cover_as_often_as_they_say(people: int, each: int, spread: fl
         ease = rng.normal(size=50) * episode_spread
         hits = rng.random(len(who)) < 1 / (1 + np.exp(-(centre + skill[who] + ease[where])))
         interval = rate_interval(Trials(hits.astype(float), who, where, np.zeros_like(who)))
-        assert interval is not None
         covered += interval.low <= 0.65 <= interval.high
     assert 0.90 <= covered / 400 <= 0.99

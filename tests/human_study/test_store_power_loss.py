@@ -186,7 +186,6 @@ def test_who_was_cut_off_between_commit_and_reply_finds_the_same_outcome_once(tm
             assert store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason)) == STOP  # type: ignore[arg-type]
         assert trials_of(store, "p02")[0].outcome == STOP
         due = store.next_trial("p02")
-        assert due is not None
         assert due.order_no == 2
         assert checked(store) >= 1
 

@@ -76,7 +76,6 @@ def stops_at(of: Episode, x: float, rule: SuccessRule) -> bool:
     measures = score_run(
         of, poses, stopped=True, navigation=SquareRoom(), collisions=0, scene_digest=SCENE_DIGEST
     ).rules[rule]
-    assert measures is not None
     return measures.success
 
 
@@ -176,7 +175,6 @@ def test_only_the_rule_that_scores_a_run_without_stop_says_that_stop_is_not_need
     for rule in SUCCESS_RULES:
         config = config_of(task=("pan",), success=rule)
         figures = measures.rules[rule]
-        assert figures is not None
         pages = " ".join("".join(instruction_texts(config, "pan", ("none",))).split())
         quiz = " ".join(question.because for question in questions_for(config, "pan", ("none",)))
         assert ("Only STOP gives an answer" in pages) == (not figures.success)
@@ -216,7 +214,6 @@ def test_keys_and_limits_of_a_trial_are_those_of_the_study_file(keys: str) -> No
     assert "at most 45 seconds" in pog
     assert "75 seconds after the text appears" in pog
     look, task_max_s = terms_of(config, "topdown").look, terms_of(config, "map_first").task_max_s
-    assert look is not None
     assert (look.min_s, look.max_s, task_max_s) == (10.0, 90.0, 75.0)
 
 

@@ -49,7 +49,6 @@ def test_a_changed_start_is_drift_at_step_0() -> None:
 
 def test_an_outcome_that_the_events_do_not_give_fails() -> None:
     events, run = success()
-    assert run.end.measures is not None
     wrong = EpisodeEnd(reason="stop", measures=run.end.measures.model_copy(update={"path_m": 9.0}))
     found = verify(events, wrong)
     assert found.status == "failed"

@@ -28,7 +28,6 @@ def main() -> None:
         return
 
     def answer(connection: ServerConnection) -> None:
-        assert connection.request is not None
         code = link.code_of_ticket(connection.request.path.rpartition("=")[2])
         for _ in connection:
             connection.send(f"{code} {os.getpid()}")

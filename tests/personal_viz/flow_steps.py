@@ -129,7 +129,6 @@ def point_somewhere(page: Page) -> None:
     expect(page.get_by_text("Click the middle of the object")).to_be_visible()
     marked = page.get_by_text("Click again to move your mark")
     box = page.locator("canvas").last.bounding_box()
-    assert box is not None
     for attempt in range(60):
         page.mouse.click(box["x"] + box["width"] * (0.4 + 0.01 * (attempt % 10)), box["y"] + box["height"] * 0.45)
         page.wait_for_timeout(500)

@@ -163,7 +163,6 @@ class EchoViser:
             await self._stop.wait()
 
     async def _answer(self, connection: ServerConnection) -> None:
-        assert connection.request is not None
         mine = self.received.setdefault(connection.request.path.rpartition("=")[2], [])
         with self._changed:
             self.open += 1

@@ -35,7 +35,6 @@ def test_tickets_go_on_after_a_restart_and_no_secret_is_on_disk(tmp_path: Path) 
     assert (tmp_path / SESSIONS_FILE).stat().st_mode & 0o777 == 0o600
     again = Tickets(tmp_path)
     found = again.find(ticket_id)
-    assert found is not None
     assert found.admits(session_id)
     assert again.code_of(ticket_id) == "p01"
     assert again.client_profile("p01") == {"webgl2": True, "width": 1300, "height": 800, "dpr": 1.0, "touch": False}
@@ -123,7 +122,6 @@ def test_codes_of_the_platform_are_read_and_checked(tmp_path: Path) -> None:
     path = tmp_path / "secrets.toml"
     path.write_text('[prolific]\ncompletion = "C1ABCD"\nscreen_out = "FULL-1"\n')
     codes = load_recruit_codes(tmp_path).prolific
-    assert codes is not None
     assert (codes.completion, codes.screen_out, codes.no_consent) == ("C1ABCD", "FULL-1", None)
     path.write_text('[prolific]\ncompletion = "<script>"\n')
     with pytest.raises(StudyError, match=r"secrets\.toml: prolific\.completion"):

@@ -94,7 +94,6 @@ def test_connections_of_workers_are_counted() -> None:
         )
         try:
             connection, _ = server.accept()
-            assert worker.stdout is not None
             worker.stdout.readline()
             held = held_by(os.getpid())
             assert held["processes"] >= 2

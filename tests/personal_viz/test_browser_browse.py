@@ -178,7 +178,6 @@ def test_hovering_and_clicking_a_node_shows_its_object_and_a_box_its_node(
     expect(page.get_by_role("heading", name=episode.record.query[0])).to_be_visible()
     expect(page.locator(".og .node.on")).to_have_count(0)
     found = page.locator("canvas").last.bounding_box()
-    assert found is not None
     box = {side: float(found[side]) for side in ("x", "y", "width", "height")}
 
     def click_on_the_target() -> bool:

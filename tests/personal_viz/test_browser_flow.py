@@ -118,7 +118,6 @@ def test_a_whole_pan_participant_from_link_to_code_by_keyboard_alone(
     practice, outcome = events(full_study, who, stored[0].order_no), stored[0].outcome
     assert [event.action for event in practice if isinstance(event, Act)] == [*walked, Action.STOP]
     assert isinstance(outcome, EpisodeEnd)
-    assert outcome.measures is not None
     assert outcome.measures.rules["paper"].success
     home = open_any_home(
         plan.scene(stored[0].key.scene),

@@ -36,7 +36,6 @@ def after(trials: list[AssignedTrial], *, feedback: str = "") -> Card | None:
 def test_a_trial_is_said_to_be_saved_when_the_store_has_its_outcome(is_new_page: bool) -> None:
     trials = [stored(1, phase="practice", is_over=True), stored(2, is_over=True), stored(3)]
     card = welcome_back_card(CONFIG, person(trials)) if is_new_page else after(trials)
-    assert card is not None
     assert (card.title, card.choices[0].label) == ("Saved", "Next search")
     assert "Search 1 of 2 is stored." in card.body
     assert "1 of 2 searches done" in card.body
@@ -49,7 +48,6 @@ def test_a_trial_is_said_to_be_saved_when_the_store_has_its_outcome(is_new_page:
 )
 def test_a_trial_without_an_outcome_in_the_store_is_not_said_to_be_saved(trials: list[AssignedTrial]) -> None:
     card = after(trials)
-    assert card is not None
     assert card.title == "Interrupted"
     assert "does not count" in card.body
     assert f"1 of {len(trials)} searches done" in card.body
@@ -57,7 +55,6 @@ def test_a_trial_without_an_outcome_in_the_store_is_not_said_to_be_saved(trials:
 
 def test_practice_has_its_feedback_on_the_page_that_played_it() -> None:
     card = after([stored(2, phase="practice", is_over=True), stored(3)], feedback="It was only practice.")
-    assert card is not None
     assert "Practice 1 of 1 is stored." in card.body
     assert "It was only practice." in card.body
 

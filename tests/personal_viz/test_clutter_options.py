@@ -44,7 +44,6 @@ def test_run_files_name_the_level_and_tables_keep_levels_apart(dataset: Path, fo
     rows = metric_rows(runs)
     assert {(row.condition, row.n) for row in rows if row.split == "easy"} == {("none", 1), ("clutter 1", 1)}
     (end,) = (episode.end.measures for episode in runs[1].episodes)
-    assert end is not None
     assert end.scene_digest == open_scene(PersonalDataset(dataset), "Demo", clutter=1).digest
 
 

@@ -46,7 +46,6 @@ def explore(home: Scene, steps: int) -> tuple[list[Action], list[Insight]]:
 
 
 def known(insight: Insight) -> float:
-    assert insight.occupancy is not None
     return float((insight.occupancy == FREE).sum()) * GRID.cell**2
 
 
@@ -98,7 +97,6 @@ def test_the_explaining_agent_looks_around_then_walks_to_frontiers(home: Scene) 
     assert insights[20].goal is not None
     assert known(insights[0]) < known(insights[11]) < known(insights[-1])
     last = insights[-1].occupancy
-    assert last is not None
     assert (last == OCCUPIED).any()
 
 

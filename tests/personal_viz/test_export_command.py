@@ -108,12 +108,8 @@ def test_free_motion_is_scored_in_a_row_of_its_own(home: Path, tmp_path: Path) -
     assert not (tmp_path / "free").exists()
     found = imported(home, path, **options, motion="free", max_move=0.07, max_turn_deg=8.0)
     measures, wanted = found.episodes[0].end.measures, run.end.measures
-    assert measures is not None
-    assert wanted is not None
     assert measures.path_m == pytest.approx(wanted.path_m)
     rule, wanted_rule = measures.rules["paper"], wanted.rules["paper"]
-    assert rule is not None
-    assert wanted_rule is not None
     assert (rule.success, rule.dtg) == (True, 0.0)
     assert rule.spl == pytest.approx(wanted_rule.spl)
     assert measures.collisions == 0

@@ -39,7 +39,6 @@ def test_a_known_token_becomes_a_session_and_a_view(tmp_path: Path) -> None:
     at = site(tmp_path)
     reply = at.client.post("/enter", json={"token": "good", "device": DEVICE}, headers=ORIGIN)
     ticket = at.tickets.find(ticket_in(reply))
-    assert ticket is not None
     assert ticket.code == "p01"
     assert ticket.admits(reply.cookies.get(SESSION_COOKIE, path=f"/ws/{ticket_in(reply)}"))
     assert not ticket.admits("")

@@ -146,7 +146,6 @@ def test_rule_habitat_of_the_tables_gives_the_same_where_both_are_defined(action
         episode(target), env.poses, stopped=stops, navigation=world, collisions=sum(collided), scene_digest=""
     )
     rule = run.rules["habitat"]
-    assert rule is not None
     assert (rule.success, run.num_steps, run.collisions) == (exact.success == 1, exact.num_steps, exact.collisions)
     tiny = sum(0 < math.dist(a, b) < 2e-4 for a, b in pairwise(positions))  # such moves habitat-lab does not see
     assert (rule.spl, rule.soft_spl, rule.dtg) == pytest.approx(

@@ -106,7 +106,6 @@ def test_a_place_on_the_picture_is_one_place_in_the_world_and_back(u: float, v: 
     assert point == pytest.approx((-4.0 + 0.02 * u, 3.0, -3.0 + 0.02 * v), abs=1e-9)
     stored = event_from_json(event_to_json(Clicked(ray=RAY, hit=point, pixel=pixel)))
     assert isinstance(stored, Clicked)
-    assert stored.pixel is not None
     assert stored.pixel.point(3.0) == stored.hit == point
 
 

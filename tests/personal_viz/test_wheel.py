@@ -68,8 +68,6 @@ def test_the_demo_runs_from_the_wheel_in_an_empty_folder(wheel: Path, tmp_path: 
     found = subprocess.check_output([programs / "python", "-c", where], cwd=folder, text=True)
     assert found.count(str(site)) == 2
     spec = importlib.util.spec_from_file_location("run_demo", ROOT / ".ci" / "run_demo.py")
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}

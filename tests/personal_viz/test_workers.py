@@ -162,7 +162,6 @@ def test_a_killed_worker_is_started_again_and_the_same_ticket_leads_to_it(tmp_pa
             os.kill(pid, signal.SIGKILL)
             with pytest.raises(ConnectionClosed) as ended:
                 before.recv(timeout=PATIENCE_S)
-            assert ended.value.rcvd is not None
             assert ended.value.rcvd.code == 1012
         wait_until(lambda: pool.workers[0].door is not None and len(pids(tmp_path)) == 2)
         with connect(url, additional_headers=headers, proxy=None) as after:
@@ -207,7 +206,6 @@ def test_a_worker_that_hangs_is_killed_and_its_participant_goes_on_with_another(
             os.kill(pid, signal.SIGSTOP)
             with pytest.raises(ConnectionClosed) as ended:
                 before.recv(timeout=PATIENCE_S)
-            assert ended.value.rcvd is not None
             assert ended.value.rcvd.code == 1012
         wait_until(lambda: pool.workers[0].door is not None and len(pids(tmp_path)) >= 2)
         with connect(url, additional_headers=headers, proxy=None) as after:
