@@ -1,7 +1,9 @@
 """Compares one house of a golden folder with our navigation, depth and measures, row by row; agreement.py counts."""
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,7 @@ from sim.walk.floor_grid import floor_grid_from_mesh
 from sim.walk.navigation_map import NavigationMap
 from sim.walk.navmesh import NavMesh, load_navmesh
 
-from .golden import EpisodeRow, Episodes, Geodesic, House, NavmeshInfo, Pair, Poses, Snap, StepEnd, StepRow, Steps
+from .golden import EpisodeRow, Episodes, Geodesic, House, NavmeshInfo, Pair, Poses, Snap, StepRow, Steps
 from .measures import HabitatMeasures, distances_to_goal, habitat_measures
 
 CLOSE = 1e-4
@@ -36,6 +38,8 @@ BOUNDS_TOLERANCE = 0.5
 FLOATS = ("distance_to_goal", "spl", "soft_spl")
 """Measures that are compared as numbers."""
 
+Rows = Iterator[tuple[str, float]]
+"""Results one by one: the name of a figure, and whether a row agrees or what its error is."""
 Samples = dict[str, NDArray]
 """Results of each row, by name of a figure: booleans (agrees or not) or errors; `depth_*` are counts per bin."""
 
@@ -67,17 +71,21 @@ def samples_of(house: House) -> tuple[Samples, list[str]]:
     }
     missing += [f"{house.name}.{name}" for name, part in parts.items() if part is None]
     _require_known_navmeshes(house, geodesic, (steps, snap, episodes))
-    found: Samples = {}
+    rows: list[Rows] = []
     if geodesic:
-        found |= _geodesic(geodesic, maps)
+        rows.append(_geodesic(geodesic, maps))
     if steps and steps.navmesh in maps:
-        found |= _steps(steps.steps, maps[steps.navmesh])
+        rows.append(_steps(steps.steps, maps[steps.navmesh]))
     if snap and snap.navmesh in maps:
-        found |= _snap(snap, maps[snap.navmesh])
+        rows.append(_snap(snap, maps[snap.navmesh]))
     if episodes and episodes.navmesh in maps:
-        found |= _episodes(episodes.episodes, maps[episodes.navmesh])
+        rows.append(_episodes(episodes.episodes, maps[episodes.navmesh]))
     if mesh:
-        found |= _grid(mesh, house.info.navmeshes, geodesic.pairs if geodesic else ())
+        rows.append(_grid(mesh, house.info.navmeshes, geodesic.pairs if geodesic else ()))
+    columns = defaultdict[str, list[float]](list)
+    for name, value in itertools.chain.from_iterable(rows):
+        columns[name].append(value)
+    found = {name: np.array(values) for name, values in columns.items()}
     if mesh and poses and depth:
         found |= _depth(mesh, poses, *depth)
     return found, missing
@@ -134,7 +142,7 @@ def _scene(path: Path, house: House) -> TriangleMesh:
     return mesh if best == "y" else load_glb(path, up="z")
 
 
-def _geodesic(part: Geodesic, maps: dict[str, NavMesh]) -> Samples:
+def _geodesic(part: Geodesic, maps: dict[str, NavMesh]) -> Rows:
     """Whether ours is as long in rows where Habitat finds a way, and, in all rows, whether both find one."""
     ways = [("geodesic_within_1e_4", row.navmesh, row.start, [row.goal], row.distance) for row in part.pairs]
     ways += [
@@ -145,108 +153,66 @@ def _geodesic(part: Geodesic, maps: dict[str, NavMesh]) -> Samples:
     ways += [
         ("multi_goal_within_1e_4", row.navmesh, row.start, list(row.goals), row.distance) for row in part.multi_goal
     ]
-    names = ("geodesic_within_1e_4", "reverse_within_1e_4", "multi_goal_within_1e_4")
-    close: dict[str, list[bool]] = {name: [] for name in names}
-    reachable = []
-    for kind, navmesh, start, goals, theirs in ways:
+    for name, navmesh, start, goals, theirs in ways:
         if navmesh not in maps:
             continue
         ours = _distance(maps[navmesh], start, goals)
-        reachable.append(math.isfinite(ours) == (theirs is not None))
+        yield "reachability", math.isfinite(ours) == (theirs is not None)
         if theirs is not None:
-            close[kind].append(abs(ours - theirs) <= CLOSE)
-    return _filled({**close, "reachability": reachable})
+            yield name, abs(ours - theirs) <= CLOSE
 
 
-def _steps(rows: Sequence[StepRow], navmesh: NavMesh) -> Samples:
+def _steps(rows: Sequence[StepRow], navmesh: NavMesh) -> Rows:
     """For rows that are not sensitive, whether the forward ends where Habitat's does, and collides as it does."""
-    steps, flags, slides, slide_flags = [], [], [], []
     for row in rows:
-        if row.sensitive:
-            continue
-        for wanted, slide, ends, same in (
-            (row.no_slide_le_0_3_3, False, steps, flags),
-            (row.slide, True, slides, slide_flags),
-        ):
-            if wanted is not None:
-                agrees = _step_agrees(navmesh, row, wanted, slide=slide)
-                ends.append(agrees[0])
-                same.append(agrees[1])
-    return {
-        **_filled(
-            {
-                "steps_within_1mm": steps,
-                "step_flags": flags,
-                "slide_steps_within_1mm": slides,
-                "slide_flags": slide_flags,
-            }
-        ),
-        "sensitive": np.array([row.sensitive for row in rows], bool),
-    }
+        yield "sensitive", row.sensitive
+        for prefix, theirs in (("", row.no_slide_le_0_3_3), ("slide_", row.slide)):
+            if row.sensitive or theirs is None:
+                continue
+            start, end = np.array(row.start_used), np.array(row.requested_end)
+            position, collided = navmesh.step(start, end, slide=prefix != "")
+            yield f"{prefix}steps_within_1mm", math.dist(position, theirs.position) <= STEP_CLOSE
+            yield f"{prefix or 'step_'}flags", collided == theirs.collided
 
 
-def _step_agrees(navmesh: NavMesh, row: StepRow, wanted: StepEnd, *, slide: bool) -> tuple[bool, bool]:
-    position, collided = navmesh.step(np.array(row.start_used), np.array(row.requested_end), slide=slide)
-    return math.dist(position, wanted.position) <= STEP_CLOSE, collided == wanted.collided
-
-
-def _snap(part: Snap, navmesh: NavMesh) -> Samples:
-    found: dict[str, list[bool]] = {
-        name: [] for name in ("snap", "navigable", "navigable_dy_0_1", "island_radius", "obstacle_distance")
-    }
+def _snap(part: Snap, navmesh: NavMesh) -> Rows:
+    """Whether points are moved and judged as Habitat does."""
     for row in part.queries:
         point = np.array(row.point)
         ours = navmesh.snap(point)
-        same = (ours is None) == (row.snap is None)
-        found["snap"].append(same and (ours is None or row.snap is None or math.dist(ours, row.snap) <= CLOSE))
-        found["navigable"].append(navmesh.is_navigable(point) == row.is_navigable)
+        is_close = ours is not None and row.snap is not None and math.dist(ours, row.snap) <= CLOSE
+        yield "snap", is_close or (ours is None and row.snap is None)
+        yield "navigable", navmesh.is_navigable(point) == row.is_navigable
         if row.is_navigable_dy_0_1 is not None:
-            found["navigable_dy_0_1"].append(navmesh.is_navigable(point, max_dy=0.1) == row.is_navigable_dy_0_1)
+            yield "navigable_dy_0_1", navmesh.is_navigable(point, max_dy=0.1) == row.is_navigable_dy_0_1
         if row.island_radius is not None:
-            found["island_radius"].append(abs(navmesh.island_radius(point) - row.island_radius) <= CLOSE)
+            yield "island_radius", abs(navmesh.island_radius(point) - row.island_radius) <= CLOSE
         if row.distance_to_obstacle is not None:
             distance = navmesh.distance_to_obstacle(point, max_radius=part.obstacle_max_radius)
-            found["obstacle_distance"].append(abs(distance - row.distance_to_obstacle) <= CLOSE)
-    return _filled(found)
+            yield "obstacle_distance", abs(distance - row.distance_to_obstacle) <= CLOSE
 
 
-def _episodes(rows: Sequence[EpisodeRow], navmesh: NavMesh) -> Samples:
+def _episodes(rows: Sequence[EpisodeRow], navmesh: NavMesh) -> Rows:
     """Agreement of the final measures of given trajectories, and of distance_to_goal at each of their rows.
 
     A float that is finite on one side only, or inf on one and nan on the other, is an error of inf. The same non-finite
     value on both sides is no error, and counts under `nonfinite_exact` alone.
     """
-    errors: list[float] = []
-    exact: dict[str, list[bool]] = {
-        name: []
-        for name in (
-            "success_exact",
-            "num_steps_exact",
-            "collisions_exact",
-            "nonfinite_exact",
-            "distance_after_step_within_1e_4",
-        )
-    }
     for row in rows:
         positions = np.array([pose[:3] for pose in row.trajectory])
         distances = distances_to_goal(positions, row.goal_points, navigation=navmesh)
         ours = _measures(row, positions, distances)
-        exact["success_exact"].append(ours.success == row.measures.success)
-        exact["num_steps_exact"].append(ours.num_steps == row.measures.num_steps)
-        exact["collisions_exact"].append(ours.collisions == row.measures.collisions)
+        for name in ("success", "num_steps", "collisions"):
+            yield f"{name}_exact", getattr(ours, name) == getattr(row.measures, name)
         for name in FLOATS:
             theirs, value = getattr(row.measures, name), getattr(ours, name)
             is_same_kind = _kind(value) == ("finite" if theirs is not None else row.nonfinite.get(name))
-            exact["nonfinite_exact"].append(is_same_kind)
-            if not is_same_kind:
-                errors.append(math.inf)
-            elif theirs is not None:
-                errors.append(abs(value - theirs))
+            yield "nonfinite_exact", is_same_kind
+            if not is_same_kind or theirs is not None:
+                yield "measures", abs(value - theirs) if is_same_kind else math.inf
         for distance, wanted in zip(distances, row.distance_after_step or (), strict=bool(row.distance_after_step)):
-            exact["distance_after_step_within_1e_4"].append(
-                math.isinf(distance) if wanted is None else bool(abs(distance - wanted) <= CLOSE)
-            )
-    return {**_filled(exact), "measures": np.array(errors)}
+            is_close = math.isinf(distance) if wanted is None else abs(distance - wanted) <= CLOSE
+            yield "distance_after_step_within_1e_4", bool(is_close)
 
 
 def _measures(row: EpisodeRow, positions: NDArray[np.float64], distances: NDArray[np.float64]) -> HabitatMeasures:
@@ -259,29 +225,20 @@ def _measures(row: EpisodeRow, positions: NDArray[np.float64], distances: NDArra
         return HabitatMeasures(math.nan, math.nan, math.nan, math.nan, len(actions), sum(row.collided))
 
 
-def _grid(mesh: TriangleMesh, navmeshes: dict[str, NavmeshInfo], pairs: Sequence[Pair]) -> Samples:
+def _grid(mesh: TriangleMesh, navmeshes: dict[str, NavmeshInfo], pairs: Sequence[Pair]) -> Rows:
     """Errors of our own grid, made from the mesh alone for each navmesh's robot, in Habitat's distances and areas."""
-    areas, errors, apart, reachable, reachable_apart = [], [], [], [], []
     for name, info in navmeshes.items():
         radius, height = round(info.settings.agent_radius, 4), round(info.settings.agent_height, 4)
         grid = floor_grid_from_mesh(mesh, radius=radius, height=height)
-        areas.append(abs(grid.surface_area / info.navigable_area - 1))
+        yield "grid_area", abs(grid.surface_area / info.navigable_area - 1)
         for row in pairs:
             if row.navmesh != name:
                 continue
             ours, theirs = _distance(grid, row.start, [row.goal]), row.distance
-            is_on_mesh = row.kind in ON_MESH
-            (reachable if is_on_mesh else reachable_apart).append(math.isfinite(ours) == (theirs is not None))
+            kind = "grid" if row.kind in ON_MESH else "grid_off_mesh"
+            yield f"{kind}_reachability", math.isfinite(ours) == (theirs is not None)
             if math.isfinite(ours) and theirs:
-                (errors if is_on_mesh else apart).append(ours / theirs - 1)
-    return {
-        **_filled({"grid_reachability": reachable, "grid_off_mesh_reachability": reachable_apart}),
-        **{
-            name: np.array(values, float)
-            for name, values in (("grid_area", areas), ("grid", errors), ("grid_off_mesh", apart))
-            if values
-        },
-    }
+                yield kind, ours / theirs - 1
 
 
 def _depth(mesh: TriangleMesh, poses: Poses, images: NDArray[np.uint16], scale_m: float) -> Samples:
@@ -307,8 +264,3 @@ def _distance(navigation: NavigationMap, start: Sequence[float], goals: Sequence
 
 def _kind(value: float) -> str:
     return "finite" if math.isfinite(value) else "nan" if math.isnan(value) else "inf"
-
-
-def _filled(rows: dict[str, list[bool]]) -> Samples:
-    """Arrays of the figures that have at least one row."""
-    return {name: np.array(values, bool) for name, values in rows.items() if values}

@@ -4,7 +4,6 @@ Only the parts that the comparison needs are read. Every part except `NAME.info.
 announces or holds more than the limits below is refused before it is unpacked.
 """
 
-import gzip
 import lzma
 import math
 import tokenize
@@ -19,19 +18,20 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from sim.errors import SceneError, line_from_validation_error
+from sim.files import bounded_json
 
 Point = tuple[float, float, float]
 _ADVICE = "Write the folder again with recordings/habitat_golden.py, or copy it again from its source."
 _SUFFIX = ".info.json"
 MAX_PART_BYTES = 64 << 20
 """Largest size of a JSON part, unpacked; those of the golden houses are below 2 MB."""
+_MAX_PART_VALUES = 4_000_000
 MAX_POSES = 1000
 """Largest number of poses of a house; the golden houses have 12."""
 MAX_IMAGE_SIDE = 4096
 """Largest width and height of a depth image, pixels."""
 _MAX_DEPTH_BYTES = 1 << 30
 """Largest size of a depth archive, unpacked: 1,700 images of 640 x 480."""
-_PIECE = 1 << 20
 _NO_ARCHIVE = (
     *(OSError, EOFError, KeyError, ValueError, TypeError, SyntaxError, RuntimeError, MemoryError),
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, tokenize.TokenError),
@@ -328,22 +328,9 @@ def _array(archive: zipfile.ZipFile, name: str) -> NDArray:
 
 def _read(path: Path, kind: type[_Part]) -> _Part:
     try:
-        return kind.model_validate_json(_content(path))
+        content = bounded_json(path, most=MAX_PART_BYTES, most_values=_MAX_PART_VALUES)
+        return kind.model_validate_json(content)
     except (OSError, EOFError, zlib.error) as error:
         raise SceneError(f"{path}: found a file that cannot be read ({error}). {_ADVICE}") from None
     except ValidationError as error:
         raise SceneError(line_from_validation_error(path, error, advice=_ADVICE)) from None
-
-
-def _content(path: Path) -> bytes:
-    """The file's contents, unpacked piece by piece, so that a zip bomb is noticed at MAX_PART_BYTES."""
-    content = bytearray()
-    with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-        while piece := file.read(_PIECE):
-            content += piece
-            if len(content) > MAX_PART_BYTES:
-                raise SceneError(
-                    f"{path}: holds more than {MAX_PART_BYTES >> 20} MB of JSON; expected less, a house has some 2 MB. "
-                    f"{_ADVICE}"
-                )
-    return bytes(content)
