@@ -84,6 +84,16 @@ def invented_root(shared_dir: Path, demo_root: Path, small_home_root: Path) -> P
     return built_once(shared_dir, "invented", build)
 
 
+@pytest.fixture(scope="session")
+def small_root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small dataset without homes: easy holds HomeOne and HomeTwo (8 episodes), hard only HomeTwo (3)."""
+    from .grounding.small_homes import write_small_dataset
+
+    root = tmp_path_factory.mktemp("small-dataset")
+    write_small_dataset(root)
+    return root
+
+
 def _made_dataset(name: str, seed: int) -> Path:
     from .personal_viz.invented import made_dataset
 

@@ -28,9 +28,7 @@ def answer_to(
         planar_distances=None if others is None else (distance, *others),
     )
     return Answer(
-        split=key.split,
-        scene=key.scene,
-        episode_id=key.episode_id,
+        **key._asdict(),
         candidates=((0.0, 0.0, 0.0),),
         scores=() if participant else (0.5,),
         participant=participant,

@@ -1,18 +1,12 @@
 """A small data set in the release's format, made here: two homes, the first with two storeys; medium has no file."""
 
-import gzip
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
-QUERIES = (
-    "Find {}",
-    "Where is {}?",
-    "Locate {}",
-    "Retrieve {} position",
-    "Identify the position of {}",
-    "Give me the coordinates of {}",
-)
+from sim.episodes.ownership import queries_for
+from sim.types import Split
+
+from ..sim.synthetic import Content, example_content, example_episode, example_goal, example_view_point, write_content
 
 
 @dataclass(frozen=True)
@@ -49,61 +43,44 @@ HOMES = {
 }
 
 
-def goal_json(thing: Thing) -> dict:
+def goal_json(thing: Thing) -> Content:
     x, _, z = thing.position
-    stands = [(x + 0.5, thing.floor_y, z), (x, thing.floor_y, z - 0.75)]
-    view_points = [{"agent_state": {"position": p, "rotation": [0.0, 0.0, 0.0, 1.0]}, "iou": 0.3} for p in stands]
-    empty = dict.fromkeys(("radius", "object_name_id", "room_id", "room_name"))
-    return {
-        "position": thing.position,
-        "object_id": int(thing.name.rsplit("_", 1)[1]),
-        "object_name": thing.name,
-        "object_category": thing.category,
-        "floor_id": thing.floor_id,
-        "view_points": view_points,
-        **empty,
-    }
+    stands = [(x + 0.5, z), (x, z - 0.75)]
+    return example_goal(
+        position=thing.position,
+        object_id=int(thing.name.rsplit("_", 1)[1]),
+        object_name=thing.name,
+        object_category=thing.category,
+        floor_id=thing.floor_id,
+        view_points=[example_view_point(*xz, y=thing.floor_y, quat_xyzw=[0, 0, 0, 1], iou=0.3) for xz in stands],
+    )
 
 
-def episode_json(scene: str, episode_id: int, thing: Thing, things: tuple[Thing, ...]) -> dict:
-    owned = [other for other in things if other.owner]
-    phrases = [f"{other.owner} owns a {other.caption} in the room" for other in owned]
-    return {
-        "episode_id": str(episode_id),
-        "scene_id": f"hm3d_v0.2/val/00000-{scene}/{scene}.basis.glb",
-        "scene_dataset_config": "./hm3d_annotated_basis.scene_dataset_config.json",
-        "object_category": thing.category,
-        "object_id": thing.name,
-        "description": [thing.caption, "", ""],
-        "owner": thing.owner,
-        "floor_id": thing.floor_id,
-        "summary": " ".join(f"{phrase}." for phrase in phrases),
-        "extracted_summary": phrases,
-        "query": [query.format(f"{thing.owner}'s {thing.category}") for query in QUERIES],
-        "start_position": [0.0, thing.floor_y, 0.0],
-        "start_rotation": [0.0, 0.0, 0.0, 1.0],
-        "additional_obj_config_paths": [],
-        "goals": [],
-        "start_room": None,
-        "shortest_paths": None,
-        "info": {"geodesic_distance": 4.0, "euclidean_distance": 3.5, "closest_goal_object_id": 1},
-    }
+def episode_json(scene: str, number: int, thing: Thing, things: tuple[Thing, ...]) -> Content:
+    phrases = [f"{other.owner} owns a {other.caption} in the room" for other in things if other.owner]
+    return example_episode(
+        scene=scene,
+        owner=thing.owner,
+        episode_id=str(number),
+        object_category=thing.category,
+        object_id=thing.name,
+        description=[thing.caption, "", ""],
+        floor_id=thing.floor_id,
+        summary=" ".join(f"{phrase}." for phrase in phrases),
+        extracted_summary=phrases,
+        query=queries_for(thing.owner, thing.category),
+        start_position=[0.0, thing.floor_y, 0.0],
+        start_rotation=[0.0, 0.0, 0.0, 1.0],
+    )
 
 
-def write_scene(root: Path, split: str, scene: str, things: tuple[Thing, ...]) -> None:
-    goals: dict[str, list[dict]] = {}
+def write_scene(root: Path, split: Split, scene: str, things: tuple[Thing, ...]) -> None:
+    goals: dict[str, list[Content]] = {}
     for thing in things:
         goals.setdefault(f"{scene}.basis.glb_{thing.category}", []).append(goal_json(thing))
     targets = [thing for thing in things if thing.owner]
-    content = {
-        "goals_by_category": goals,
-        "episodes": [episode_json(scene, number, thing, things) for number, thing in enumerate(targets)],
-        "category_to_task_category_id": {},
-        "category_to_scene_annotation_category_id": {},
-    }
-    folder = root / split / "content"
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{scene}.json.gz").write_bytes(gzip.compress(json.dumps(content).encode(), mtime=0))
+    episodes = [episode_json(scene, number, thing, things) for number, thing in enumerate(targets)]
+    write_content(root, split, example_content(goals_by_category=goals, episodes=episodes), scene=scene)
 
 
 def write_small_dataset(root: Path) -> None:

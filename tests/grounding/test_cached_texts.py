@@ -31,16 +31,13 @@ def kept(folder: Path, encoder: HashedWords) -> CachedTextEncoder:
     return CachedTextEncoder(encoder, file=folder / "vectors.sqlite")
 
 
-def test_each_text_is_encoded_once_and_keeps_its_place() -> None:
+def test_each_text_is_encoded_once_and_a_full_cache_still_answers_right() -> None:
     inner = Counting()
     cached = CachedTextEncoder(inner)
     for texts in (["red chair", "oak table", "red chair"], ["oak table", "grey sofa"]):
         assert np.array_equal(cached.encode_texts(texts), WORDS.encode_texts(texts))
     assert inner.asked == [["red chair", "oak table"], ["grey sofa"]]
     assert cached.encode_texts([]).shape == (0, 768)
-
-
-def test_a_full_cache_forgets_and_still_answers_right() -> None:
     cached = CachedTextEncoder(HashedWords(), max_texts=2)
     cached.encode_texts(["red chair", "oak table"])
     texts = ["oak table", "grey sofa", "red chair"]

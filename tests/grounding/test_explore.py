@@ -33,31 +33,24 @@ def explored(*, has_door: bool = True, max_steps: int = 600) -> Exploration:
     return explore(scene, START, seed=3, max_steps=max_steps, camera=CAMERA, plan=plan)
 
 
-def test_both_rooms_are_seen_through_a_door_of_90_cm_before_the_steps_end() -> None:
+def test_both_rooms_are_seen_through_a_door_of_90_cm_and_coverage_never_falls() -> None:
     found = explored()
     assert found.stop_reason == "no-frontier"
     assert found.steps[-1].action is Action.STOP
     assert len(found.steps) < 400
     assert found.coverage[-1] > 0.97
     assert (found.doors_passed, found.num_doors, found.rooms_missed) == (1, 1, ())
-
-
-def test_coverage_never_falls_and_has_a_value_for_every_pose() -> None:
-    found = explored()
     assert len(found.coverage) == len(found.poses) == len(found.steps) + 1
     assert all(np.diff(found.coverage) >= 0)
     assert 0 < found.coverage[0] < found.coverage[-1] <= 1
 
 
-def test_a_room_that_is_shut_off_counts_neither_as_floor_nor_as_missed() -> None:
+def test_a_room_that_is_shut_off_counts_neither_as_floor_nor_as_missed_every_time() -> None:
     found = explored(has_door=False)
     assert found.coverage[-1] > 0.97
     assert found.area_m2 < 0.6 * explored().area_m2
     assert (found.doors_passed, found.rooms_missed) == (0, ())
     assert all(pose.position[0] < 4 for pose in found.poses)
-
-
-def test_the_same_seed_takes_the_same_steps() -> None:
     again = explore(
         two_room_scene(has_door=False), START, seed=3, max_steps=600, camera=CAMERA, plan=two_rooms(has_door=False)
     )

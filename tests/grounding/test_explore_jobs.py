@@ -36,15 +36,12 @@ def test_a_stored_exploration_is_read_again_and_not_made_again(tmp_path: Path) -
         run_job(job(tmp_path, 12, seed=1))
 
 
-def test_one_whose_steps_ran_out_is_no_result_of_more_steps(tmp_path: Path) -> None:
+def test_one_whose_steps_ran_out_is_no_result_of_more_or_fewer_steps(tmp_path: Path) -> None:
     run_job(job(tmp_path, 12))
     with pytest.raises(
         RunFileError, match=r"12 steps \(stopped: steps\).*2500 steps or fewer that ended of themselves"
     ):
         run_job(job(tmp_path, 2500))
-
-
-def test_one_of_more_steps_is_no_result_of_fewer(tmp_path: Path) -> None:
     run_job(job(tmp_path, 12))
     with pytest.raises(RunFileError, match=r"12 steps \(stopped: steps\).* 11 steps or fewer"):
         run_job(job(tmp_path, 11))

@@ -1,6 +1,7 @@
 """The checks for plug-ins: ours pass, and each breach of a contract is named."""
 
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import get_args
 
@@ -36,18 +37,9 @@ def test_rpg_keeps_the_contract_with_other_options(options: RpgOptions) -> None:
     assert check_grounder(RegionGated(WORDS, options=options), WORDS) == []
 
 
-class LongVectors(HashedWords):
-    def encode_texts(self, texts):
-        return 2 * super().encode_texts(texts)
-
-
-class Doubles(HashedWords):
-    def encode_texts(self, texts):
-        return super().encode_texts(texts).astype(float)
-
-
-class WrongDim(HashedWords):
-    dim = 512
+def changed(encode_texts: Callable[[Sequence[str]], np.ndarray], *, dim: int = 768) -> HashedWords:
+    """An encoder that answers so."""
+    return type("Changed", (HashedWords,), {"encode_texts": lambda self, texts: encode_texts(texts), "dim": dim})()
 
 
 class Forgetful(HashedWords):
@@ -58,11 +50,6 @@ class Forgetful(HashedWords):
     def encode_texts(self, texts):
         vectors = self._rng.normal(size=(len(texts), 768)).astype(np.float32)
         return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
-class Constant(HashedWords):
-    def encode_texts(self, texts):
-        return np.tile(np.eye(1, 768, dtype=np.float32), (len(texts), 1))
 
 
 class MeanOfBatch(HashedWords):
@@ -79,11 +66,14 @@ class MeanOfBatch(HashedWords):
 @pytest.mark.parametrize(
     ("encoder", "message"),
     [
-        (LongVectors(), r"lengths of vectors is \[2.0, 2.0, 2.0\]; expected 1"),
-        (Doubles(), "dtype is 'float64'; expected float32"),
-        (WrongDim(), r"shape is \(3, 768\); expected \(3, 512\)"),
+        (changed(lambda texts: 2 * WORDS.encode_texts(texts)), r"lengths of vectors is \[2.0, 2.0, 2.0\]; expected 1"),
+        (changed(lambda texts: WORDS.encode_texts(texts).astype(float)), "dtype is 'float64'; expected float32"),
+        (changed(WORDS.encode_texts, dim=512), r"shape is \(3, 768\); expected \(3, 512\)"),
         (Forgetful(), "second answer is 'another one'; expected the same vectors every time"),
-        (Constant(), "cosine of different texts is 1.0; expected below 1"),
+        (
+            changed(lambda texts: np.tile(np.eye(1, 768, dtype=np.float32), (len(texts), 1))),
+            "cosine of different texts is 1.0; expected below 1",
+        ),
         (MeanOfBatch(), "change when a text is encoded alone is"),
     ],
 )

@@ -34,27 +34,21 @@ def test_terms_are_words_without_stop_words_and_pairs_of_neighbours() -> None:
     ]
 
 
-def test_a_single_word_is_one_signed_place() -> None:
+def test_places_and_cosines_are_counted_by_hand_and_stop_words_are_a_zero_row() -> None:
     # murmur3("foo") = 0xF6A5C420 is -156908512 as a signed number, and 156908512 % 768 = 736
     vector = HashedWords().encode_texts(["foo"])[0]
     assert vector[736] == -1
     assert np.count_nonzero(vector) == 1
-
-
-def test_shared_words_give_the_cosine_counted_by_hand() -> None:
     # red, chair, "red chair" against red, sofa, "red sofa": one common term of three each
     first, second = HashedWords().encode_texts(["a red chair", "the red sofa"])
     assert float(first @ second) == pytest.approx(1 / 3)
+    assert not HashedWords().encode_texts(["where is the", ""]).any()
 
 
 def test_case_and_punctuation_do_not_matter_and_order_does() -> None:
     upper, lower, turned = HashedWords().encode_texts(["Oak TABLE!", "oak table", "table oak"])
     assert np.array_equal(upper, lower)
     assert float(lower @ turned) == pytest.approx(2 / 3)
-
-
-def test_a_text_of_stop_words_is_a_zero_row() -> None:
-    assert not HashedWords().encode_texts(["where is the", ""]).any()
 
 
 @pytest.mark.slow

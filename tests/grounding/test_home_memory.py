@@ -29,26 +29,20 @@ TWO = HomeMemory(
 )
 
 
-def test_the_storey_near_a_height_is_the_one_with_the_nearest_floor() -> None:
+def test_the_storey_near_a_height_is_the_one_with_the_nearest_floor_if_there_is_any() -> None:
     assert TWO.storey_near(1.4).floor_y == 0.0
     assert TWO.storey_near(1.6).floor_y == 3.0
-
-
-def test_an_empty_memory_has_no_storey() -> None:
     with pytest.raises(AgentError, match="map: has no storey"):
         HomeMemory((), "world", 0).storey_near(0.0)
 
 
-def test_cells_above_each_other_become_one_by_evidence() -> None:
+def test_cells_above_each_other_become_one_by_evidence_on_the_floor_with_most() -> None:
     merged = merged_storeys(TWO)
     assert isinstance(merged, FeatureMap)
     assert merged.rc.tolist() == [[0, 1], [1, 2]]
     np.testing.assert_allclose(merged.rows[0], np.array([3, 1]) / np.sqrt(10), atol=1e-6)
     assert merged.weights.tolist() == [4.0, 1.0]
     assert merged.cell_y.tolist() == [0.0, 0.0]  # of the storey with most evidence
-
-
-def test_the_floor_of_a_merged_cell_is_the_one_with_most_evidence() -> None:
     above = HomeMemory(
         (storey(0.0, {(0, 1): ([1, 0], 1.0)}), storey(3.0, {(0, 1): ([0, 1], 2.0), (0, 0): ([1, 0], 1.0)})), "world", 1
     )

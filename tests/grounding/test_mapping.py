@@ -200,14 +200,11 @@ def test_whole_picture_vectors_go_to_every_cell_in_view_and_no_other(home: SeenH
     assert memory.weights.max() <= 1 + 1e-6
 
 
-def test_weights_add_up_over_views_and_rows_stay_means(home: SeenHome) -> None:
+def test_weights_add_up_over_views_rows_stay_means_and_batches_change_nothing(home: SeenHome) -> None:
     once = built(GridMapBuilder(home.encoder), home.frames[:5]).storeys[0].memory
     twice = built(GridMapBuilder(home.encoder), home.frames[:5] * 2).storeys[0].memory
     assert np.allclose(twice.weights, 2 * once.weights, rtol=1e-5)
     assert np.allclose(twice.rows, once.rows, atol=1e-5)
-
-
-def test_batches_do_not_change_the_map(home: SeenHome) -> None:
     one, many = (
         built(GridMapBuilder(home.encoder, views=ViewOptions(batch=size)), home.frames[:7]) for size in (1, 64)
     )
@@ -282,14 +279,11 @@ def test_the_same_views_as_a_robots_recording_give_the_same_map(home: SeenHome, 
     assert (robot.occupancy.cells == direct.occupancy.cells).mean() > 0.999
 
 
-def test_an_empty_builder_gives_an_empty_memory() -> None:
+def test_an_empty_builder_and_a_view_that_shows_nothing_map_nothing(home: SeenHome) -> None:
     for builder in (GridMapBuilder(IdEncoder(3)), ObjectMapBuilder(IdEncoder(3), InstanceIds())):
         memory = builder.finish()
         assert memory.storeys == ()
         assert memory.num_frames == 0
-
-
-def test_a_view_that_shows_nothing_maps_nothing(home: SeenHome) -> None:
     blind = replace(home.frames[0], depth_m=np.zeros_like(home.frames[0].depth_m), ids=None)
     memory = built(GridMapBuilder(ColourEncoder()), [blind])
     assert len(memory.storeys[0].memory.rows) == 0

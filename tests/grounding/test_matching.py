@@ -83,7 +83,7 @@ def test_ties_go_to_the_first_cell(name) -> None:
     np.testing.assert_allclose(spots(answer), [xz(1, 2), xz(1, 6), xz(5, 5)])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, "joint"])
 @pytest.mark.parametrize(
     ("memory", "phrases"),
     [
@@ -101,7 +101,7 @@ def test_what_says_nothing_new_changes_nothing(name, memory, phrases) -> None:
     np.testing.assert_allclose(spots(grounder.ground(memory, task, phrases)), expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, "joint"])
 @pytest.mark.parametrize("phrases", [(), ("Tom owns a sofa",)], ids=["no phrase", "none of the owner"])
 def test_without_the_owners_phrase_the_answer_is_that_of_qs(name, phrases) -> None:
     memory, task = toy_map(CELLS), asks("Find Mira's chair")

@@ -65,26 +65,20 @@ def test_texts_of_many_lengths_come_back_in_their_order(minilm: MiniLM) -> None:
         assert np.allclose(minilm.encode_texts([text])[0], vector, atol=1e-5)
 
 
-def test_what_lies_behind_256_tokens_is_cut(minilm: MiniLM) -> None:
+def test_what_lies_behind_256_tokens_is_cut_and_meaning_counts_more_than_words(minilm: MiniLM) -> None:
     long = "lamp " * 254  # and the two special tokens
     first, second = minilm.encode_texts([long, long + "elephant"])
     assert np.allclose(first, second, atol=1e-6)
-
-
-def test_meaning_counts_more_than_words(minilm: MiniLM) -> None:
     sofa, couch, fridge = minilm.encode_texts(["a big sofa", "a large couch", "a big fridge"])
     assert float(sofa @ couch) > float(sofa @ fridge)
 
 
-def test_other_weights_are_refused(tmp_path: Path) -> None:
+def test_a_folder_without_weights_or_with_others_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(AgentError, match="found no such file; expected the weights of MiniLM"):
+        MiniLM(tmp_path).encode_texts(["lamp"])
     shutil.copy(wheel_folder() / "config.json", tmp_path)
     (tmp_path / "model.safetensors").write_bytes(b"other weights")
     with pytest.raises(AgentError, match=r"sha256 is [0-9a-f]{16}\.\.\.; expected 53aa51172d142c89\.\.\."):
-        MiniLM(tmp_path).encode_texts(["lamp"])
-
-
-def test_a_folder_without_weights_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(AgentError, match="found no such file; expected the weights of MiniLM"):
         MiniLM(tmp_path).encode_texts(["lamp"])
 
 

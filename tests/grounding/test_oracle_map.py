@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grounding.encoders.hashed import HashedWords
-from grounding.maps.oracle_map import objects_map, oracle_home
+from grounding.maps.oracle_map import OracleHome, objects_map, oracle_home
 from grounding.types import map_from_cells
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
@@ -22,40 +22,33 @@ def unit_sum(*texts: str) -> np.ndarray:
     return total / np.linalg.norm(total)
 
 
-def test_the_grids_corner_is_the_floor_of_the_middle_minus_25(small_root: Path) -> None:
+@pytest.fixture(scope="module")
+def home(small_root: Path) -> OracleHome:
+    return oracle_home(PersonalDataset(small_root), "HomeOne")
+
+
+def test_the_grids_corner_its_rows_and_columns_and_the_texts_of_its_cells_are_as_by_hand(home: OracleHome) -> None:
     # HomeOne: x from 2.25 (table) to 10.0 (view point of sofa_3), z from 1.75 (its other one) to 7.75
-    home = oracle_home(PersonalDataset(small_root), "HomeOne")
     assert home.centre_xz == (6.125, 4.75)
     assert home.grid == GridSpec((-19.0, -21.0), 1.0, (50, 50))
-
-
-def test_rows_come_from_z_and_columns_from_x(small_root: Path) -> None:
-    home = oracle_home(PersonalDataset(small_root), "HomeOne")
     ground = objects_map(home, WORDS, floor_id="0")
     # lamp_4 and sofa_3 share the cell of x 9.., z 2..; table x 2.25, z 7.75; sofa_2 x 5.5, z 7.5
     assert ground.rc.tolist() == [[23, 28], [28, 21], [28, 24]]
     assert ground.weights.tolist() == [2, 1, 1]
     assert ground.points_from_rc(ground.rc[1:2]).tolist() == [[2.5, 0.0, 7.5]]
-
-
-def test_a_cell_holds_the_unit_sum_of_captions_or_of_categories_without_caption(small_root: Path) -> None:
-    home = oracle_home(PersonalDataset(small_root), "HomeOne")
-    ground = objects_map(home, WORDS, floor_id="0")
     np.testing.assert_allclose(ground.rows[0], unit_sum("small yellow leather sofa", "lamp"), atol=1e-6)
     np.testing.assert_allclose(ground.rows[1], unit_sum("low oak table with a green bowl"), atol=1e-6)
     assert ground.encoder == "hashed-words-768"
 
 
-def test_a_storeys_map_holds_its_objects_only_on_its_floor(small_root: Path) -> None:
-    home = oracle_home(PersonalDataset(small_root), "HomeOne")
+def test_a_storeys_map_holds_its_objects_only_on_its_floor(home: OracleHome) -> None:
     upper = objects_map(home, WORDS, floor_id="1")
     assert upper.rc.tolist() == [[23, 25], [28, 21]]
     assert upper.floor_y == 3.0
     assert upper.points_from_rc(upper.rc)[:, 1].tolist() == [3.0, 3.0]
 
 
-def test_all_storeys_merge_into_one_map_that_remembers_each_cells_floor(small_root: Path) -> None:
-    home = oracle_home(PersonalDataset(small_root), "HomeOne")
+def test_all_storeys_merge_into_one_map_that_remembers_each_cells_floor(home: OracleHome) -> None:
     merged = objects_map(home, WORDS, floor_id=None)
     assert merged.rc.tolist() == [[23, 25], [23, 28], [28, 21], [28, 24]]
     # the table (ground floor) and the bed (upper floor) share a cell; the lower one counts at a tie
@@ -65,13 +58,9 @@ def test_all_storeys_merge_into_one_map_that_remembers_each_cells_floor(small_ro
     )
 
 
-def test_an_unknown_storey_is_refused_with_the_known_ones(small_root: Path) -> None:
-    home = oracle_home(PersonalDataset(small_root), "HomeOne")
+def test_an_unknown_storey_and_a_home_larger_than_the_grid_are_refused(home: OracleHome, tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"HomeOne: found no object with floor_id '7'; expected one of \['0', '1'\]"):
         objects_map(home, WORDS, floor_id="7")
-
-
-def test_a_home_larger_than_the_grid_is_refused(tmp_path: Path) -> None:
     far = Thing("barn_9", (60.0, 1.0, 2.0), "0", 0.0, "red barn", "Ada")
     write_scene(tmp_path, "easy", "HomeOne", (*HOMES["HomeOne"], far))
     with pytest.raises(SceneError, match=r"scene 'HomeOne' is 58\.2 x 6\.5 m; expected at most 49 x 49 m"):

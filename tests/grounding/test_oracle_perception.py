@@ -116,7 +116,7 @@ def test_view_noise_averages_out_and_object_noise_stays() -> None:
     assert float(of_objects[0] @ text("red wooden chair")) < 0.5
 
 
-def test_confused_instances_take_another_text_of_the_home_and_keep_it() -> None:
+def test_confused_instances_take_another_text_of_the_home_if_there_is_one_and_keep_it() -> None:
     captions = {i: f"thing number{i}" for i in range(1, 401)} | {401: "thing number1"}
     some = perception(captions, confusion=0.2).perceived
     more = perception(captions, confusion=0.5).perceived
@@ -128,9 +128,6 @@ def test_confused_instances_take_another_text_of_the_home_and_keep_it() -> None:
     assert all(some[i] == more[i] for i in wrong_some)
     everything = perception(captions, confusion=1.0).perceived
     assert all(words != captions[i] for i, words in everything.items())
-
-
-def test_a_home_with_one_text_cannot_confuse() -> None:
     assert perception({1: "bed", 2: "bed"}, confusion=1.0).perceived == {1: "bed", 2: "bed"}
 
 
@@ -141,7 +138,7 @@ def test_seeds_and_homes_draw_apart_and_options_do_not_disturb_each_other() -> N
     assert np.array_equal(one, perception(object_noise=0.1, background="clutter").encode_patches([frame([[1]])]))
 
 
-def test_clutter_is_lasting_per_instance_and_per_place() -> None:
+def test_clutter_is_lasting_per_instance_and_per_place_and_needs_depth() -> None:
     encoder = perception(background="clutter")
     clutter = WORDS.encode_texts(CLUTTER_TEXTS)
     here, there = encoder.encode_patches([frame([[9, 0, 1]]), frame([[9, 0, 1]], x=40.0)])[:, 0]
@@ -153,18 +150,12 @@ def test_clutter_is_lasting_per_instance_and_per_place() -> None:
     assert np.array_equal(turned[1, 0, 1], here[1])
     far = encoder.encode_patches([frame([[0]], x=float(x)) for x in range(0, 60, 2)])[:, 0, 0]
     assert len(np.unique(far, axis=0)) > 10
-
-
-def test_background_without_depth_says_nothing() -> None:
     assert not perception(background="clutter").encode_patches([frame([[0]], depth=0.0)]).any()
 
 
-def test_frames_of_a_robot_are_refused() -> None:
+def test_frames_of_a_robot_and_of_several_sizes_are_refused() -> None:
     with pytest.raises(AgentError, match="a frame has no instance ids; expected those of the simulator"):
         perception().encode_patches([replace(frame([[1]]), ids=None)])
-
-
-def test_frames_of_several_sizes_are_refused() -> None:
     with pytest.raises(AgentError, match=r"frames are of sizes \[\(8, 8\), \(8, 16\)\]; expected one"):
         perception().encode_patches([frame([[1]]), frame([[1, 1]])])
 
@@ -195,13 +186,10 @@ class OneScene:
         )
 
 
-def test_texts_are_captions_where_an_episode_has_one_and_categories_elsewhere(small_root: Path) -> None:
+def test_texts_are_captions_or_categories_and_can_be_paraphrased(small_root: Path) -> None:
     scene = OneScene(["sofa_3", "lamp_4", "toy box_77"])
     texts = object_texts(PersonalDataset(small_root), scene)  # type: ignore[arg-type]
     assert texts == {1: "small yellow leather sofa", 2: "lamp", 3: "toy box"}
-
-
-def test_texts_can_be_paraphrased(small_root: Path) -> None:
     scene = OneScene(["sofa_3", "lamp_4"])
     dataset = PersonalDataset(small_root)
     assert object_texts(dataset, scene, level=3) == {1: "sofa", 2: "lamp"}  # type: ignore[arg-type]

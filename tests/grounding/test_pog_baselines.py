@@ -30,20 +30,14 @@ def small_map(*texts: str, encoder: str = WORDS.name) -> FeatureMap:
     )
 
 
-def test_ranking_takes_the_best_first_and_drops_neighbours() -> None:
+def test_ranking_takes_the_best_first_ties_by_cell_and_drops_neighbours() -> None:
     line = np.array([[0, col] for col in range(5)])
     scores = np.array([0.1, 0.9, 0.8, -np.inf, 0.7])
     assert rank_cells(scores, line) == [1, 4]
     assert rank_cells(scores, line, nms_r=0) == [1, 2, 4]
     assert rank_cells(scores, line, nms_r=0, count=1) == [1]
-
-
-def test_ranking_ties_go_to_the_first_cell() -> None:
     line = np.array([[0, col] for col in range(4)])
     assert rank_cells(np.array([0.2, 0.5, 0.1, 0.5 + 1e-8]), line, nms_r=0) == [1, 3, 0]
-
-
-def test_ranking_nothing_gives_nothing() -> None:
     assert rank_cells(np.empty(0), np.empty((0, 2), int)) == []
     assert rank_cells(np.full(3, -np.inf), np.array([[0, 0], [0, 1], [0, 2]])) == []
 
@@ -137,8 +131,5 @@ def test_phrases_of_the_data_set_are_found_by_task(small_root: Path) -> None:
         "Carl owns a oval mirror with a golden frame in the room",
     )
     assert source.phrases(episodes[0].task("pog", query_index=3)) == source.phrases(episodes[0].task("pog"))
-
-
-def test_a_task_of_other_episodes_has_no_phrases() -> None:
     with pytest.raises(AgentError, match='found no episode with query "Find Bo\'s sofa"'):
         DatasetPhrases([]).phrases(TASK)

@@ -33,13 +33,10 @@ def table() -> PogTable:
     return only(pog_report([run_of("rpg", answers(9), config={"phrases": "dataset"}), run_of("qs", answers(6))]))
 
 
-def test_the_papers_methods_come_in_its_order_with_its_figures_beside_them(table: PogTable) -> None:
+def test_splits_and_their_plain_mean_are_counted_by_hand_beside_the_papers_figures(table: PogTable) -> None:
     assert [item.name for item in table.rows] == ["qs", "rpg (phrases dataset)"]
     assert row(table, "qs").paper == (15.4, 12.7, 8.6, 11.9) == PAPER_POG["qs"]
     assert row(table, "qs").commits == ("abc",)
-
-
-def test_splits_and_their_plain_mean_are_counted_by_hand(table: PogTable) -> None:
     cells = {cell.split: cell for cell in row(table, "qs").cells}
     assert list(cells) == ["easy", "hard", TOTAL]
     assert (cells["easy"].k, cells["easy"].n, cells["easy"].sr) == (6, 12, 50.0)
@@ -92,26 +89,23 @@ def test_intervals_by_home_stand_on_the_curve_of_three() -> None:
     assert points[1.0].by_home is None, "no first answer is within 1 m in any home"
 
 
-def test_differences_are_paired_on_the_same_episodes(table: PogTable) -> None:
+def test_differences_are_paired_on_common_episodes(table: PogTable) -> None:
     (difference,) = table.differences
     assert (difference.first, difference.second, difference.n) == ("rpg (phrases dataset)", "qs", 18)
     assert difference.first_minus_second == pytest.approx(100 * (3 / 12) / 2)
     assert (difference.only_first, difference.only_second) == (3, 0)
     assert difference.by_home is not None
     assert difference.by_home.low >= 0
+    part = run_of("qs", answers(6)[:4])
+    (difference,) = only(pog_report([run_of("rpg", answers(9)), part])).differences
+    assert difference.n == 4
+    assert difference.first_minus_second == 0.0
 
 
 def test_answers_with_phrases_by_rules_are_counted() -> None:
     shown = answers(9)
     shown[0] = shown[0].model_copy(update={"phrases_fell_back": True})
     assert row(only(pog_report([run_of("rpg", shown)])), "rpg").num_fallbacks == 1
-
-
-def test_only_common_episodes_enter_a_difference() -> None:
-    part = run_of("qs", answers(6)[:4])
-    (difference,) = only(pog_report([run_of("rpg", answers(9)), part])).differences
-    assert difference.n == 4
-    assert difference.first_minus_second == 0.0
 
 
 def test_seeds_are_averaged_by_episode() -> None:
@@ -218,12 +212,9 @@ def test_unscored_answers_and_walks_are_refused_and_technical_failures_left_out(
         pog_report([run_of("qs", [])])
 
 
-def test_the_report_is_the_same_every_time() -> None:
+def test_the_report_is_the_same_every_time_with_episodes_in_order_of_their_numbers() -> None:
     runs = [run_of("rpg", answers(9)), run_of("qs", answers(6))]
     assert pog_report(runs).model_dump_json() == pog_report(runs[::-1]).model_dump_json()
-
-
-def test_episodes_are_in_order_of_their_numbers() -> None:
     shuffled = [answer_to(EpisodeKey("easy", "Home0", name), 0.5) for name in ("10", "9", "2")]
     (trials,) = method_trials([run_of("qs", shuffled)])
     assert [key.episode_id for key in trials.keys] == ["2", "9", "10"]

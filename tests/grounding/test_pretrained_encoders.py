@@ -233,9 +233,11 @@ def test_a_model_that_is_not_there_says_what_to_do(name: str, message: str, tmp_
         make_image_encoder(name.replace("{empty}", str(tmp_path)), options=ModelOptions(download=False))
 
 
-def test_a_model_of_another_family_is_refused(folder) -> None:
+def test_a_model_of_another_family_and_float16_on_the_cpu_are_refused(folder) -> None:
     with pytest.raises(AgentError, match=r"config\.json says model_type 'siglip'; expected clip"):
         make_image_encoder(f"clip:{folder('siglip')}")
+    with pytest.raises(AgentError, match="expected off or bfloat16"):
+        make_image_encoder(f"clip:{folder('clip')}", options=ModelOptions(autocast="float16"))
 
 
 def leave_a_gap(folder: Path) -> None:
@@ -272,11 +274,6 @@ def test_damaged_weights_are_refused_instead_of_filled_at_random(damage, message
 def test_a_missing_gpu_is_named(folder) -> None:
     with pytest.raises(AgentError, match="torch sees no such device"):
         make_image_encoder(f"clip:{folder('clip')}", options=ModelOptions(device="cuda"))
-
-
-def test_float16_on_the_cpu_is_refused(folder) -> None:
-    with pytest.raises(AgentError, match="expected off or bfloat16"):
-        make_image_encoder(f"clip:{folder('clip')}", options=ModelOptions(autocast="float16"))
 
 
 def test_without_transformers_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, folder) -> None:

@@ -180,7 +180,7 @@ def test_the_literal_form_leaves_a_gate_of_negative_cosines_and_ours_does_not() 
     assert answer(solve(problem, RpgOptions(top_k=1, nhood=0, literal=True))) == 0
 
 
-def test_a_gate_by_hand() -> None:
+def test_a_gate_and_peaks_by_hand() -> None:
     # one row of five cells: the phrase's only peak is cell 3, the query likes cell 0 best, then 2
     features = np.array([[[9.0, 0.0], [0.0, 0.0], [3.0, 4.0], [0.0, 1.0], [-1.0, 1.0]]])
     problem = Problem(features, np.array([[0.0, 2.0]]), np.array([5.0, 0.0]))
@@ -189,6 +189,10 @@ def test_a_gate_by_hand() -> None:
     assert answer(result) == 2
     assert float(result.value[0]) == pytest.approx(0.6)
     assert result.peaks.tolist() == [[[3]]]
+    scores = torch.tensor([[0.1, 0.9, 0.8, 0.2, 0.7]])
+    line = torch.tensor([[0, col] for col in range(5)])
+    assert nms_peaks(scores, line, top_k=4, nms_r=1).tolist() == [[1, 4, -1, -1]]
+    assert nms_peaks(scores, line, top_k=4, nms_r=0).tolist() == [[1, 2, 4, 3]]
 
 
 @LAWS
@@ -377,22 +381,12 @@ def test_an_empty_map_has_no_answer() -> None:
     assert answer(solve_packed(problem, PRESETS["paper"])) == -1
 
 
-def test_impossible_options_are_refused() -> None:
+def test_impossible_options_and_literal_packed_maps_are_refused() -> None:
     with pytest.raises(AgentError, match="expected top_k >= 1"):
         RpgOptions(top_k=0)
-
-
-def test_the_packed_form_refuses_the_literal_option() -> None:
     one = torch.ones(1, 2)
     with pytest.raises(ValueError, match="call rpg_dense"):
         rpg_packed(one, torch.zeros(1, 2, dtype=torch.int64), one, one, width=1, options=RpgOptions(literal=True))
-
-
-def test_peaks_by_hand() -> None:
-    scores = torch.tensor([[0.1, 0.9, 0.8, 0.2, 0.7]])
-    line = torch.tensor([[0, col] for col in range(5)])
-    assert nms_peaks(scores, line, top_k=4, nms_r=1).tolist() == [[1, 4, -1, -1]]
-    assert nms_peaks(scores, line, top_k=4, nms_r=0).tolist() == [[1, 2, 4, 3]]
 
 
 @pytest.mark.parametrize("num", [1, 2, 3, 4, 5, 8, 9, 16, 17])

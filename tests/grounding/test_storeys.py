@@ -63,15 +63,12 @@ def test_points_belong_to_the_nearest_floor_below_with_some_slack() -> None:
     assert storeys.index_of(heights).tolist() == [-1, 0, 0, 0, 0, 1, 1, 1]
 
 
-def test_each_view_grows_the_occupancy_of_its_own_storey() -> None:
+def test_each_view_grows_the_occupancy_of_its_own_storey_and_missing_returns_block_nothing() -> None:
     storeys = Storeys(ViewOptions(floors=(0.0, 3.0)))
     storeys.take(frame(0.0, 3.0, depth=4.0))
     storeys.rest()
     assert (storeys.occupancy(0).cells == FREE).sum() == 0
     assert (storeys.occupancy(1).cells == FREE).sum() > 30
-
-
-def test_a_missing_return_of_a_real_sensor_blocks_nothing() -> None:
     storeys = Storeys(ViewOptions(floors=(0.0,)))
     storeys.take(frame(0.0, 0.0, depth=0.0))
     storeys.rest()

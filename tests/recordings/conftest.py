@@ -1,13 +1,14 @@
 """A two-room house of boxes, an episode in it and two runs; Rerun's strict mode for every test here."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rerun as rr
 
-from sim.episodes.schema import Episode, EpisodeRecord, Goal
+from sim.episodes.schema import Episode, EpisodeRecord
 from sim.mesh import Scene, TriangleMesh
 from sim.render.raycast import Raycaster
 from sim.tasks.pan import PanEnv
@@ -16,6 +17,9 @@ from sim.tasks.run_files import Answer, AnswerMeasures, EpisodeEnd, EpisodeRun, 
 from sim.types import Action, EpisodeKey
 from sim.walk.floor_grid import floor_grid_from_mesh
 
+from ..sim import worlds
+from ..sim.meshes import box, mesh_of
+from ..sim.synthetic import example_episode
 from ..sim.worlds import run_info as info
 
 KEY = EpisodeKey("easy", "BoxHouse", "7")
@@ -32,6 +36,7 @@ BOXES = [  # low corner, high corner, colour
     ((-4.1, 2.5, -2.6), (4.1, 2.6, 2.6), (250, 250, 250)),
 ]
 CHECKS = np.kron([[0, 1], [1, 0]], np.ones((8, 8)))[..., None] * np.array([60, 60, 40]) + np.array([120, 100, 80])
+CHECKS = CHECKS.astype(np.uint8)
 
 
 @pytest.fixture(autouse=True)
@@ -45,21 +50,9 @@ def strict_rerun() -> Iterator[None]:
 
 def box_mesh(boxes: Sequence[tuple]) -> TriangleMesh:
     """Boxes as triangles; the first one (the floor) has a texture of squares of 1 m."""
-    corner = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    faces = np.array([tri for a, b, c, d in quads for tri in ((a, b, c), (a, c, d))])
-    vertices = np.concatenate([np.array(low) + corner * np.subtract(high, low) for low, high, _ in boxes])
-    all_faces = np.concatenate([faces + 8 * index for index in range(len(boxes))])
-    texture = np.where(np.arange(len(all_faces)) < len(faces), 0, -1)
-    return TriangleMesh(
-        vertices=vertices.astype(np.float32),
-        faces=all_faces.astype(np.int32),
-        face_rgb=np.repeat(np.array([rgb for *_, rgb in boxes], np.uint8), len(faces), axis=0),
-        face_instance=np.zeros(len(all_faces), np.int32),
-        face_texture=texture.astype(np.int16),
-        face_uv=(vertices[all_faces][..., [0, 2]] / 2).astype(np.float32),
-        textures=(CHECKS.astype(np.uint8),),
-    )
+    mesh = mesh_of(*(quad for low, high, rgb in boxes for quad in box(low, high, rgb=rgb)), textures=(CHECKS,))
+    texture = np.where(np.arange(len(mesh.faces)) < 12, 0, -1).astype(np.int16)
+    return replace(mesh, face_texture=texture, face_uv=mesh.vertices[mesh.faces][..., [0, 2]] / 2)
 
 
 @pytest.fixture(scope="session")
@@ -78,35 +71,22 @@ def renderer(home: Scene) -> Raycaster:
 @pytest.fixture(scope="session")
 def episode() -> Episode:
     """Find the table, from the room with the bed."""
-    target = Goal.model_validate(
-        {
-            "position": (3.1, 0.4, -1.9),
-            "object_id": 3,
-            "object_name": "table_3",
-            "object_category": "table",
-            "floor_id": "0",
-            "view_points": [
-                {"agent_state": {"position": (3.1, 0.0, -1.0), "rotation": (0.0, 0.0, 0.0, 1.0)}, "iou": 0.5}
-            ],
-        }
-    )
+    target = worlds.goal((3.1, 0.4, -1.9), (worlds.view_point((3.1, 0.0, -1.0)),), name="table_3")
     record = EpisodeRecord.model_validate(
-        {
-            "episode_id": "7",
-            "scene_id": "made/BoxHouse.basis.glb",
-            "scene_dataset_config": "",
-            "object_category": "table",
-            "object_id": "table_3",
-            "description": ("a red table", "", ""),
-            "owner": "Nell",
-            "floor_id": "0",
-            "summary": "Nell keeps the red table | Ivo sleeps in the blue bed.",
-            "extracted_summary": ("The red table belongs to Nell.",),
-            "query": ("Find Nell's table.",),
-            "start_position": (-3.0, 0.0, 1.1),
-            "start_rotation": (0.0, 0.0, 0.0, 1.0),
-            "info": {"geodesic_distance": 7.0, "euclidean_distance": 7.0, "closest_goal_object_id": 3},
-        }
+        example_episode(
+            scene=KEY.scene,
+            owner="Nell",
+            episode_id="7",
+            object_category="table",
+            object_id="table_3",
+            description=("a red table", "", ""),
+            summary="Nell keeps the red table | Ivo sleeps in the blue bed.",
+            extracted_summary=("The red table belongs to Nell.",),
+            query=("Find Nell's table.",),
+            start_position=(-3.0, 0.0, 1.1),
+            start_rotation=(0.0, 0.0, 0.0, 1.0),
+            info={"geodesic_distance": 7.0, "euclidean_distance": 7.0, "closest_goal_object_id": 3},
+        )
     )
     return Episode(KEY, record, (target,))
 
@@ -125,17 +105,9 @@ def walk(home: Scene, episode: Episode, actions: Sequence[Action], *, participan
         collisions=sum(step.collided for step in env.steps),
         scene_digest=home.digest,
     )
-    start = EpisodeStart(
-        split=KEY.split,
-        scene=KEY.scene,
-        episode_id=KEY.episode_id,
-        position=episode.start.position,
-        yaw=episode.start.yaw,
-        participant=participant,
-    )
-    return EpisodeRun(
-        start=start, steps=env.steps, end=EpisodeEnd(reason="stop" if stopped else "giveup", measures=measures)
-    )
+    place = {"position": episode.start.position, "yaw": episode.start.yaw, "participant": participant}
+    end = EpisodeEnd(reason="stop" if stopped else "giveup", measures=measures)
+    return EpisodeRun(start=EpisodeStart(**KEY._asdict(), **place), steps=env.steps, end=end)
 
 
 def to_the_table() -> list[Action]:
@@ -162,14 +134,8 @@ def human_run(home: Scene, episode: Episode) -> Run:
 def answer_run() -> Run:
     """A grounder's two candidates on an oracle map."""
     measures = AnswerMeasures(success=False, top3_success=True, planar_distance=6.0, distance_3d=6.0)
-    answer = Answer(
-        split=KEY.split,
-        scene=KEY.scene,
-        episode_id=KEY.episode_id,
-        candidates=((-2.9, 0.3, -1.9), (3.0, 0.7, -1.8)),
-        scores=(0.9, 0.8),
-        measures=measures,
-    )
+    candidates = ((-2.9, 0.3, -1.9), (3.0, 0.7, -1.8))
+    answer = Answer(**KEY._asdict(), candidates=candidates, scores=(0.9, 0.8), measures=measures)
     return Run(info=info("grounder", scene_kind="oracle-map"), answers=(answer,))
 
 

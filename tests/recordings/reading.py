@@ -36,6 +36,12 @@ def tables(rrd: Path, *, kind: str = "recordings") -> Tables:
     return found
 
 
+def view_names(rrd: Path) -> set[str]:
+    """Names of all views of the blueprint."""
+    found = tables(rrd, kind="blueprints").values()
+    return {row[0] for columns in found for row in columns.get("ViewBlueprint:display_name", []) if row}
+
+
 def column(found: Tables, entity: str, name: str, *, static: bool = False) -> list[Any]:
     """A column's rows in the order of their steps."""
     columns = found[(entity, static)]

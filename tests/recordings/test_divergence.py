@@ -21,12 +21,9 @@ def line(*corners: tuple[float, float, float], step: float = 0.5) -> NDArray[np.
     return np.concatenate(points)
 
 
-def test_the_deviation_is_the_planar_distance_to_the_nearest_place_of_the_path() -> None:
+def test_the_deviation_is_the_planar_distance_to_the_nearest_place_of_any_path() -> None:
     feet = np.array([[0, 0, 0], [2, 0, 0.7], [5.5, 0.2, 1], [4, 0, 4], [-3, 0, -4], [4.3, 0, -0.4]], float)
     assert path_deviation(feet, CORNER) == pytest.approx([0, 0.7, 1.5, 1, 5, 0.5])
-
-
-def test_a_path_of_one_point_has_a_distance() -> None:
     assert path_deviation(np.array([[3.0, 0.0, 4.0]]), np.zeros((1, 3))) == pytest.approx([5.0])
     assert path_deviation(np.array([[3.0, 0.0, 4.0]]), np.zeros((2, 3))) == pytest.approx([5.0])
 
@@ -38,47 +35,39 @@ def test_below_another_storeys_path_only_the_stairs_lower_part_counts() -> None:
     assert path_deviation(np.array([[5.0, 6.0, 0.0]]), stairs) == np.inf
 
 
-def test_a_run_leaves_the_path_with_the_first_pose_more_than_a_metre_off() -> None:
+def test_a_run_leaves_the_path_with_the_first_pose_more_than_a_metre_off_if_ever() -> None:
     feet = line((0, 0, 0), (2, 0, 0), (2, 0, 3))
     deviation = path_deviation(feet, CORNER)
     assert deviation[6] == pytest.approx(1.0)
     left = departure(feet, deviation)
     assert left is not None
     assert (left.row, left.path_m) == (7, pytest.approx(3.5))
-
-
-def test_a_run_along_the_path_never_leaves_it() -> None:
     feet = line((0, 0, 0.9), (3.5, 0, 0.9), (3.5, 0, 3.4))
     assert departure(feet, path_deviation(feet, CORNER)) is None
 
 
-def test_ways_part_where_one_turns_off() -> None:
+def test_ways_part_where_one_turns_off_or_at_once() -> None:
     straight, turned = line((0, 0, 0), (6, 0, 0)), line((0, 0, 0), (2, 0, 0), (2, 0, -3))
     parted = parting(straight, turned)
     # the walker at (2, -1) is 1 m from (2, 0); the one at (3, 0) is 1 m from (2, 0)
     assert parted == (Departure(7, 3.5), Departure(7, 3.5))
+    assert parting(line((0, 0, 0), (2, 0, 0)), line((0, 0, 5), (2, 0, 5))) == (Departure(0, 0.0), Departure(0, 0.0))
 
 
-def test_pauses_turns_and_speeds_part_nobody() -> None:
+def test_pauses_turns_speeds_and_ends_on_the_others_way_part_nobody() -> None:
     slow, fast = line((0, 0, 0), (6, 0, 0), step=0.25), line((0, 0, 0.8), (6, 0, 0.8))
     waiting = np.concatenate([np.repeat(slow[:4], 9, axis=0), slow[4:]])
     assert parting(waiting, fast) is None
     assert parting(fast, waiting) is None
-
-
-def test_who_ends_on_the_others_way_has_not_parted() -> None:
     assert parting(line((0, 0, 0), (2, 0, 0)), line((0, 0, 0), (6, 0, 0))) is None
 
 
-def test_a_detour_parts_where_it_begins_though_it_comes_back() -> None:
+def test_a_detour_parts_where_it_begins_and_turning_back_where_the_other_cannot_be_waiting() -> None:
     straight = line((0, 0, 0), (8, 0, 0))
     detour = line((0, 0, 0), (3, 0, 0), (3, 0, 3), (3, 0, 0), (8, 0, 0))
     parted = parting(straight, detour)
     assert parted is not None
     assert parted[1] == Departure(9, 4.5)
-
-
-def test_one_who_turns_back_parts_where_the_other_cannot_be_waiting() -> None:
     straight, back = line((0, 0, 0), (8, 0, 0)), line((0, 0, 0), (4, 0, 0), (0, 0, 0))
     parted = parting(straight, back)
     assert parted is not None
@@ -91,10 +80,6 @@ def test_one_place_on_two_storeys_parts() -> None:
     parted = parting(level, up)
     assert parted is not None
     assert 1.5 <= up[parted[1].row, 1] < 1.9
-
-
-def test_starts_that_are_far_apart_part_at_once() -> None:
-    assert parting(line((0, 0, 0), (2, 0, 0)), line((0, 0, 5), (2, 0, 5))) == (Departure(0, 0.0), Departure(0, 0.0))
 
 
 def test_runs_that_do_not_walk_and_goals_out_of_reach_have_no_divergence() -> None:

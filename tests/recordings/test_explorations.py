@@ -60,12 +60,9 @@ def test_view_depth_way_frontiers_and_both_maps_are_there(live: tuple[Path, Expl
     assert rows[f"{RUN}/chosen"] > 3
 
 
-def test_pictures_have_colours_though_the_explorer_sees_depth_alone(found: Tables) -> None:
+def test_pictures_have_colours_and_the_seen_floor_grows_to_most_of_the_house(found: Tables) -> None:
     sizes = {len(blob[0]) for blob in column(found, f"{RUN}/camera", "EncodedImage:blob")}
     assert len(sizes) > 10, "black pictures are all alike"
-
-
-def test_the_seen_floor_grows_to_most_of_the_house(found: Tables) -> None:
     seen = [value for (value,) in column(found, f"{RUN}/seen_m2", "Scalars:scalars")]
     assert seen == sorted(seen)
     assert seen[0] < 12 < seen[-1] < 40, "two rooms of 20 square metres"
@@ -82,12 +79,16 @@ def test_nothing_of_a_goal_or_an_episode_is_in_it(live: tuple[Path, Exploration]
         read_rrd(live[0])
 
 
-def test_the_blueprint_plots_seen_floor_and_shows_the_agents_map(live: tuple[Path, Exploration]) -> None:
+def test_the_recording_names_home_and_seed_and_shows_seen_floor_and_the_agents_map(
+    live: tuple[Path, Exploration],
+) -> None:
     reader, names, name = RrdReader(str(live[0])), set(), "ViewBlueprint:display_name"
     for chunk in (chunk for layout in reader.blueprints() for chunk in reader.stream(store=layout)):
         batch = chunk.to_record_batch()
         names |= {row[0] for row in batch.column(name).to_pylist()} if name in batch.schema.names else set()
     assert {"Free floor seen, square metres", "What it thinks", "Seen so far", "Depth", "frontier sees"} <= names
+    (store,) = RrdReader(str(live[0])).recordings()
+    assert store.recording_id == f"personal/explore/BoxHouse/storey0/seed{SEED}"
 
 
 def test_done_again_it_is_the_same_recording(
@@ -174,11 +175,6 @@ def test_several_explorations_need_a_folder_and_each_gets_its_file(tmp_path: Pat
     with live_sink(str(tmp_path / "folder"), keys) as sink:
         names = [str(sink.file_of(key)) for key in keys]
     assert [Path(name).name for name in names] == ["explore-HomeA-storey0-seed3.rrd", "explore-HomeA-storey1-seed3.rrd"]
-
-
-def test_the_recording_says_which_home_and_seed(live: tuple[Path, Exploration]) -> None:
-    (store,) = RrdReader(str(live[0])).recordings()
-    assert store.recording_id == f"personal/explore/BoxHouse/storey0/seed{SEED}"
 
 
 def test_a_job_is_shown_live_and_its_stored_exploration_again(

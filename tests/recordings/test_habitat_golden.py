@@ -3,7 +3,6 @@
 Habitat itself is not here: a stand-in on our own map answers, so every figure must be perfect unless it is made wrong.
 """
 
-import ast
 import gzip
 import json
 import re
@@ -45,19 +44,6 @@ def written(golden_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         return tmp_path / "golden"
 
     return write
-
-
-def test_the_file_is_python_3_8_with_nothing_but_numpy_and_the_standard_library() -> None:
-    tree = ast.parse(SOURCE, feature_version=(3, 8))
-    names = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0
-            names.add(node.module)
-    assert names - set(sys.stdlib_module_names) == {"numpy"}
-    assert "from __future__ import annotations" in SOURCE
 
 
 def dumped(found: Agreement) -> dict[str, float | None]:

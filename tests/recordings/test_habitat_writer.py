@@ -1,23 +1,21 @@
 """The file that people copy into a Habitat environment: old Python, no packages, clear errors, whole episodes."""
 
 import ast
-import json
 import math
 import sys
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from recordings import habitat_writer
+from recordings import habitat_golden, habitat_writer
 from recordings.habitat_writer import RunWriter
 from sim.tasks.run_files import EpisodeRun, read_episode_runs
 
 AHEAD = [0.0, 0.0, 0.0, 1.0]
 LEFT = [0.0, math.sin(math.radians(15)), 0.0, math.cos(math.radians(15))]
-SOURCE = Path(habitat_writer.__file__).read_text(encoding="utf-8")
 
 
 def runs_of(path: Path) -> list[EpisodeRun]:
@@ -35,18 +33,29 @@ def started(writer: RunWriter) -> RunWriter:
     return writer
 
 
-def test_the_file_is_python_3_8_with_nothing_but_the_standard_library() -> None:
-    tree = ast.parse(SOURCE, feature_version=(3, 8))
+@pytest.mark.parametrize(
+    ("module", "others", "standard"),
+    [
+        (habitat_writer, set(), {"__future__", "json", "math", "os", "re", "typing"}),
+        (habitat_golden, {"numpy"}, None),
+    ],
+    ids=["writer: six modules of the standard library", "golden: numpy and the standard library"],
+)
+def test_the_files_to_copy_are_python_3_8_and_need_little(
+    module: ModuleType, others: set[str], standard: set[str] | None
+) -> None:
+    tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"), feature_version=(3, 8))
     names = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0
-            names.add(node.module)
-    assert names == {"__future__", "json", "math", "os", "re", "typing"}
-    assert names <= set(sys.stdlib_module_names)
-    compile(tree, "habitat_writer.py", "exec")
+            names.add(str(node.module))
+    assert "__future__" in names, "annotations are not evaluated"
+    assert names - set(sys.stdlib_module_names) == others
+    assert standard is None or names == standard
+    compile(tree, str(module.__file__), "exec")
 
 
 def test_an_episode_is_read_back_as_a_run(started: RunWriter) -> None:
@@ -195,30 +204,16 @@ def test_a_bad_argument_of_a_start_is_named(writer: RunWriter, values: dict[str,
         writer.start_episode(**(good | values))
 
 
-def test_in_a_folder_the_agents_name_names_the_file(tmp_path: Path) -> None:
+def test_in_a_folder_the_agents_name_names_the_file_and_other_places_are_refused(tmp_path: Path) -> None:
     assert Path(RunWriter(tmp_path, agent="vlfm").path) == tmp_path / "vlfm.jsonl"
     with pytest.raises(ValueError, match="Give agent="):
         RunWriter(tmp_path)
     with pytest.raises(ValueError, match=r"agent is '\.\./vlfm'"):
         RunWriter(tmp_path, agent="../vlfm")
-
-
-def test_a_file_of_something_else_is_refused_and_kept(tmp_path: Path) -> None:
     other = tmp_path / "notes.txt"
     other.write_text("my notes\n")
     with pytest.raises(ValueError, match="holds something else than episodes"):
         RunWriter(other)
     assert other.read_text() == "my notes\n"
-
-
-def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="Make it first"):
         RunWriter(tmp_path / "none" / "a.jsonl")
-
-
-def test_lines_hold_no_measures(started: RunWriter) -> None:
-    started.step("stop", [1.0, 0.2, -2.0], AHEAD)
-    started.end_episode()
-    lines = [json.loads(line) for line in Path(started.path).read_text().splitlines()]
-    assert [line["kind"] for line in lines] == ["episode", "step", "end"]
-    assert lines[-1] == {"kind": "end", "reason": "stop"}

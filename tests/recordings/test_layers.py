@@ -18,9 +18,8 @@ from sim.mesh import Scene
 from sim.plan_view.storey import StoreyMap
 from sim.tasks.run_files import Run
 from sim.types import EpisodeKey, GridSpec
-from sim.walk.floor_grid import FloorGrid
 
-from ..grounding.small_homes import write_small_dataset
+from ..sim.grids import level_floors
 from .conftest import info
 from .reading import Tables, record, tables
 
@@ -30,20 +29,15 @@ pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
 
 
 @pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> PersonalDataset:
+def dataset(small_root: Path) -> PersonalDataset:
     """Two homes; HomeOne's target of episode 0 is a table at (2.25, 7.75)."""
-    root = tmp_path_factory.mktemp("small")
-    write_small_dataset(root)
-    return PersonalDataset(root)
+    return PersonalDataset(small_root)
 
 
 @pytest.fixture(scope="module")
 def two_storeys(home: Scene) -> Scene:
     """HomeOne as a scan without pictures: 12 m x 10 m free on both storeys."""
-    rc = np.argwhere(np.ones((200, 240), bool)).astype(np.int64)
-    heights = np.repeat([0.0, 3.0], len(rc))
-    grid = FloorGrid.from_cells(np.concatenate([rc, rc]), heights, grid=GridSpec((0.0, 0.0), 0.05, (200, 240)))
-    return Scene("HomeOne", "scan", home.mesh, (), grid, "d" * 64)
+    return Scene("HomeOne", "scan", home.mesh, (), level_floors((200, 240), 0.0, 3.0), "d" * 64)
 
 
 def grounded(dataset: PersonalDataset, method: Any, **config: object) -> Run:
@@ -118,7 +112,7 @@ def test_the_document_lists_the_phrases(found: Tables) -> None:
 
 def test_the_blueprint_has_a_map_per_phrase_and_hides_what_covers_the_answer(found: Tables) -> None:
     views = found[("blueprint", True)]["views"]
-    names = {c["ViewBlueprint:display_name"][0][0] for c in views if "ViewBlueprint:display_name" in c}
+    names = {row[0] for c in views for row in c.get("ViewBlueprint:display_name", []) if row}
     assert {f"{number}. " for number in range(1, 6)} <= {name[:3] for name in names}
     assert any(name.endswith("...") and len(name) <= 3 + 44 for name in names)
     hidden = [c for c in views if c.get("EntityBehavior:visible") == [[False]]]

@@ -74,14 +74,11 @@ def test_every_run_that_strays_has_a_cross_and_only_the_shown_pair_a_diamond(fou
     assert ("/runs/copy/parting", False) not in found
 
 
-def test_the_last_picture_says_that_it_is_the_last(found: Tables) -> None:
+def test_the_last_picture_says_that_it_is_the_last_and_that_there_was_no_clock(found: Tables) -> None:
     ended = found[("/runs/study-P07/camera/ended", False)]
     assert ended["step"] == [14]
     assert ended["Boxes2D:labels"] == [["gave up after 14 steps: no success"]]
     assert ended["Boxes2D:half_sizes"] == [[[32.0, 24.0]]]
-
-
-def test_a_run_without_a_clock_says_so_on_the_timeline_of_seconds(found: Tables) -> None:
     ended = found[("/runs/straight.agent/camera/ended", False)]
     assert (ended["step"], ended["Boxes2D:labels"]) == ([40], [["stopped after 40 steps: success"]])
     note = found[("/runs/straight.agent/camera/no_clock", False)]

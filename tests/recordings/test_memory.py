@@ -17,8 +17,8 @@ from sim.errors import RecordingError
 from sim.mesh import Scene
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import GridSpec
-from sim.walk.floor_grid import FloorGrid
 
+from ..sim.grids import level_floors
 from .reading import Tables, tables
 
 pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
@@ -56,8 +56,8 @@ def found(tmp_path_factory: pytest.TempPathFactory, home: Scene) -> Tables:
     return tables(record_memory(cells_memory(), name="box map", out=out, scene=home, with_pixels=False))
 
 
-def picture(found: Tables, layer: str) -> np.ndarray:
-    blob = found[(f"/memory/box\\ map/map/storey_0/{layer}", True)]["EncodedImage:blob"][0][0]
+def picture(found: Tables, layer: str, *, of: str = "box\\ map", storey: int = 0) -> np.ndarray:
+    blob = found[(f"/memory/{of}/map/storey_{storey}/{layer}", True)]["EncodedImage:blob"][0][0]
     return np.asarray(Image.open(io.BytesIO(bytes(blob))).convert("RGBA"))
 
 
@@ -77,15 +77,12 @@ def test_occupied_and_unknown_cells_lie_where_they_were_seen(found: Tables, home
     assert brown.sum() == pytest.approx(16 * 20, abs=40), "the table's 0.8 m x 1 m"
 
 
-def test_unlike_vectors_have_unlike_colours_on_the_squares_of_their_cells(found: Tables) -> None:
+def test_unlike_vectors_have_unlike_colours_on_their_cells_and_more_evidence_is_brighter(found: Tables) -> None:
     colours = found[("/memory/box\\ map/home/storey_0/features", True)]["Mesh3D:vertex_colors"][0]
     points = np.array(found[("/memory/box\\ map/home/storey_0/features", True)]["Mesh3D:vertex_positions"][0])
     assert len(set(colours)) == 3
     assert points.shape == (12, 3)
     assert {tuple(p) for p in points[:4, [0, 2]].tolist()} == {(-3, -1), (-2, -1), (-2, 0), (-3, 0)}
-
-
-def test_more_evidence_is_brighter(found: Tables) -> None:
     shown = picture(found, "evidence")
     assert (shown[..., :3] == (253, 231, 37)).all(axis=-1).any(), "9 of 9"
     assert (shown[..., :3] == (68, 1, 84)).all(axis=-1).any(), "1 of 9"
@@ -145,8 +142,7 @@ def test_both_storeys_of_a_map_are_shown_each_with_its_own_floor(tmp_path: Path,
     for number, (height, is_known_right) in enumerate([(0.0, True), (3.0, False)]):
         squares = np.array(read[(f"/memory/m/home/storey_{number}/features", True)]["Mesh3D:vertex_positions"][0])
         assert squares[:, 1] == pytest.approx(height, abs=0.2)
-        blob = read[(f"/memory/m/map/storey_{number}/occupancy", True)]["EncodedImage:blob"][0][0]
-        shown = np.asarray(Image.open(io.BytesIO(bytes(blob))).convert("RGBA"))[..., 3] > 0
+        shown = picture(read, "occupancy", of="m", storey=number)[..., 3] > 0
         half = shown.shape[1] // 2
         assert (shown[:, half:].sum() > shown[:, :half].sum()) == is_known_right
     alone = record_memory(
@@ -157,10 +153,7 @@ def test_both_storeys_of_a_map_are_shown_each_with_its_own_floor(tmp_path: Path,
 
 def two_floors(home: Scene) -> Scene:
     """The box house's floor twice, 3 m above each other."""
-    rc = np.argwhere(np.ones((100, 160), bool)).astype(np.int64)
-    heights = np.repeat([0.0, 3.0], len(rc))
-    floors = FloorGrid.from_cells(np.concatenate([rc, rc]), heights, grid=GridSpec((-4.0, -2.5), 0.05, (100, 160)))
-    return replace(home, navigation=floors)
+    return replace(home, navigation=level_floors((100, 160), 0.0, 3.0, corner=(-4.0, -2.5)))
 
 
 def test_colours_are_the_same_for_the_same_map_and_grey_where_nothing_differs() -> None:

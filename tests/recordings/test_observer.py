@@ -28,7 +28,7 @@ from sim.tasks.run_files import EpisodeRun, RunInfo
 from sim.types import Action, GridSpec
 
 from .conftest import info, to_the_table, walk
-from .reading import SMALL, Tables, column, tables
+from .reading import SMALL, Tables, column, tables, view_names
 
 RUN = "/runs/straight.agent"
 MAP = f"{RUN}/map/storey_0"
@@ -37,7 +37,7 @@ GRID = GridSpec((-2.0, -3.0), 0.5, (8, 6))
 
 
 def observe(
-    sink: LiveSink,
+    out: Path,
     home: Scene,
     episode: Episode,
     renderer: Raycaster | None,
@@ -48,8 +48,9 @@ def observe(
     who: RunInfo | None = None,
     **options: Any,
 ) -> EpisodeRun:
-    """Plays the actions through an observer; step i comes with insight i."""
+    """Plays the actions through an observer that writes to `out`; step i comes with insight i."""
     run = run or walk(home, episode, actions)
+    sink = LiveSink("file", str(out))
     observer = RerunObserver(home, sink, who or info("straight.agent"), camera=SMALL, **options)
     env = PanEnv(episode.start, home.navigation, renderer=renderer, camera=SMALL)
     observer.on_reset(episode, env.reset())
@@ -66,32 +67,26 @@ def rrd(
 ) -> tuple[Path, EpisodeRun]:
     """An agent of 40 steps that reaches the table."""
     out = tmp_path_factory.mktemp("live") / "box.rrd"
-    return out, observe(LiveSink("file", str(out)), home, episode, renderer, to_the_table())
+    return out, observe(out, home, episode, renderer, to_the_table())
 
 
-def test_every_step_has_a_row_in_every_entity(rrd: tuple[Path, EpisodeRun]) -> None:
-    rows = {entity: len(columns["step"]) for (entity, static), columns in tables(rrd[0]).items() if not static}
-    seen = rows.pop(f"{MAP}/seen")
-    assert 3 <= seen <= 9
-    assert rows == {
-        f"{RUN}/camera": 41,
-        f"{RUN}/depth": 41,
-        f"{RUN}/trail": 40,
-        f"{RUN}/actions": 40,
-        f"{RUN}/centre_distance": 41,
-        f"{RUN}/goal_distance": 41,
-        f"{RUN}/record/line": 40,
-        f"{MAP}/robot": 41,
-        f"{MAP}/trail": 40,
-        "/goal/centre": 1,
-        "/goal/region": 1,
-        "/goal/places": 1,
-        "/goal/path": 1,
-        "/goal/map/storey_0": 1,
-        "/goal/map/storey_0/region": 1,
-        "/goal/map/storey_0/places": 1,
-        "/goal/map/storey_0/path": 1,
-    }
+@pytest.fixture(scope="module")
+def found(rrd: tuple[Path, EpisodeRun]) -> Tables:
+    return tables(rrd[0])
+
+
+def test_every_step_has_a_row_in_every_entity(found: Tables) -> None:
+    rows = {entity: len(columns["step"]) for (entity, static), columns in found.items() if not static}
+    assert 3 <= rows.pop(f"{MAP}/seen") <= 9
+    moments = ("camera", "depth", "centre_distance", "goal_distance", "map/storey_0/robot")
+    steps = ("trail", "actions", "record/line", "map/storey_0/trail")
+    goal = ("centre", "region", "places", "path", "map/storey_0")
+    goal += tuple(f"map/storey_0/{name}" for name in ("region", "places", "path"))
+    assert rows == (
+        {f"{RUN}/{name}": 41 for name in moments}
+        | {f"{RUN}/{name}": 40 for name in steps}
+        | {f"/goal/{name}": 1 for name in goal}
+    )
 
 
 def test_the_finished_file_is_whole(rrd: tuple[Path, EpisodeRun]) -> None:
@@ -101,25 +96,19 @@ def test_the_finished_file_is_whole(rrd: tuple[Path, EpisodeRun]) -> None:
     assert [path.name for path in rrd[0].parent.iterdir()] == ["box.rrd"]
 
 
-def test_rows_stand_at_the_same_steps_and_metres_as_in_a_replay(rrd: tuple[Path, EpisodeRun]) -> None:
-    found = tables(rrd[0])
+def test_rows_stand_at_their_steps_and_metres_and_pictures_are_what_the_camera_saw(found: Tables) -> None:
     assert sorted(found[(f"{RUN}/camera", False)]["step"]) == list(range(41))
     metres = np.array(column(found, f"{RUN}/camera", "path_m")) / 1e9
     assert metres[[0, 3, 4, 27, 30, 40]] == pytest.approx([0, 0, 0.25, 6, 6, 8.25])
     assert "time_s" not in found[(f"{RUN}/camera", False)]
-
-
-def test_pictures_are_what_the_camera_saw(rrd: tuple[Path, EpisodeRun]) -> None:
-    blobs = column(tables(rrd[0]), f"{RUN}/camera", "EncodedImage:blob")
-    last = np.asarray(Image.open(io.BytesIO(bytes(blobs[40][0]))))
+    last = np.asarray(Image.open(io.BytesIO(bytes(column(found, f"{RUN}/camera", "EncodedImage:blob")[40][0]))))
     assert last.shape == (48, 64, 3)
     assert (np.abs(last - np.array([150, 60, 40])).max(axis=-1) < 30).mean() > 0.2  # the red table
 
 
 def test_depth_is_a_quarter_as_large_and_in_millimetres(
-    rrd: tuple[Path, EpisodeRun], episode: Episode, home: Scene, renderer: Raycaster
+    found: Tables, episode: Episode, home: Scene, renderer: Raycaster
 ) -> None:
-    found = tables(rrd[0])
     depth = np.frombuffer(bytes(column(found, f"{RUN}/depth", "DepthImage:buffer")[0][0]), np.uint16).reshape(12, 16)
     truth = PanEnv(episode.start, home.navigation, renderer=renderer, camera=SMALL).reset().depth_m
     assert truth is not None
@@ -128,8 +117,7 @@ def test_depth_is_a_quarter_as_large_and_in_millimetres(
     assert [row for row in resolution if row] == [[[16.0, 12.0]]]
 
 
-def test_distances_fall_to_the_goal_and_the_walk_ends_at_zero(rrd: tuple[Path, EpisodeRun]) -> None:
-    found = tables(rrd[0])
+def test_distances_fall_to_the_goal_and_the_walk_ends_at_zero(found: Tables, rrd: tuple[Path, EpisodeRun]) -> None:
     centre = np.array(column(found, f"{RUN}/centre_distance", "Scalars:scalars")).ravel()
     walk_m = np.array(column(found, f"{RUN}/goal_distance", "Scalars:scalars")).ravel()
     assert centre[0] == pytest.approx(np.hypot(6.1, 3.0))
@@ -140,8 +128,8 @@ def test_distances_fall_to_the_goal_and_the_walk_ends_at_zero(rrd: tuple[Path, E
     assert walk_m[40] == 0
 
 
-def test_the_seen_map_grows_and_ends_with_both_rooms(rrd: tuple[Path, EpisodeRun], home: Scene) -> None:
-    blobs = column(tables(rrd[0]), f"{MAP}/seen", "EncodedImage:blob")
+def test_the_seen_map_grows_and_ends_with_both_rooms(found: Tables, home: Scene) -> None:
+    blobs = column(found, f"{MAP}/seen", "EncodedImage:blob")
     pictures = [np.asarray(Image.open(io.BytesIO(bytes(blob[0]))).convert("RGB")) for blob in blobs]
     free = storey_map(home.navigation, 0).free
     shares = [(picture[free] == SEEN_PALETTE[3]).all(axis=-1).mean() for picture in pictures]
@@ -151,8 +139,7 @@ def test_the_seen_map_grows_and_ends_with_both_rooms(rrd: tuple[Path, EpisodeRun
     assert np.unique(pictures[0][free], axis=0).tolist() == sorted(SEEN_PALETTE[[1, 3]].tolist())
 
 
-def test_the_goal_and_the_measures_come_with_the_end_only(rrd: tuple[Path, EpisodeRun]) -> None:
-    found = tables(rrd[0])
+def test_the_goal_and_the_measures_come_with_the_end_only(found: Tables) -> None:
     assert found[("/goal/centre", False)]["step"] == [40]
     assert found[("/goal/region", False)]["step"] == [40]
     texts = [text[0] for text in found[("/task", True)]["TextDocument:text"]]
@@ -161,8 +148,8 @@ def test_the_goal_and_the_measures_come_with_the_end_only(rrd: tuple[Path, Episo
     assert "Nell keeps the red table" in texts[0]
 
 
-def test_the_record_holds_the_run_files_own_lines(rrd: tuple[Path, EpisodeRun]) -> None:
-    found, run = tables(rrd[0]), rrd[1]
+def test_the_record_holds_the_run_files_own_lines(found: Tables, rrd: tuple[Path, EpisodeRun]) -> None:
+    run = rrd[1]
     lines = [row[0] for row in column(found, f"{RUN}/record/line", "line")]
     assert lines == [step.model_dump_json() for step in run.steps]
     assert found[(f"{RUN}/record", True)]["start"] == [[run.start.model_dump_json()]]
@@ -171,24 +158,16 @@ def test_the_record_holds_the_run_files_own_lines(rrd: tuple[Path, EpisodeRun]) 
 
 
 def test_the_blueprint_shows_camera_home_map_plot_actions_and_task(rrd: tuple[Path, EpisodeRun]) -> None:
-    found = tables(rrd[0], kind="blueprints")
-    names = [row[0] for columns in found.values() for row in columns.get("ViewBlueprint:display_name", []) if row]
-    assert sorted(names) == [
-        "Actions",
-        "Depth",
-        "Home",
-        "Metres to the goal",
-        "Seen so far",
-        "Task and results",
-        "straight.agent sees",
-    ]
+    assert view_names(rrd[0]) == {
+        *("Actions", "Depth", "Home", "Metres to the goal", "Seen so far", "Task and results", "straight.agent sees"),
+    }
 
 
 def test_collisions_are_marked_where_a_wall_stopped_the_robot(
     tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster
 ) -> None:
     actions = [Action.LEFT, Action.LEFT, Action.LEFT, *[Action.FORWARD] * 6, Action.STOP]
-    run = observe(LiveSink("file", str(tmp_path / "a.rrd")), home, episode, renderer, actions)
+    run = observe(tmp_path / "a.rrd", home, episode, renderer, actions)
     blocked = [number for number, step in enumerate(run.steps, start=1) if step.collided]
     found = tables(tmp_path / "a.rrd")
     assert blocked
@@ -218,7 +197,7 @@ def explained(tmp_path_factory: pytest.TempPathFactory, home: Scene, episode: Ep
     out = tmp_path_factory.mktemp("live") / "explained.rrd"
     actions = [Action.RIGHT, Action.RIGHT, Action.STOP]
     insights = [INSIGHT, replace(INSIGHT, detections=(), candidates=None, candidate_scores=()), Insight()]
-    observe(LiveSink("file", str(out)), home, turned(episode), renderer, actions, insights=insights)
+    observe(out, home, turned(episode), renderer, actions, insights=insights)
     return tables(out)
 
 
@@ -228,13 +207,10 @@ def turned(episode: Episode) -> Episode:
     return replace(episode, record=episode.record.model_copy(update={"start_rotation": turn}))
 
 
-def test_an_insight_stands_at_the_moment_in_which_the_agent_had_it(explained: Tables) -> None:
+def test_an_insight_stands_at_its_moment_and_its_points_in_the_world(explained: Tables) -> None:
     assert column(explained, f"{RUN}/note", "step") == [0, 1]
     assert column(explained, f"{RUN}/note", "TextLog:text")[0] == ["because: it looks like a table"]
     assert column(explained, f"{RUN}/frontiers", "step") == [0, 1, 2]
-
-
-def test_points_of_the_start_frame_are_shown_in_the_world(explained: Tables) -> None:
     # the robot starts at (-3, 0, 1.1) and faces -x: 2 m ahead is x = -5, 1 m to its right is z = 0.1
     frontiers = np.array(column(explained, f"{RUN}/frontiers", "Points3D:positions")[0])
     assert frontiers[:, [0, 2]] == pytest.approx(np.array([[-5.0, 1.1], [-4.0, 0.1]]), abs=1e-5)
@@ -242,16 +218,13 @@ def test_points_of_the_start_frame_are_shown_in_the_world(explained: Tables) -> 
     assert chosen[::2] == pytest.approx([-4.0, 1.1], abs=1e-5)
 
 
-def test_candidates_and_detections_carry_their_scores(explained: Tables) -> None:
+def test_candidates_and_detections_carry_their_scores_and_are_taken_away_when_gone(explained: Tables) -> None:
     assert column(explained, f"{RUN}/candidates", "Points3D:labels")[0] == ["1 0.90", "2 0.25"]
     assert column(explained, f"{RUN}/found", "Points3D:labels")[0] == ["table 0.75"]
     boxes = f"{RUN}/camera/detections"
     assert column(explained, boxes, "Boxes2D:labels")[0] == ["table 0.75", "bed 0.50"]
     assert column(explained, boxes, "Boxes2D:centers")[0] == [[20.0, 15.0], [2.0, 3.0]]
     assert column(explained, boxes, "Boxes2D:half_sizes")[0] == [[10.0, 10.0], [1.0, 1.0]]
-
-
-def test_what_is_no_longer_there_is_taken_away(explained: Tables) -> None:
     assert column(explained, f"{RUN}/candidates", "step") == [0, 1]
     assert column(explained, f"{RUN}/candidates", "Points3D:positions")[1] == []
     assert column(explained, f"{RUN}/camera/detections", "Boxes2D:centers")[1] == []
@@ -288,16 +261,15 @@ def test_an_agents_grids_are_turned_onto_the_storeys_map(explained: Tables, home
 def test_an_insight_that_does_not_fit_together_names_what_is_wrong(
     tmp_path: Path, home: Scene, episode: Episode, insight: Insight, message: str
 ) -> None:
-    sink = LiveSink("file", str(tmp_path / "a.rrd"))
     with pytest.raises(AgentError, match=message):
-        observe(sink, home, episode, None, [Action.LEFT, Action.STOP], insights=[insight])
+        observe(tmp_path / "a.rrd", home, episode, None, [Action.LEFT, Action.STOP], insights=[insight])
 
 
 def test_a_scan_shows_poses_and_figures_only(
     tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster
 ) -> None:
     scan = replace(home, kind="scan")
-    observe(LiveSink("file", str(tmp_path / "a.rrd")), scan, episode, renderer, to_the_table(), insights=[INSIGHT])
+    observe(tmp_path / "a.rrd", scan, episode, renderer, to_the_table(), insights=[INSIGHT])
     found = tables(tmp_path / "a.rrd")
     shown = {name for columns in found.values() for name in columns}
     assert not {name for name in shown if name.startswith(("EncodedImage", "DepthImage", "Asset3D"))}
@@ -310,8 +282,7 @@ def test_a_scan_with_leave_shows_all_and_a_notice(
     tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster
 ) -> None:
     scan = replace(home, kind="scan")
-    sink = LiveSink("file", str(tmp_path / "a.rrd"))
-    observe(sink, scan, episode, renderer, to_the_table()[:4], with_pixels=True)
+    observe(tmp_path / "a.rrd", scan, episode, renderer, to_the_table()[:4], with_pixels=True)
     found = tables(tmp_path / "a.rrd")
     assert "EncodedImage:blob" in found[(f"{RUN}/camera", False)]
     assert ("/scene/mesh/storey_0", True) in found
@@ -319,7 +290,7 @@ def test_a_scan_with_leave_shows_all_and_a_notice(
 
 
 def test_without_a_renderer_the_map_grows_from_the_floor_plan(tmp_path: Path, home: Scene, episode: Episode) -> None:
-    observe(LiveSink("file", str(tmp_path / "a.rrd")), home, episode, None, to_the_table())
+    observe(tmp_path / "a.rrd", home, episode, None, to_the_table())
     found = tables(tmp_path / "a.rrd")
     assert "EncodedImage:blob" not in found[(f"{RUN}/camera", False)]
     assert (f"{RUN}/depth", False) not in found
@@ -329,22 +300,26 @@ def test_without_a_renderer_the_map_grows_from_the_floor_plan(tmp_path: Path, ho
 def test_a_person_has_a_code_and_a_clock(tmp_path: Path, home: Scene, episode: Episode) -> None:
     run = walk(home, episode, [Action.FORWARD, Action.LEFT, Action.STOP], participant="P07")
     who = info("study", who="human", who_kind="human")
-    sink = LiveSink("file", str(tmp_path / "a.rrd"))
-    observe(sink, home, episode, None, [], run=run, who=who, participant="P07")
+    observe(tmp_path / "a.rrd", home, episode, None, [], run=run, who=who, participant="P07")
     found = tables(tmp_path / "a.rrd")
     seconds = np.array(column(found, "/runs/study-P07/camera", "time_s")) / 1e9
     assert seconds == pytest.approx([0, 0.5, 1.0, 1.5])
     assert column(found, "/runs/study-P07/actions", "TextLog:text")[0] == ["human-P07: forward"]
 
 
+def started(out: Path, home: Scene, episode: Episode, renderer: Raycaster) -> tuple[RerunObserver, PanEnv]:
+    """An observer that writes to `out` and has seen the start, and the environment."""
+    observer = RerunObserver(home, LiveSink("file", str(out)), info("straight.agent"), camera=SMALL)
+    env = PanEnv(episode.start, home.navigation, renderer=renderer, camera=SMALL)
+    observer.on_reset(episode, env.reset())
+    return observer, env
+
+
 def test_an_episode_that_was_broken_off_is_complete_up_to_there(
     tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster
 ) -> None:
-    run = walk(home, episode, to_the_table())
-    observer = RerunObserver(home, LiveSink("file", str(tmp_path / "a.rrd")), info("straight.agent"), camera=SMALL)
-    env = PanEnv(episode.start, home.navigation, renderer=renderer, camera=SMALL)
-    observer.on_reset(episode, env.reset())
-    for step in run.steps[:6]:
+    observer, env = started(tmp_path / "a.rrd", home, episode, renderer)
+    for step in walk(home, episode, to_the_table()).steps[:6]:
         observer.on_step(step, env.step(step.action), None)
     observer.close()
     found = tables(tmp_path / "a.rrd")
@@ -356,9 +331,7 @@ def test_steps_of_a_slow_agent_are_in_the_file_at_once(
     tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live_episode, "SEND_S", 0.0)
-    observer = RerunObserver(home, LiveSink("file", str(tmp_path / "a.rrd")), info("straight.agent"), camera=SMALL)
-    env = PanEnv(episode.start, home.navigation, renderer=renderer, camera=SMALL)
-    observer.on_reset(episode, env.reset())
+    observer, env = started(tmp_path / "a.rrd", home, episode, renderer)
     for number, step in enumerate(walk(home, episode, to_the_table()).steps[:3], start=1):
         observer.on_step(step, env.step(step.action), None)
         chunks = RrdReader(str(tmp_path / "a.rrd")).stream()

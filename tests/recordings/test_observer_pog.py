@@ -49,9 +49,7 @@ def answered(home: Scene, episode: Episode, out: Path, *, with_pixels: bool = Fa
     observer.on_click(ray_to(9.0, 0.0, 0.0), None, 3.0)
     observer.on_click(ray_to(*TABLE), TABLE, 4.5)
     answer = Answer(
-        split=KEY.split,
-        scene=KEY.scene,
-        episode_id=KEY.episode_id,
+        **KEY._asdict(),
         candidates=(TABLE,),
         participant="p01",
         ray=ray_to(*TABLE),

@@ -25,11 +25,10 @@ from sim.mesh import Scene
 from sim.render.raycast import Raycaster
 from sim.scans.glb import load_glb
 from sim.tasks.run_files import Run
-from sim.types import GridSpec
-from sim.walk.floor_grid import FloorGrid
 
+from ..sim.grids import level_floors
 from .conftest import KEY, info
-from .reading import SMALL, record, tables
+from .reading import SMALL, Tables, record, tables, view_names
 
 pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
 
@@ -52,11 +51,19 @@ def rrd(
     )
 
 
-def test_the_file_is_whole_and_alone_in_its_folder(rrd: Path) -> None:
+@pytest.fixture(scope="module")
+def found(rrd: Path) -> Tables:
+    return tables(rrd)
+
+
+def test_the_file_is_whole_alone_in_its_folder_and_named_by_the_episode(rrd: Path) -> None:
     assert [path.name for path in rrd.parent.iterdir()] == ["box.rrd"]
     program = Path(rerun_cli.__file__).with_name("rerun")
     done = subprocess.run([program, "rrd", "verify", rrd], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+    (store,) = RrdReader(str(rrd)).recordings()
+    assert (store.application_id, store.recording_id) == ("personal-viz", "personal/easy/BoxHouse/7")
+    assert tables(rrd)[("/__properties/episode", True)]["scene_kind"] == [["invented"]]
 
 
 def test_what_a_viewer_shows_first_comes_first(rrd: Path) -> None:
@@ -76,70 +83,37 @@ def test_what_a_viewer_shows_first_comes_first(rrd: Path) -> None:
     assert max(rows) < min(pictures)
 
 
-def test_the_episode_names_the_recording(rrd: Path) -> None:
-    (store,) = RrdReader(str(rrd)).recordings()
-    assert (store.application_id, store.recording_id) == ("personal-viz", "personal/easy/BoxHouse/7")
-    assert tables(rrd)[("/__properties/episode", True)]["scene_kind"] == [["invented"]]
-
-
-def test_every_run_has_its_entities_and_every_step_a_row(rrd: Path) -> None:
+def test_every_run_has_its_entities_and_every_step_a_row(found: Tables) -> None:
     rows = {
-        entity: len(columns["step"])
-        for (entity, static), columns in tables(rrd).items()
-        if not static and "step" in columns
+        entity: len(columns["step"]) for (entity, static), columns in found.items() if not static and "step" in columns
     }
-    assert rows == {
-        "/runs/straight.agent/camera": 41,
-        "/runs/straight.agent/trail": 40,
-        "/runs/straight.agent/actions": 40,
-        "/runs/straight.agent/centre_distance": 41,
-        "/runs/straight.agent/map/storey_0/robot": 41,
-        "/runs/straight.agent/map/storey_0/trail": 40,
-        "/runs/study-P07/camera": 15,
-        "/runs/study-P07/trail": 14,
-        "/runs/study-P07/actions": 14,
-        "/runs/study-P07/centre_distance": 15,
-        "/runs/study-P07/map/storey_0/robot": 15,
-        "/runs/study-P07/map/storey_0/trail": 14,
-        "/runs/straight.agent/camera/ended": 1,
-        "/runs/straight.agent/path_deviation": 41,
-        "/runs/straight.agent/departure": 1,
-        "/runs/straight.agent/map/storey_0/departure": 1,
-        "/runs/straight.agent/parting": 1,
-        "/runs/straight.agent/map/storey_0/parting": 1,
-        "/runs/straight.agent/record/line": 40,
-        "/runs/study-P07/camera/ended": 1,
-        "/runs/study-P07/path_deviation": 15,
-        "/runs/study-P07/departure": 1,
-        "/runs/study-P07/map/storey_0/departure": 1,
-        "/runs/study-P07/parting": 1,
-        "/runs/study-P07/map/storey_0/parting": 1,
-        "/runs/study-P07/record/line": 14,
-        "/runs/grounder/candidates": 1,
-        "/runs/grounder/actions": 1,
-        "/runs/grounder/map/storey_0/candidates": 1,
-        "/goal/centre": 1,
-        "/goal/region": 1,
-        "/goal/places": 1,
-        "/goal/path": 1,
-        "/goal/map/storey_0": 1,
-        "/goal/map/storey_0/region": 1,
-        "/goal/map/storey_0/places": 1,
-        "/goal/map/storey_0/path": 1,
-    }
+    on_map, once = "map/storey_0", ("departure", "parting")
+    expected = {f"/runs/grounder/{name}": 1 for name in ("candidates", "actions", f"{on_map}/candidates")}
+    for run, steps in (("straight.agent", 40), ("study-P07", 14)):
+        moments = ("camera", "centre_distance", "path_deviation", f"{on_map}/robot")
+        expected |= {f"/runs/{run}/{name}": steps + 1 for name in moments}
+        expected |= {f"/runs/{run}/{name}": steps for name in ("trail", "actions", "record/line", f"{on_map}/trail")}
+        expected |= {
+            f"/runs/{run}/{name}": 1 for name in ("camera/ended", *once, *(f"{on_map}/{mark}" for mark in once))
+        }
+    for name in ("region", "places", "path"):
+        expected |= {f"/goal/{name}": 1, f"/goal/{on_map}/{name}": 1}
+    assert rows == expected | {"/goal/centre": 1, f"/goal/{on_map}": 1}
 
 
-def test_timelines_count_steps_metres_and_a_persons_seconds(rrd: Path) -> None:
-    agent = tables(rrd)[("/runs/straight.agent/camera", False)]
-    person = tables(rrd)[("/runs/study-P07/camera", False)]
+def test_timelines_count_steps_metres_and_seconds_and_distances_fall_to_the_goal(found: Tables) -> None:
+    agent, person = (found[(f"/runs/{run}/camera", False)] for run in ("straight.agent", "study-P07"))
     assert agent["step"] == list(range(41))
     assert np.array(agent["path_m"])[[0, 3, 4, 27, 30, 40]] / 1e9 == pytest.approx([0, 0, 0.25, 6, 6, 8.25])
     assert "time_s" not in agent
     assert np.array(person["time_s"]) / 1e9 == pytest.approx(np.arange(15) / 2)
+    values = found[("/runs/straight.agent/centre_distance", False)]["Scalars:scalars"]
+    apart = [row[0] for row in values]
+    assert apart[0] == pytest.approx(np.hypot(6.1, 3.0))
+    assert apart[-1] == pytest.approx(np.hypot(0.1, 0.75))
 
 
-def test_the_goal_appears_with_the_last_step_and_not_before(rrd: Path) -> None:
-    found = tables(rrd)
+def test_the_goal_appears_with_the_last_step_and_not_before(found: Tables) -> None:
     goals = {entity: static for entity, static in found if entity.startswith("/goal")}
     assert set(goals.values()) == {False}
     for entity in goals:
@@ -151,8 +125,8 @@ def test_the_goal_appears_with_the_last_step_and_not_before(rrd: Path) -> None:
     assert goal["Points3D:labels"] == [["table_3"]]
 
 
-def test_pictures_are_what_the_camera_sees_at_each_step(rrd: Path, renderer: Raycaster) -> None:
-    blobs = tables(rrd)[("/runs/straight.agent/camera", False)]["EncodedImage:blob"]
+def test_pictures_are_what_the_camera_sees_at_each_step(found: Tables) -> None:
+    blobs = found[("/runs/straight.agent/camera", False)]["EncodedImage:blob"]
     images = [np.asarray(Image.open(io.BytesIO(bytes(blob[0])))) for blob in blobs]
     assert {image.shape for image in images} == {(48, 64, 3)}
     red, blue = np.array([150, 60, 40]), np.array([60, 90, 160])
@@ -163,8 +137,8 @@ def test_pictures_are_what_the_camera_sees_at_each_step(rrd: Path, renderer: Ray
     assert shares[40][1] == 0
 
 
-def test_the_camera_stands_88_cm_above_the_feet_and_looks_along_minus_z(rrd: Path) -> None:
-    camera = tables(rrd)[("/runs/study-P07/camera", False)]
+def test_the_camera_stands_88_cm_above_the_feet_and_looks_along_minus_z(found: Tables) -> None:
+    camera = found[("/runs/study-P07/camera", False)]
     assert camera["Transform3D:translation"][0][0] == pytest.approx([-3.0, 0.88, 1.1])
     columns = np.array(camera["Transform3D:mat3x3"][0][0]).reshape(3, 3)
     assert columns[2] == pytest.approx([0, 0, -1])
@@ -172,8 +146,7 @@ def test_the_camera_stands_88_cm_above_the_feet_and_looks_along_minus_z(rrd: Pat
     assert tilted[2] == pytest.approx([0, -0.5, -np.sqrt(0.75)], abs=1e-6)
 
 
-def test_the_ways_on_map_and_floor_are_the_runs_positions(rrd: Path, agent_run: Run) -> None:
-    found = tables(rrd)
+def test_the_ways_on_map_and_floor_are_the_runs_positions(found: Tables, agent_run: Run) -> None:
     feet = np.array([pose.position for pose in agent_run.episodes[0].poses])
     whole = np.array(found[("/runs/straight.agent/path", True)]["LineStrips3D:strips"][0][0])
     assert whole == pytest.approx(feet + np.array([0, 0.11, 0]), abs=1e-6)
@@ -185,15 +158,8 @@ def test_the_ways_on_map_and_floor_are_the_runs_positions(rrd: Path, agent_run: 
     assert (pixels[rows, cols] == 236).any(axis=-1).all()
 
 
-def test_distances_fall_to_the_goal(rrd: Path) -> None:
-    values = tables(rrd)[("/runs/straight.agent/centre_distance", False)]["Scalars:scalars"]
-    apart = [row[0] for row in values]
-    assert apart[0] == pytest.approx(np.hypot(6.1, 3.0))
-    assert apart[-1] == pytest.approx(np.hypot(0.1, 0.75))
-
-
-def test_the_text_holds_task_and_results_and_no_markup_of_its_own(rrd: Path) -> None:
-    text = tables(rrd)[("/task", True)]["TextDocument:text"][0][0]
+def test_the_text_holds_task_and_results_and_no_markup_of_its_own(found: Tables) -> None:
+    text = found[("/task", True)]["TextDocument:text"][0][0]
     assert "Find Nell's table." in text
     assert "red table \\| Ivo" in text
     assert "| straight.agent | yes | 0.75 | 0.75 | 0.00 m | stop | 40 | 8.2 m | 0 |" in text
@@ -206,8 +172,7 @@ def test_the_blueprint_shows_both_best_cameras_home_map_plots_text_and_actions(r
     views = [columns for (_, _), columns in tables(rrd, kind="blueprints").items()]
     classes = Counter(c["ViewBlueprint:class_identifier"][0][0] for c in views if "ViewBlueprint:class_identifier" in c)
     assert classes == {"2D": 3, "3D": 1, "TimeSeries": 2, "TextDocument": 1, "TextLog": 1}
-    names = {c["ViewBlueprint:display_name"][0][0] for c in views if "ViewBlueprint:display_name" in c}
-    assert {"straight.agent sees", "human-P07 sees", "Home", "Map"} <= names
+    assert {"straight.agent sees", "human-P07 sees", "Home", "Map"} <= view_names(rrd)
 
 
 def test_the_same_runs_make_the_same_content(
@@ -219,8 +184,8 @@ def test_the_same_runs_make_the_same_content(
     again.unlink()
 
 
-def test_no_texture_asks_for_a_filter_which_rerun_would_warn_of(rrd: Path, tmp_path: Path) -> None:
-    ((content,),) = tables(rrd)[("/scene/mesh/storey_0", True)]["Asset3D:blob"]
+def test_no_texture_asks_for_a_filter_which_rerun_would_warn_of(found: Tables, tmp_path: Path) -> None:
+    ((content,),) = found[("/scene/mesh/storey_0", True)]["Asset3D:blob"]
     (glb := tmp_path / "home.glb").write_bytes(bytes(content))
     (length,) = struct.unpack_from("<I", glb.read_bytes(), 12)
     samplers = json.loads(glb.read_bytes()[20 : 20 + length])["samplers"]
@@ -254,10 +219,7 @@ def test_answers_alone_come_before_the_goal(tmp_path: Path, home: Scene, episode
 
 
 def test_each_storey_has_its_own_map_and_mesh(tmp_path: Path, home: Scene, episode: Episode, human_run: Run) -> None:
-    rc = np.argwhere(np.ones((60, 140), bool)).astype(np.int64)
-    grid = GridSpec((-3.5, -1.5), 0.05, (60, 140))
-    heights = np.repeat([0.0, 3.0], len(rc))
-    two_storeys = FloorGrid.from_cells(np.concatenate([rc, rc]), heights, grid=grid)
+    two_storeys = level_floors((60, 140), 0.0, 3.0, corner=(-3.5, -1.5))
     walk = human_run.episodes[0]
     up = [3.0 * (number in (4, 5, 6)) for number in range(14)]
     steps = [
@@ -272,8 +234,7 @@ def test_each_storey_has_its_own_map_and_mesh(tmp_path: Path, home: Scene, episo
     pieces = found[("/runs/study-P07/map/storey_1/trail", False)]["LineStrips2D:strips"]
     assert [number for number, row in enumerate(pieces) if row] == [5, 6]
     assert found[("/goal/map/storey_1", False)]["Points2D:positions"] == [[]]
-    views = tables(tmp_path / "a.rrd", kind="blueprints").values()
-    names = {c["ViewBlueprint:display_name"][0][0] for c in views if "ViewBlueprint:display_name" in c}
+    names = view_names(tmp_path / "a.rrd")
     assert {"Home, storey 1", "Home, storey 2", "Map, storey 1", "Map, storey 2"} <= names
 
 

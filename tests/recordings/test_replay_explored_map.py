@@ -1,5 +1,6 @@
 """Answers on the map of a walked home, replayed: the map, the layers, the click, and the goal at the end only."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from grounding.maps.files import MapSource, save_memory
 from grounding.maps.home_map import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 from grounding.maps.oracle_map import objects_map, oracle_home
 from grounding.methods.by_name import GrounderName
+from grounding.types import FeatureMap
 from recordings.layers import reground
 from recordings.traces import select_traces
 from sim.episodes.dataset import PersonalDataset
@@ -20,9 +22,8 @@ from sim.mesh import Scene
 from sim.tasks.observers import FREE, UNKNOWN
 from sim.tasks.run_files import Answer, ClickRay, Run
 from sim.types import EpisodeKey, GridSpec
-from sim.walk.floor_grid import FloorGrid
 
-from ..grounding.small_homes import write_small_dataset
+from ..sim.grids import level_floors
 from .conftest import info
 from .reading import Tables, record
 
@@ -33,31 +34,39 @@ pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
 
 
 @pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> PersonalDataset:
-    root = tmp_path_factory.mktemp("small")
-    write_small_dataset(root)
-    return PersonalDataset(root)
+def dataset(small_root: Path) -> PersonalDataset:
+    """Two homes; HomeOne's target of episode 0 is a table at (2.25, 7.75)."""
+    return PersonalDataset(small_root)
 
 
 @pytest.fixture(scope="module")
 def scene(home: Scene) -> Scene:
     """HomeOne's ground floor: 12 m x 10 m of free floor, with the mesh of the box house to look at."""
-    rc = np.argwhere(np.ones((200, 240), bool)).astype(np.int64)
-    grid = FloorGrid.from_cells(rc, np.zeros(len(rc)), grid=GridSpec((0.0, 0.0), 0.05, (200, 240)))
-    return Scene("HomeOne", "invented", home.mesh, (), grid, "d" * 64)
+    return Scene("HomeOne", "invented", home.mesh, (), level_floors((200, 240), 0.0), "d" * 64)
+
+
+ALL_FREE = np.full((200, 240), FREE, np.uint8)
+
+
+def save_map(
+    folder: Path, *memories: FeatureMap | ObjectMap, num_frames: int = 40, cells: np.ndarray = ALL_FREE
+) -> None:
+    """Writes HomeOne's map of these storeys below a folder of runs."""
+    occupancy = OccupancyGrid(cells, GridSpec((0.0, 0.0), 0.05, (200, 240)))
+    home = HomeMemory(tuple(StoreyMemory(occupancy, memory) for memory in memories), "world", num_frames)
+    save_memory(folder / MAPS / "HomeOne.npz", home, MapSource(scene="HomeOne", kind="invented", digest="d" * 64))
+
+
+def oracle_map(dataset: PersonalDataset, floor_id: str) -> FeatureMap:
+    return objects_map(oracle_home(dataset, "HomeOne"), make_encoder(settings("rpg").map_encoder), floor_id=floor_id)
 
 
 @pytest.fixture(scope="module")
 def runs_folder(tmp_path_factory: pytest.TempPathFactory, dataset: PersonalDataset) -> Path:
     """A folder of runs with the map of HomeOne: texts in cells, the right half of the floor known to be free."""
     out = tmp_path_factory.mktemp("runs")
-    encoder = make_encoder(settings("rpg").map_encoder)
-    features = objects_map(oracle_home(dataset, "HomeOne"), encoder, floor_id="0")
-    cells = np.full((200, 240), UNKNOWN, np.uint8)
-    cells[:, 120:] = FREE
-    occupancy = OccupancyGrid(cells, GridSpec((0.0, 0.0), 0.05, (200, 240)))
-    memory = HomeMemory((StoreyMemory(occupancy, features),), "world", 40)
-    save_memory(out / MAPS / "HomeOne.npz", memory, MapSource(scene="HomeOne", kind="invented", digest="d" * 64))
+    cells = np.where(np.arange(240) < 120, np.uint8(UNKNOWN), ALL_FREE)
+    save_map(out, oracle_map(dataset, "0"), cells=cells)
     return out
 
 
@@ -84,15 +93,7 @@ def click() -> Run:
         camera_wxyz=(1.0, 0.0, 0.0, 0.0),
         storey_y=0.0,
     )
-    answer = Answer(
-        split=KEY.split,
-        scene=KEY.scene,
-        episode_id=KEY.episode_id,
-        candidates=((5.5, 0.4, 7.5),),
-        participant="P01",
-        ray=ray,
-        t_s=8.5,
-    )
+    answer = Answer(**KEY._asdict(), candidates=((5.5, 0.4, 7.5),), participant="P01", ray=ray, t_s=8.5)
     return Run(info=info("study", who="human", who_kind="human"), answers=(answer,))
 
 
@@ -138,16 +139,8 @@ def test_nothing_of_the_goal_comes_before_all_answers(found: Tables) -> None:
 def test_an_answer_upstairs_lies_on_the_upper_storey_of_a_map_of_two(
     tmp_path: Path, dataset: PersonalDataset, scene: Scene
 ) -> None:
-    encoder = make_encoder(settings("rpg").map_encoder)
-    grid = GridSpec((0.0, 0.0), 0.05, (200, 240))
-    occupancy = OccupancyGrid(np.full((200, 240), FREE, np.uint8), grid)
-    oracle = oracle_home(dataset, "HomeOne")
-    storeys = tuple(StoreyMemory(occupancy, objects_map(oracle, encoder, floor_id=floor)) for floor in ("0", "1"))
-    source = MapSource(scene="HomeOne", kind="invented", digest="d" * 64)
-    save_memory(tmp_path / MAPS / "HomeOne.npz", HomeMemory(storeys, "world", 40), source)
-    rc = np.argwhere(np.ones((200, 240), bool)).astype(np.int64)
-    floors = FloorGrid.from_cells(np.concatenate([rc, rc]), np.repeat([0.0, 3.0], len(rc)), grid=grid)
-    tall = Scene(scene.name, scene.kind, scene.mesh, (), floors, scene.digest)
+    save_map(tmp_path, oracle_map(dataset, "0"), oracle_map(dataset, "1"))
+    tall = replace(scene, navigation=level_floors((200, 240), 0.0, 3.0))
     bed = EpisodeKey("easy", "HomeOne", "3")
     run = answered(dataset, tmp_path, "rpg", key=bed)
     read = record(tmp_path / "a.rrd", [run], dataset.episode(bed), tall, dataset=dataset, beside=[tmp_path])
@@ -176,7 +169,7 @@ def test_maps_of_scans_are_left_out_without_leave(
 ) -> None:
     run = answered(dataset, runs_folder, "rpg")
     on_scan = run.model_copy(update={"info": run.info.model_copy(update={"scene_kind": "scan"})})
-    scan = Scene(scene.name, "scan", scene.mesh, (), scene.navigation, scene.digest)
+    scan = replace(scene, kind="scan")
     out = tmp_path / "a.rrd"
     read = record(out, [on_scan], dataset.episode(KEY), scan, dataset=dataset, beside=[runs_folder])
     assert not [entity for entity, _ in read if entity.startswith(("/memory", "/scene")) or "/layers/" in entity]
@@ -195,10 +188,7 @@ def test_a_map_of_objects_has_a_coloured_box_per_thing_and_phrase(
         ObjectInstance(np.array(item.position, np.float32) + corners, row, item.text, 3.0)
         for item, row in zip(known, features, strict=True)
     )
-    objects = ObjectMap(things, 0.0, encoder.name, encoder.dim, (5.0, 5.0), 0.1)
-    occupancy = OccupancyGrid(np.full((200, 240), FREE, np.uint8), GridSpec((0.0, 0.0), 0.05, (200, 240)))
-    source = MapSource(scene="HomeOne", kind="invented", digest="d" * 64)
-    save_memory(tmp_path / MAPS / "HomeOne.npz", HomeMemory((StoreyMemory(occupancy, objects),), "world", 9), source)
+    save_map(tmp_path, ObjectMap(things, 0.0, encoder.name, encoder.dim, (5.0, 5.0), 0.1), num_frames=9)
     grounder = SceneGrounder(dataset, KEY.scene, chosen, folders=MapFolders(tmp_path / MAPS, tmp_path))
     config = chosen.config | {"maps": MAPS}
     changes = {"who": "object-phrase", "scene_kind": "invented", "seed": 0, "config": config}

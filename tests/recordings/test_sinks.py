@@ -94,14 +94,11 @@ def test_a_folder_gets_one_file_per_episode(tmp_path: Path) -> None:
     assert sorted(path.name for path in (tmp_path / "live").iterdir()) == ["easy-Box-1.rrd", "easy-Box-2.rrd"]
 
 
-def test_one_file_for_several_episodes_is_refused_before_any_work(tmp_path: Path) -> None:
+def test_one_file_for_several_episodes_and_a_file_that_is_no_recording_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"found 2 episodes for one file; expected one\. Give a folder") as caught:
         live_sink(str(tmp_path / "a.rrd"), KEYS).__enter__()
     assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
-
-
-def test_a_file_that_is_no_recording_is_never_overwritten(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(RecordingError, match=r"found a file that does not end in \.rrd"):
         live_sink(str(tmp_path / "notes.txt"), KEYS).__enter__()

@@ -79,11 +79,15 @@ class GltfWriter:
         self.json["scenes"][0]["nodes"].append(index)
         return index
 
-    def square(self, *, points: NDArray = SQUARE, uv: NDArray | None = None, **more: Any) -> dict[str, Any]:
-        """A primitive of two triangles, unless `more` says otherwise."""
+    def square(
+        self, *, points: NDArray = SQUARE, uv: NDArray | None = None, colours: NDArray | None = None, **more: Any
+    ) -> dict[str, Any]:
+        """A primitive of two triangles, unless `more` says otherwise; whole colours are normalized."""
         attributes = {"POSITION": self.accessor(points)}
         if uv is not None:
             attributes["TEXCOORD_0"] = self.accessor(uv)
+        if colours is not None:
+            attributes["COLOR_0"] = self.accessor(colours, normalized=colours.dtype.kind == "u")
         return {"attributes": attributes, "indices": self.accessor(FACES)} | more
 
     def glb(self) -> bytes:
@@ -150,6 +154,28 @@ def with_image(content: bytes) -> GltfWriter:
     writer = GltfWriter()
     writer.show(writer.square(uv=UV, material=writer.material(writer.image(content))))
     return writer
+
+
+def with_basis(name: str, *, points: NDArray = SQUARE) -> GltfWriter:
+    """One square with a Basis texture of `data`."""
+    is_basis = name.endswith(".basis")
+    extension, mime = ("GOOGLE_texture_basis", "image/x-basis") if is_basis else ("KHR_texture_basisu", "image/ktx2")
+    writer = GltfWriter()
+    source = writer.add("images", {"bufferView": writer.view((DATA / name).read_bytes()), "mimeType": mime})
+    texture = writer.add("textures", {"extensions": {extension: {"source": source}}})
+    writer.json["extensionsUsed"] = writer.json["extensionsRequired"] = [extension]
+    writer.show(writer.square(points=points, uv=UV, material=writer.material(texture)))
+    return writer
+
+
+def drawn(
+    tmp_path: Path, draw: Callable[[GltfWriter], dict[str, Any] | list[dict[str, Any]]], **node: Any
+) -> TriangleMesh:
+    """The mesh of a y-up file whose only node shows what `draw` makes."""
+    writer = GltfWriter()
+    primitives = draw(writer)
+    writer.show(*(primitives if isinstance(primitives, list) else [primitives]), **node)
+    return loaded(writer, tmp_path)
 
 
 def jpeg() -> bytes:

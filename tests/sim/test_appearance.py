@@ -38,13 +38,14 @@ def test_colours_of_other_things_do_not_count(text: str) -> None:
     assert finish_from_text(text, "table" if text.startswith("table") else "chair").rgb not in (BLUE, RED)
 
 
-def test_shades_and_mixtures_are_colours_of_their_own() -> None:
+def test_shades_mixtures_and_tints_are_colours_of_their_own() -> None:
     assert colours_in(["dark", "blue"]) == [shaded(BLUE, -0.42)]
     assert sum(colours_in(["light", "grey"])[0]) > sum(COLOURS["grey"])
     red, brown = COLOURS["red"], COLOURS["brown"]
     mixed = tuple((a + b) // 2 for a, b in zip(red, brown, strict=True))
     assert finish_from_text("plaid couch, red-brown", "couch").rgb == mixed
     assert finish_from_text("off-white chair", "chair").rgb == WHITE
+    assert tinted((100, 200, 10), 1.5) == (150, 255, 15)
 
 
 @pytest.mark.parametrize(
@@ -70,12 +71,9 @@ def test_materials_and_patterns_are_found(text: str, category: str, material: st
     assert (finish.material, finish.pattern) == (material, pattern)
 
 
-def test_a_pattern_has_both_its_colours() -> None:
+def test_a_pattern_has_both_its_colours_and_a_painting_not_that_of_its_frame() -> None:
     finish = finish_from_text("blue and white striped sofa near a red rug", "couch")
     assert (finish.rgb, finish.rgb2) == (BLUE, WHITE)
-
-
-def test_a_frames_colour_is_not_that_of_the_painting() -> None:
     assert finish_from_text("picture with golden frame", "picture").rgb != COLOURS["golden"]
 
 
@@ -114,7 +112,3 @@ def test_colours_are_found_in_half_of_the_released_captions(dataset_root: Path) 
 def _names_colour(said: OwnWords) -> bool:
     is_coloured = any(colours_in(words) for words in (said.noun, said.rest, said.parts))
     return is_coloured or any(word in OF_MATERIAL for word in (*said.noun, *said.rest, *said.parts))
-
-
-def test_tints_stay_within_a_byte() -> None:
-    assert tinted((100, 200, 10), 1.5) == (150, 255, 15)

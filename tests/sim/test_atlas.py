@@ -68,11 +68,16 @@ def test_28_large_textures_become_four_sheets_that_show_the_same() -> None:
     assert atlas.face_uv.max() <= 1
 
 
-def test_a_few_small_textures_keep_every_texel() -> None:
+def test_a_few_small_textures_keep_every_texel_also_where_coordinates_are_a_whole_image_off() -> None:
     rng = np.random.default_rng(4)
     mesh = squares(*(rng.integers(0, 256, (40, 60, 3)).astype(np.uint8) for _ in range(3)))
     inner = np.clip(PLACES, 0.05, None) / np.clip(PLACES, 0.05, None).sum(axis=1, keepdims=True)
     np.testing.assert_allclose(colours(atlased(mesh), inner), colours(mesh, inner), atol=0.02)
+    rng = np.random.default_rng(6)
+    mesh = squares(rng.integers(0, 256, (40, 60, 3)).astype(np.uint8))
+    moved = replace(mesh, face_uv=mesh.face_uv + np.array([[[-3, 5]], [[2, -1]]], np.float32))
+    assert [image.shape for image in atlased(moved).textures] == [image.shape for image in atlased(mesh).textures]
+    np.testing.assert_allclose(atlased(moved).face_uv, atlased(mesh).face_uv, atol=1e-5)
 
 
 def test_texels_are_shared_by_surface() -> None:
@@ -97,29 +102,17 @@ def test_what_no_face_shows_does_not_mix_into_its_neighbours() -> None:
     assert np.abs(shown - [240, 200, 160]).max() < 12
 
 
-def test_a_texture_that_repeats_stays_alone_and_repeats() -> None:
+def test_a_texture_that_repeats_stays_alone_and_light_stays_on_its_corners() -> None:
     mesh = squares(CHECKS, plain((1, 2, 3), 8, 8))
     repeated = replace(mesh, face_uv=np.where(np.arange(4)[:, None, None] < 2, mesh.face_uv * 7 - 2.25, mesh.face_uv))
     atlas = atlased(repeated)
     assert sorted(image.shape[:2] for image in atlas.textures) == [(16, 16), (32, 32)]
     np.testing.assert_allclose(colours(atlas, PLACES), colours(repeated, PLACES), atol=0.5)
-
-
-def test_the_light_on_textures_stays_on_their_corners() -> None:
-    mesh = squares(CHECKS, plain((1, 2, 3), 8, 8))
     light = np.random.default_rng(5).integers(0, 256, (8, 3)).astype(np.uint8)
     atlas = atlased(replace(mesh, face_uv=mesh.face_uv * [[[7]], [[7]], [[1]], [[1]]], vertex_rgb=light))
     np.testing.assert_array_equal(atlas.faces, mesh.faces)
     np.testing.assert_array_equal(atlas.vertices, mesh.vertices)
     np.testing.assert_array_equal(atlas.vertex_rgb, light)
-
-
-def test_coordinates_a_whole_image_off_are_no_repetition() -> None:
-    rng = np.random.default_rng(6)
-    mesh = squares(rng.integers(0, 256, (40, 60, 3)).astype(np.uint8))
-    moved = replace(mesh, face_uv=mesh.face_uv + np.array([[[-3, 5]], [[2, -1]]], np.float32))
-    assert [image.shape for image in atlased(moved).textures] == [image.shape for image in atlased(mesh).textures]
-    np.testing.assert_allclose(atlased(moved).face_uv, atlased(mesh).face_uv, atol=1e-5)
 
 
 def test_many_large_textures_that_repeat_stay_within_the_same_number_of_pixels() -> None:

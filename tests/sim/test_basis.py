@@ -15,7 +15,7 @@ from sim.scans.basis import basis_rgb, basis_size, is_basis
 from sim.scans.glb import load_glb
 from sim.scans.scene_files import FilePart
 
-from .gltf_files import BLUE, DATA, GREEN, RED, UV, YELLOW, GltfWriter, four_colours, loaded, shown
+from .gltf_files import BLUE, DATA, GREEN, RED, YELLOW, four_colours, loaded, shown, with_basis
 
 FILES = ("corners_etc1s.basis", "corners_uastc.basis", "corners_etc1s.ktx2", "corners_uastc.ktx2")
 PART = FilePart(Path("scene.glb"), "images.0")
@@ -39,17 +39,6 @@ def refusal(data: bytes) -> str:
     return message
 
 
-def basis_scene(name: str) -> GltfWriter:
-    extension = "GOOGLE_texture_basis" if name.endswith(".basis") else "KHR_texture_basisu"
-    writer = GltfWriter()
-    mime = "image/x-basis" if name.endswith(".basis") else "image/ktx2"
-    source = writer.add("images", {"bufferView": writer.view(content(name)), "mimeType": mime})
-    texture = writer.add("textures", {"extensions": {extension: {"source": source}}})
-    writer.json["extensionsUsed"] = writer.json["extensionsRequired"] = [extension]
-    writer.show(writer.square(uv=UV, material=writer.material(texture)))
-    return writer
-
-
 @pytest.mark.parametrize("name", FILES)
 def test_every_kind_is_read_with_its_top_row_first(name):
     data = np.frombuffer(content(name), np.uint8)
@@ -63,7 +52,7 @@ def test_every_kind_is_read_with_its_top_row_first(name):
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_glb_with_basis_textures_shows_them_upright(tmp_path, name):
-    mesh = loaded(basis_scene(name), tmp_path)
+    mesh = loaded(with_basis(name), tmp_path)
     corners = np.array(shown(mesh) + shown(mesh, 1)[2:])
     np.testing.assert_allclose(corners, [BLUE, YELLOW, GREEN, RED], atol=4)
 
@@ -90,7 +79,7 @@ def test_a_ktx2_file_may_say_that_its_first_row_is_the_bottom_one(orientation, t
 
 def test_a_converted_image_is_read_from_the_cache_without_the_extra(tmp_path, monkeypatch):
     monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
-    path = basis_scene("corners_etc1s.basis").save(tmp_path / "a.glb")
+    path = with_basis("corners_etc1s.basis").save(tmp_path / "a.glb")
     with monkeypatch.context() as without:
         without.setitem(sys.modules, "opengl_basisu", None)
         with pytest.raises(MissingDependencyError) as caught:
@@ -113,13 +102,10 @@ def test_a_truncated_image_is_refused(name, kept):
     refusal(content(name)[:kept])
 
 
-def test_one_wrong_bit_in_a_basis_file_is_noticed():
+def test_one_wrong_bit_in_a_basis_file_is_noticed_and_bytes_behind_it_are_left_out():
     data = bytearray(content("corners_etc1s.basis"))
     data[-3] ^= 1
     assert "images.0 has a wrong checksum; expected a whole Basis image" in refusal(bytes(data))
-
-
-def test_bytes_behind_a_basis_file_are_left_out():
     np.testing.assert_array_equal(texels(content(FILES[0]) + bytes(3)), texels(content(FILES[0])))
 
 

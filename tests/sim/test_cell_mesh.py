@@ -35,12 +35,16 @@ def walls_seen(mesh: TriangleMesh, x: float, z: float, *, y: float = 1.0, count:
     return Raycaster(mesh).cast(np.tile([x, y, z], (count, 1)), to).range_m
 
 
-def test_a_rectangle_of_cells_is_a_room_of_four_walls() -> None:
+def test_a_rectangle_of_cells_is_a_room_of_four_walls_whatever_small_bulges_it_has() -> None:
     (storey,) = storeys_of(plan_of_cells(block(20, 20, 40, 40)))
     assert len(storey.lines) == 4
     assert sum(line.length for line in storey.lines) * 0.05 == pytest.approx(4 * 2.6, abs=0.9)
     for line in storey.lines:
         assert min(np.abs(line.end - line.start)) == 0, "along an axis"
+    dented = [run for run in block(20, 20, 40, 40) if not 36 <= run.row < 44]
+    dented += [run for row in range(36, 44) for run in block(row, 20, 1, 12) + block(row, 42, 1, 18)]
+    (storey,) = storeys_of(plan_of_cells(tuple(sorted(dented))))
+    assert len(storey.lines) == 4
 
 
 def test_the_edge_of_a_diagonal_strip_is_one_straight_wall() -> None:
@@ -52,13 +56,6 @@ def test_the_edge_of_a_diagonal_strip_is_one_straight_wall() -> None:
         row, col = np.abs(line.end - line.start)
         assert row == pytest.approx(col, rel=0.15)
         assert line.length > 60 * math.sqrt(2) * 0.7
-
-
-def test_a_small_bulge_and_a_small_island_vanish() -> None:
-    dented = [run for run in block(20, 20, 40, 40) if not 36 <= run.row < 44]
-    dented += [run for row in range(36, 44) for run in block(row, 20, 1, 12) + block(row, 42, 1, 18)]
-    (storey,) = storeys_of(plan_of_cells(tuple(sorted(dented))))
-    assert len(storey.lines) == 4
 
 
 @pytest.mark.slow
@@ -182,11 +179,8 @@ def test_lamps_hang_in_every_room_and_windows_on_long_outer_walls() -> None:
     assert sky[2] > sky[0], "a pane with sky"
 
 
-def test_the_same_plan_gives_the_same_mesh() -> None:
+def test_the_same_plan_gives_the_same_mesh_and_a_storey_without_recorded_floor_none() -> None:
     assert mesh_from_plan(two_storeys())[0].digest() == mesh_from_plan(two_storeys())[0].digest()
-
-
-def test_a_home_without_recorded_floor_on_a_storey_still_builds() -> None:
     plan = two_storeys()
     assert plan.cells is not None
     only_low = tuple(run for run in plan.cells.walkable if run.y_cm == 0)

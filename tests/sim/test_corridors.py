@@ -43,11 +43,17 @@ def walked(cells: Cells, of: PathLength) -> float:
     return float(floor.distances(np.array([of.start]), np.array([of.end]))[0])
 
 
-def test_without_records_nothing_is_guessed() -> None:
+def test_without_records_or_where_they_fit_known_floor_nothing_is_guessed() -> None:
     known = floor_of(WEST, EAST)
     cells = with_corridors(known, unknown_beside(known), (), grid=GRID)
     assert not cells.guessed.any()
     assert len(cells.y) == len(known.y)
+    u_shape = floor_of((0.5, 0.5, 1.5, 3.5), (0.5, 2.5, 7.5, 3.5), (6.5, 0.5, 7.5, 3.5))
+    # over the inner corners at (1.5, 2.5) and (6.5, 2.5)
+    around = record((1.0, 1.0), (7.0, 1.0), 2 * math.hypot(0.5, 1.5) + 5.0)
+    cells = with_corridors(u_shape, unknown_beside(u_shape), (around,), grid=GRID)
+    assert not cells.guessed.any()
+    assert walked(cells, around) == pytest.approx(around.length, rel=0.02)
 
 
 def test_a_path_between_islands_opens_a_corridor_of_its_length() -> None:
@@ -62,20 +68,14 @@ def test_a_path_between_islands_opens_a_corridor_of_its_length() -> None:
     assert (~cells.guessed).sum() == len(known.y)
 
 
-def test_a_longer_record_gets_a_detour_and_no_straight_corridor() -> None:
+def test_a_longer_record_gets_a_detour_and_the_same_records_the_same_cells() -> None:
     known = floor_of(WEST, EAST)
     detour = record((2.0, 2.0), (6.0, 2.0), 4.8)
     cells = with_corridors(known, unknown_beside(known), (detour,), grid=GRID)
     assert walked(cells, detour) == pytest.approx(4.8, rel=0.05)
-
-
-def test_a_record_that_fits_known_floor_opens_nothing() -> None:
-    u_shape = floor_of((0.5, 0.5, 1.5, 3.5), (0.5, 2.5, 7.5, 3.5), (6.5, 0.5, 7.5, 3.5))
-    # over the inner corners at (1.5, 2.5) and (6.5, 2.5)
-    around = record((1.0, 1.0), (7.0, 1.0), 2 * math.hypot(0.5, 1.5) + 5.0)
-    cells = with_corridors(u_shape, unknown_beside(u_shape), (around,), grid=GRID)
-    assert not cells.guessed.any()
-    assert walked(cells, around) == pytest.approx(around.length, rel=0.02)
+    records = (record((2.0, 1.0), (6.0, 3.0), 4.7), record((1.0, 3.0), (7.0, 1.0), 6.6))
+    one, two = (with_corridors(known, unknown_beside(known), records, grid=GRID) for _ in range(2))
+    assert all(np.array_equal(a, b) for a, b in zip(one, two, strict=True))
 
 
 def test_a_record_forbids_the_shortcut_that_another_could_take() -> None:
@@ -101,10 +101,3 @@ def test_records_that_tell_nothing_are_left_out(useless: PathLength) -> None:
     known = floor_of(WEST, EAST)
     cells = with_corridors(known, unknown_beside(known), (useless,), grid=GRID)
     assert not cells.guessed.any()
-
-
-def test_the_same_records_give_the_same_cells() -> None:
-    known = floor_of(WEST, EAST)
-    records = (record((2.0, 1.0), (6.0, 3.0), 4.7), record((1.0, 3.0), (7.0, 1.0), 6.6))
-    one, two = (with_corridors(known, unknown_beside(known), records, grid=GRID) for _ in range(2))
-    assert all(np.array_equal(a, b) for a, b in zip(one, two, strict=True))

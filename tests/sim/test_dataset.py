@@ -28,17 +28,15 @@ def one_line(error: pytest.ExceptionInfo[DatasetError]) -> str:
     return text
 
 
-def test_a_plain_twin_beside_the_gz_is_not_read(tmp_path: Path) -> None:
-    write_dataset(tmp_path)
-    write_content(tmp_path, "easy", example_content(episodes=[]), plain=True)
-    dataset = PersonalDataset(tmp_path)
-    assert [path.name for path in dataset.files.values()] == ["Zz0ExampleZ.json.gz"]
-    assert [str(episode.key) for episode in dataset.episodes()] == ["easy/Zz0ExampleZ/3"]
-
-
-def test_a_plain_file_alone_is_read(tmp_path: Path) -> None:
+def test_a_plain_file_is_read_alone_and_not_beside_its_gz(tmp_path: Path) -> None:
     write_content(tmp_path, "hard", example_content(), plain=True)
     assert [str(episode.key) for episode in PersonalDataset(tmp_path).episodes()] == ["hard/Zz0ExampleZ/3"]
+    both = tmp_path / "both"
+    write_dataset(both)
+    write_content(both, "easy", example_content(episodes=[]), plain=True)
+    dataset = PersonalDataset(both)
+    assert [path.name for path in dataset.files.values()] == ["Zz0ExampleZ.json.gz"]
+    assert [str(episode.key) for episode in dataset.episodes()] == ["easy/Zz0ExampleZ/3"]
 
 
 def test_episodes_come_in_order_of_split_scene_and_place_and_can_be_chosen(tmp_path: Path) -> None:
@@ -74,10 +72,14 @@ def test_the_digest_follows_the_content_not_the_compression(tmp_path: Path) -> N
     assert digests[0] == digests[1] != digests[2]
 
 
-def test_a_folder_without_episodes_is_refused(tmp_path: Path) -> None:
+def test_a_folder_without_episodes_and_a_file_whose_name_is_no_scene_name_are_refused(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="found no episode file; expected") as caught:
         PersonalDataset(tmp_path / "nowhere")
     assert str(tmp_path / "nowhere") in one_line(caught)
+    path = write_content(tmp_path, "easy", example_content(), scene="Zz0 copy")
+    with pytest.raises(DatasetError, match="the scene's name is 'Zz0 copy'; expected 1-64 letters") as caught:
+        list(PersonalDataset(tmp_path).episodes())
+    assert one_line(caught).startswith(f"{path}: ")
 
 
 def test_an_unknown_scene_is_refused_with_the_known_ones(tmp_path: Path) -> None:
@@ -186,13 +188,6 @@ def test_an_id_used_twice_in_a_file_is_refused_before_its_first_episode(tmp_path
     assert one_line(caught).startswith(str(path))
 
 
-def test_a_file_whose_name_is_no_scene_name_is_refused(tmp_path: Path) -> None:
-    path = write_content(tmp_path, "easy", example_content(), scene="Zz0 copy")
-    with pytest.raises(DatasetError, match="the scene's name is 'Zz0 copy'; expected 1-64 letters") as caught:
-        list(PersonalDataset(tmp_path).episodes())
-    assert one_line(caught).startswith(f"{path}: ")
-
-
 @pytest.fixture(scope="module")
 def release(dataset_root: Path) -> PersonalDataset:
     return PersonalDataset(dataset_root)
@@ -208,14 +203,11 @@ def test_all_2000_released_episodes_load(release: PersonalDataset) -> None:
     assert sum(len(episode.targets) for episode in episodes) == 2035
 
 
-def test_the_released_plain_twin_is_not_loaded_twice(release: PersonalDataset) -> None:
+def test_the_released_plain_twin_is_not_loaded_and_targets_are_found_by_exact_name(release: PersonalDataset) -> None:
     twin = release.root / "medium" / "content" / "4ok3usBNeis.json"
     assert twin.is_file()
     assert release.files[("medium", "4ok3usBNeis")].name == "4ok3usBNeis.json.gz"
     assert len(release.content("medium", "4ok3usBNeis").episodes) == 28
-
-
-def test_released_targets_are_found_by_exact_name(release: PersonalDataset) -> None:
     episode = release.episode(EpisodeKey("hard", "Dd4bFSTQ8gi", "643"))
     listed = release.content("hard", "Dd4bFSTQ8gi").goals_by_category["Dd4bFSTQ8gi.basis.glb_flower vase"]
     assert {"flower vase_20", "flower vase_203"} <= {goal.object_name for goal in listed}
@@ -238,16 +230,13 @@ def many_keys() -> list[EpisodeKey]:
     return easy + [EpisodeKey("hard", "A", str(number)) for number in range(5)]
 
 
-def test_a_sample_is_spread_over_scenes_and_splits_and_not_the_first_of_the_files() -> None:
+def test_a_sample_is_spread_over_scenes_and_splits_and_another_one_for_another_seed() -> None:
     drawn = sample_keys(many_keys(), per_split=7, seed=0)
     counts = Counter((key.split, key.scene) for key in drawn)
     assert sorted(counts[("easy", scene)] for scene in "ABC") == [2, 2, 3]
     assert counts[("hard", "A")] == 5
     assert drawn == [key for key in many_keys() if key in set(drawn)]  # in the given order
     assert {key.episode_id for key in drawn if key.split == "easy"} - {"0", "1", "2"}
-
-
-def test_a_sample_is_the_same_for_a_seed_and_another_one_for_another() -> None:
     assert sample_keys(many_keys(), per_split=9, seed=3) == sample_keys(many_keys(), per_split=9, seed=3)
     assert sample_keys(many_keys(), per_split=9, seed=3) != sample_keys(many_keys(), per_split=9, seed=4)
 

@@ -131,14 +131,11 @@ def test_textures_stay_as_bright_as_they_are_in_a_mesh_with_vertex_colours() -> 
     assert few.vertex_rgb.min() == 255
 
 
-def test_a_sheet_folded_onto_itself_keeps_its_outline() -> None:
+def test_a_sheet_folded_onto_itself_keeps_its_outline_and_equal_faces_are_kept_once() -> None:
     up = sheet(1)
     over = replace(up, faces=up.faces[:, ::-1], vertices=up.vertices[:, [2, 1, 0]])  # the other diagonal
     heights, _ = from_above(decimated(joined(up, over), max_faces=1000))
     assert np.isfinite(heights).all()
-
-
-def test_faces_that_lie_on_each_other_are_kept_once() -> None:
     one = sheet(3)
     turned = replace(one, faces=one.faces[:, ::-1], face_uv=one.face_uv[:, ::-1])
     twice = replace(joined(one, turned), vertices=one.vertices, faces=np.concatenate([one.faces, turned.faces]))

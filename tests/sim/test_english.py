@@ -5,9 +5,11 @@ import pytest
 from sim.words.english import age, countdown, disk_size, duration, how_many, length, waiting_time, with_article
 
 
-def test_a_phrase_gets_its_article() -> None:
+def test_phrases_get_their_article_and_lengths_and_sizes_the_unit_that_people_use() -> None:
     assert with_article("oak desk") == "an oak desk"
     assert with_article("green armchair") == "a green armchair"
+    assert [length(metres) for metres in (0.1, 1.0, 1.5)] == ["10 centimetres", "1 metre", "1.5 metres"]
+    assert [disk_size(mb) for mb in (512, 2048)] == ["512 MB", "2.0 GB"]
 
 
 def test_one_thing_is_singular_and_all_other_numbers_are_plural() -> None:
@@ -29,8 +31,3 @@ def test_durations_are_whole_minutes_or_seconds_and_a_clock_counts_both() -> Non
 )
 def test_ages_are_said_in_the_largest_unit_that_fits(seconds: float | None, words: str) -> None:
     assert age(seconds) == words
-
-
-def test_lengths_and_sizes_have_the_unit_that_people_use() -> None:
-    assert [length(metres) for metres in (0.1, 1.0, 1.5)] == ["10 centimetres", "1 metre", "1.5 metres"]
-    assert [disk_size(mb) for mb in (512, 2048)] == ["512 MB", "2.0 GB"]

@@ -20,16 +20,10 @@ def test_the_released_categories_are_those_of_the_list(dataset_root: Path) -> No
     assert len(found) == 143
 
 
-def test_every_released_category_has_a_family_made_for_it() -> None:
+def test_every_released_category_has_a_family_and_every_family_a_builder_a_word_and_a_line_of_the_readme() -> None:
     assert [category for category in RELEASE_CATEGORIES if look_of(category) is UNKNOWN] == []
-
-
-def test_every_family_has_a_builder_and_a_word() -> None:
     assert set(BUILDERS) == set(get_args(Family))
     assert {look_of(word).family for word in WORDS} == set(get_args(Family))
-
-
-def test_the_readme_lists_every_family_as_it_is() -> None:
     assert README.read_text(encoding="utf-8") == catalogue()
 
 

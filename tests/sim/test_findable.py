@@ -67,12 +67,16 @@ def verdict(tmp_path: Path, plan: HomePlan, *, caption: str, sight: Sight | None
     return find_verdict(episode, plan, scene_of(plan), sights=sights)
 
 
-def test_one_of_its_kind_needs_pixels_only(tmp_path: Path) -> None:
+def test_one_of_its_kind_and_storey_needs_pixels_only(tmp_path: Path) -> None:
     plan = home(table(7, 0.0))
     assert verdict(tmp_path / "a", plan, caption="a table").findable
     hardly = verdict(tmp_path / "b", plan, caption="a table", sight=Sight(MIN_PIXELS - 1, None, frozenset()))
     assert not hardly.findable
     assert hardly.reason == f"coffee table_7 has {MIN_PIXELS - 1} pixels at its best view point"
+    above = table(8, 3.0, centre=(3.0, 3.0, 0.0))
+    plan = home(table(7, 0.0), above, table(9, 2.0, name="table_9", category="table"))
+    two_storeys = plan.model_copy(update={"storeys": (*plan.storeys, Storey(label="first floor", floor_y=2.8))})
+    assert verdict(tmp_path, two_storeys, caption="a coffee table").findable
 
 
 def test_a_colour_tells_tables_apart_only_when_it_is_said_and_shown(tmp_path: Path) -> None:
@@ -143,13 +147,6 @@ def test_the_description_of_the_other_one_excludes_it(tmp_path: Path) -> None:
     assert not verdict(tmp_path / "b", plan, caption="a coffee table").findable
 
 
-def test_things_on_other_storeys_and_of_other_categories_are_no_rivals(tmp_path: Path) -> None:
-    above = table(8, 3.0, centre=(3.0, 3.0, 0.0))
-    plan = home(table(7, 0.0), above, table(9, 2.0, name="table_9", category="table"))
-    two_storeys = plan.model_copy(update={"storeys": (*plan.storeys, Storey(label="first floor", floor_y=2.8))})
-    assert verdict(tmp_path, two_storeys, caption="a coffee table").findable
-
-
 def test_colour_differences_are_those_of_cie76() -> None:
     assert delta_e((10, 20, 30), (10, 20, 30)) == 0
     assert delta_e((0, 0, 0), (255, 255, 255)) == pytest.approx(100, abs=0.05)
@@ -214,13 +211,10 @@ def test_words_go_to_the_thing_that_they_describe(caption: str, expected: Descri
     assert expected.upon <= said.upon
 
 
-def test_a_description_that_is_silent_about_an_object_says_nothing() -> None:
+def test_silent_descriptions_say_nothing_and_categories_are_named_by_all_their_words_or_the_last() -> None:
     record = record_of("a red couch")
     assert described_object(record, caption="a metal bin under the desk", category="bin", owner=None) is None
     assert described_object(record, caption="a red couch", category="couch", owner="Bo") is None
-
-
-def test_categories_are_named_by_all_their_words_or_by_the_last() -> None:
     assert names_category({"nightstand"}, "nightstand")
     assert names_category({"lamp"}, "table lamp")
     assert not names_category({"table"}, "table lamp")

@@ -39,52 +39,45 @@ def two_storeys() -> FloorGrid:
     return FloorGrid.from_cells(rc, y, grid=spec)
 
 
-def test_on_open_floor_the_distance_is_the_straight_line_between_the_exact_points(open_floor):
+def test_on_open_floor_the_distance_is_the_straight_line_between_snapped_points_and_infinite_far_off(open_floor):
     starts = np.array([at(0.513, 0.527), at(3.9, 0.11), at(1.0, 1.0)])
     found = open_floor.distances(starts, np.array([at(3.513, 3.527)]))
     np.testing.assert_allclose(found, [4.2426407, 3.4388, 3.5623], atol=2e-3)
-
-
-def test_a_start_on_the_goal_is_at_distance_zero(open_floor):
     goals = np.array([at(1.01, 1.02), at(1.04, 1.04)])
     np.testing.assert_allclose(open_floor.distances(goals, goals), 0.0, atol=1e-12)
+    assert open_floor.distances(np.array([at(1, 1)]), np.array([at(-0.8, 1.0, 0.7)]))[0] == pytest.approx(1, abs=1e-3)
+    assert open_floor.distances(np.array([at(1, 1)]), np.empty((0, 3)))[0] == np.inf
+    assert open_floor.distances(np.array([at(-2.1, 1)]), np.array([at(1, 1)]))[0] == np.inf
+    assert open_floor.distances(np.array([at(1, 1)]), np.array([at(1, 1, 4.3)]))[0] == np.inf
 
 
-def test_the_way_round_a_wall_is_at_most_a_hair_longer_than_the_shortest(walled):
+def test_the_way_round_a_wall_touches_only_free_floor_and_is_hardly_longer_than_the_shortest(walled):
     exact = 2 * np.hypot(2.0, 0.95) + 0.1
     found = walled.distances(np.array([at(1, 1)]), np.array([at(1, 3)]))[0]
     assert exact <= found <= 1.002 * exact
-
-
-def test_the_path_round_a_wall_touches_only_free_floor_and_is_as_long_as_the_distance(walled):
     path = walled.shortest_path(at(1, 1), np.array([at(1, 3)]))
     assert path is not None
     np.testing.assert_allclose(path[[0, -1]], [at(1, 1), at(1, 3)])
     assert all(walled.is_navigable(point) for point in path)
     length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
     assert length == pytest.approx(walled.distances(np.array([at(1, 1)]), np.array([at(1, 3)]))[0])
-
-
-def test_the_nearest_of_several_goals_counts(walled):
     goals = np.array([at(1, 3), at(0.5, 1), at(3.5, 3.5)])
     assert walled.distances(np.array([at(1, 1)]), goals)[0] == pytest.approx(0.5)
 
 
-def test_another_island_is_unreachable_and_has_no_path():
+def test_islands_corners_and_high_steps_are_not_joined():
     split = grid_of(lambda x, z: np.abs(z - 2) > 0.05)
     assert split.distances(np.array([at(1, 1)]), np.array([at(1, 3)]))[0] == np.inf
     assert split.shortest_path(at(1, 1), np.array([at(1, 3)])) is None
     assert split.island(at(1, 1)) != split.island(at(1, 3))
-
-
-def test_without_goals_or_far_from_the_map_the_distance_is_infinite(open_floor):
-    assert open_floor.distances(np.array([at(1, 1)]), np.empty((0, 3)))[0] == np.inf
-    assert open_floor.distances(np.array([at(-2.1, 1)]), np.array([at(1, 1)]))[0] == np.inf
-    assert open_floor.distances(np.array([at(1, 1)]), np.array([at(1, 1, 4.3)]))[0] == np.inf
-
-
-def test_a_goal_off_the_map_counts_from_its_snapped_point(open_floor):
-    assert open_floor.distances(np.array([at(1, 1)]), np.array([at(-0.8, 1.0, 0.7)]))[0] == pytest.approx(1, abs=1e-3)
+    spec = GridSpec((0.0, 0.0), CELL, (2, 2))
+    diagonal = FloorGrid.from_cells(np.array([[0, 0], [1, 1]]), np.zeros(2), grid=spec)
+    assert diagonal.distances(np.array([at(0.02, 0.02)]), np.array([at(0.07, 0.07)]))[0] == np.inf
+    spec = GridSpec((0.0, 0.0), CELL, (1, 3))
+    rc = np.array([[0, 0], [0, 1], [0, 2]])
+    steps = FloorGrid.from_cells(rc, np.array([0.0, 0.2, 0.41]), grid=spec)
+    assert np.isfinite(steps.distances(np.array([at(0.02, 0.02)]), np.array([at(0.07, 0.02, 0.2)]))[0])
+    assert steps.island(at(0.07, 0.02, 0.2)) != steps.island(at(0.12, 0.02, 0.41))
 
 
 def test_a_goal_above_the_floor_adds_its_height_beyond_a_climb_as_in_habitat(open_floor):
@@ -98,12 +91,6 @@ def test_a_goal_above_the_floor_adds_its_height_beyond_a_climb_as_in_habitat(ope
     np.testing.assert_allclose(path, [at(0.5, 1), at(3.5, 1)])
 
 
-def test_cells_that_touch_only_at_a_corner_are_not_joined():
-    spec = GridSpec((0.0, 0.0), CELL, (2, 2))
-    diagonal = FloorGrid.from_cells(np.array([[0, 0], [1, 1]]), np.zeros(2), grid=spec)
-    assert diagonal.distances(np.array([at(0.02, 0.02)]), np.array([at(0.07, 0.07)]))[0] == np.inf
-
-
 def test_snap_keeps_points_on_the_map_and_moves_others_to_the_nearest_border(open_floor):
     np.testing.assert_allclose(open_floor.snap(at(1.23, 2.34, 0.2)), at(1.23, 2.34))
     np.testing.assert_allclose(open_floor.snap(at(-1.0, 2.34, 0.2)), at(0, 2.34), atol=2e-4)
@@ -111,22 +98,16 @@ def test_snap_keeps_points_on_the_map_and_moves_others_to_the_nearest_border(ope
     assert open_floor.snap(at(1, 1, 4.01)) is None
 
 
-def test_a_point_a_little_above_a_floor_belongs_to_that_storey(two_storeys):
+def test_two_storeys_over_each_other_are_joined_by_the_stair_only_and_points_belong_to_the_floor_below(two_storeys):
+    # 8.05 m along the lower floor and up the stair (2.6 m), one riser sideways onto the bridge, 8 m back above.
+    distance = two_storeys.distances(np.array([at(1, 0.5)]), np.array([at(1, 0.5, 2.8)]))[0]
+    assert distance == pytest.approx(np.hypot(8.05, 2.6) + 8.05, rel=0.02)
+    assert two_storeys.storey_heights == pytest.approx((0.0, 2.8))
     assert height_at(two_storeys, at(1, 1, 0.5)) == 0.0
     assert height_at(two_storeys, at(1, 1, 2.95)) == pytest.approx(2.8)
     assert two_storeys.is_navigable(at(1, 1, 3.2))
     assert not two_storeys.is_navigable(at(1, 1, 1.4))
     assert not two_storeys.is_navigable(at(1, 1, 0.2), max_dy=0.1)
-
-
-def test_two_storeys_over_each_other_are_joined_by_the_stair_only(two_storeys):
-    # 8.05 m along the lower floor and up the stair (2.6 m), one riser sideways onto the bridge, 8 m back above.
-    distance = two_storeys.distances(np.array([at(1, 0.5)]), np.array([at(1, 0.5, 2.8)]))[0]
-    assert distance == pytest.approx(np.hypot(8.05, 2.6) + 8.05, rel=0.02)
-
-
-def test_a_stair_does_not_merge_its_storeys(two_storeys):
-    assert two_storeys.storey_heights == pytest.approx((0.0, 2.8))
 
 
 def test_storey_queries_keep_to_their_storey(two_storeys):
@@ -146,7 +127,7 @@ def test_random_points_fill_the_free_area_evenly(walled):
     assert np.mean(points[:, 2] < 2) == pytest.approx(0.5, abs=0.04)
 
 
-def test_points_within_reach_the_rim_and_never_leave_it(open_floor):
+def test_points_within_reach_the_rim_never_leave_it_and_are_not_repeated(open_floor):
     centre = at(2, 2)
     points = open_floor.points_within(centre[None], 1.0, max_dy=0.5)
     away = np.hypot(*(points - centre)[:, [0, 2]].T)
@@ -157,20 +138,9 @@ def test_points_within_reach_the_rim_and_never_leave_it(open_floor):
     gaps = np.hypot(*(rim[:, None] - points[None][..., [0, 2]]).transpose(2, 0, 1)).min(axis=1)
     assert gaps.max() < 0.036  # half a cell's diagonal
     assert open_floor.points_within(at(2, 2, 0.6)[None], 1.0, max_dy=0.5).shape == (0, 3)
-
-
-def test_points_within_of_several_centres_are_not_repeated(open_floor):
     points = open_floor.points_within(np.array([at(1, 1), at(1.2, 1), at(1, 1)]), 0.5, max_dy=0.5)
     cells = np.floor(points[:, [0, 2]] / CELL).astype(int)
     assert len(np.unique(cells, axis=0)) == len(points)
-
-
-def test_links_respect_the_largest_climb():
-    spec = GridSpec((0.0, 0.0), CELL, (1, 3))
-    rc = np.array([[0, 0], [0, 1], [0, 2]])
-    steps = FloorGrid.from_cells(rc, np.array([0.0, 0.2, 0.41]), grid=spec)
-    assert np.isfinite(steps.distances(np.array([at(0.02, 0.02)]), np.array([at(0.07, 0.02, 0.2)]))[0])
-    assert steps.island(at(0.07, 0.02, 0.2)) != steps.island(at(0.12, 0.02, 0.41))
 
 
 @pytest.mark.parametrize(
@@ -231,27 +201,23 @@ def test_the_order_of_the_faces_does_not_matter():
     assert floor_grid_from_mesh(mesh).digest == floor_grid_from_mesh(shuffled).digest
 
 
-def test_a_bare_floor_loses_the_robots_radius_and_its_ledge_at_each_side():
+def test_a_floor_loses_the_robots_radius_and_ledge_and_keeps_its_real_heights_and_slopes():
     # 80 cells, less 1 (ledge) and 4 (0.18 m rounded up) at each side: 70 x 70 cells.
     found = floor_grid_from_mesh(mesh_of(floor(0, 0, 4, 4)))
     assert found.area == pytest.approx(12.25)
     assert found.storey_heights == (0.0,)
-
-
-def test_heights_are_those_of_the_real_floor_not_of_the_voxels():
     found = floor_grid_from_mesh(mesh_of(floor(0, 0, 4, 4, y=0.13), floor(0, 0, 4, 4, y=-0.2)))
     assert height_at(found, at(2, 2)) == pytest.approx(0.13)
+    found = floor_grid_from_mesh(mesh_of(ramp(0, 0, 10, 6, y0=0, y1=5)))
+    assert found.surface_area / found.area == pytest.approx(np.sqrt(1.25), rel=0.005)
 
 
-def test_a_step_of_15_cm_is_climbed_and_one_of_45_cm_is_not():
+def test_steps_of_15_cm_and_ramps_of_30_degrees_are_walked_and_higher_ones_are_not():
     for rise, joined in ((0.15, True), (0.45, False)):
         home = mesh_of(floor(0, 0, 3, 3), *box((3, 0, 0), (6, rise, 3)))
         found = floor_grid_from_mesh(home)
         distance = found.distances(np.array([at(1, 1)]), np.array([at(5, 1, rise)]))[0]
         assert np.isfinite(distance) == joined
-
-
-def test_a_ramp_of_30_degrees_is_walked_and_one_of_50_degrees_is_not():
     for slope_deg, joined in ((30, True), (50, False)):
         top = 3 * np.tan(np.radians(slope_deg))
         home = mesh_of(floor(0, 0, 3, 3), ramp(3, 0, 6, 3, y0=0, y1=top), floor(6, 0, 9, 3, y=top))
@@ -260,36 +226,25 @@ def test_a_ramp_of_30_degrees_is_walked_and_one_of_50_degrees_is_not():
         assert np.isfinite(distance) == joined
 
 
-def test_a_low_table_blocks_and_its_top_is_an_island_of_its_own():
+def test_tops_of_tables_and_roofs_are_islands_and_no_storeys():
     found = floor_grid_from_mesh(mesh_of(floor(0, 0, 6, 6), *box((2, 0.7, 2), (4, 0.75, 4))))
     assert not found.is_navigable(at(3, 3))
     assert height_at(found, at(3, 3, 0.9)) == pytest.approx(0.75)
     assert found.island(at(3, 3, 0.75)) != found.island(at(1, 1))
     assert found.storey_heights == (0.0,)
-
-
-def test_the_surface_of_a_ramp_is_larger_than_seen_from_above():
-    found = floor_grid_from_mesh(mesh_of(ramp(0, 0, 10, 6, y0=0, y1=5)))
-    assert found.surface_area / found.area == pytest.approx(np.sqrt(1.25), rel=0.005)
-
-
-def test_a_roof_is_walkable_but_no_storey():
     home = mesh_of(floor(0, 0, 6, 6), *box((0, 2.6, 0), (6, 2.8, 6)))
     found = floor_grid_from_mesh(home)
     assert found.is_navigable(at(3, 3, 2.8))
     assert found.storey_heights == (0.0,)
 
 
-def test_a_mesh_without_floor_or_in_millimetres_is_refused_with_advice():
+def test_a_mesh_without_floor_or_faces_in_millimetres_or_not_finite_is_refused_with_advice():
     with pytest.raises(SceneError, match="found no floor of 1 m2 or more on 12 faces"):
         floor_grid_from_mesh(mesh_of(*box((0, 0, 0), (0.5, 0.5, 0.5))))
     with pytest.raises(SceneError, match="found a mesh of 8000 x 9000 m"):
         floor_grid_from_mesh(mesh_of(floor(0, 0, 8000, 9000)))
     with pytest.raises(SceneError, match="5000 m high"):
         floor_grid_from_mesh(mesh_of(floor(0, 0, 4, 4), floor(0, 0, 4, 4, y=5000)))
-
-
-def test_a_mesh_with_a_corner_at_infinity_or_without_faces_is_refused():
     home = mesh_of(floor(0, 0, 4, 4), floor(9, 9, 10, 10))
     home.vertices[5, 1] = np.nan
     with pytest.raises(SceneError, match="not finite"):

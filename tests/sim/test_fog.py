@@ -30,8 +30,13 @@ def is_seen(area: SeenArea, x: float, z: float) -> bool:
     return bool(area.cells[row, col])
 
 
-def test_nothing_is_seen_before_the_first_view() -> None:
+def test_nothing_is_seen_at_first_and_views_add_up_and_never_take_away() -> None:
     assert not SeenArea(OPEN, GRID).cells.any()
+    area = seen_from(Pose((0.0, 0.0, 0.0), 0.0), depth_of(3.0))
+    before = area.cells
+    area.see(T_world_camera(Pose((0.0, 0.0, 0.0), np.pi), CAMERA), CAMERA, depth_of(1.0))
+    assert (area.cells | before == area.cells).all()
+    assert area.cells.sum() > before.sum()
 
 
 @pytest.mark.parametrize("depth_m", [depth_of(0.0), depth_of(100.0), None], ids=["no return", "far wall", "no depth"])
@@ -43,64 +48,40 @@ def test_an_open_view_reveals_its_whole_cone(depth_m: np.ndarray | None) -> None
     assert not is_seen(area, 0.0, 0.3)
 
 
-def test_yaw_turns_the_cone_to_the_left() -> None:
+def test_yaw_turns_the_cone_to_the_left_and_looking_down_shortens_it() -> None:
     area = seen_from(Pose((1.0, 0.0, 2.0), np.pi / 2), depth_of(0.0))
     assert is_seen(area, -3.5, 2.0)
     assert not is_seen(area, 4.0, 2.0)
     assert not is_seen(area, 1.0, -2.0)
-
-
-def test_a_wall_hides_what_is_behind_it() -> None:
-    area = seen_from(Pose((0.0, 0.0, 0.0), 0.0), depth_of(2.0))
-    assert is_seen(area, 0.0, -1.95)
-    assert is_seen(area, 1.4, -1.9)
-    assert not is_seen(area, 0.0, -2.2)
-
-
-def test_a_table_in_half_of_the_picture_hides_only_its_half() -> None:
-    depth = depth_of(4.0)
-    depth[:, : CAMERA.width // 2] = 1.0
-    area = seen_from(Pose((0.0, 0.0, 0.0), 0.0), depth)
-    assert not is_seen(area, -0.5, -2.0)
-    assert is_seen(area, 0.5, -2.0)
-
-
-def test_what_is_seen_over_a_low_thing_counts() -> None:
-    depth = depth_of(4.0)
-    depth[CAMERA.height * 2 // 3 :] = 1.0  # a footstool; the rows above look over it
-    assert is_seen(seen_from(Pose((0.0, 0.0, 0.0), 0.0), depth), 0.0, -3.9)
-
-
-def test_looking_down_shows_no_more_than_looking_ahead() -> None:
     ahead = seen_from(Pose((0.0, 0.0, 0.0), 0.0), depth_of(0.0)).cells.sum()
     down = seen_from(Pose((0.0, 0.0, 0.0), 0.0, -np.pi / 3), depth_of(0.0)).cells.sum()
     assert 0 < down < ahead / 2
 
 
-def test_views_add_up_and_never_take_away() -> None:
-    area = seen_from(Pose((0.0, 0.0, 0.0), 0.0), depth_of(3.0))
-    before = area.cells
-    area.see(T_world_camera(Pose((0.0, 0.0, 0.0), np.pi), CAMERA), CAMERA, depth_of(1.0))
-    assert (area.cells | before == area.cells).all()
-    assert area.cells.sum() > before.sum()
+def test_walls_and_tables_hide_what_is_behind_them_and_low_things_do_not() -> None:
+    area = seen_from(Pose((0.0, 0.0, 0.0), 0.0), depth_of(2.0))
+    assert is_seen(area, 0.0, -1.95)
+    assert is_seen(area, 1.4, -1.9)
+    assert not is_seen(area, 0.0, -2.2)
+    depth = depth_of(4.0)
+    depth[:, : CAMERA.width // 2] = 1.0
+    area = seen_from(Pose((0.0, 0.0, 0.0), 0.0), depth)
+    assert not is_seen(area, -0.5, -2.0)
+    assert is_seen(area, 0.5, -2.0)
+    depth[CAMERA.height * 2 // 3 :] = 1.0  # a footstool; the rows above look over it
+    assert is_seen(seen_from(Pose((0.0, 0.0, 0.0), 0.0), depth), 0.0, -3.9)
 
 
-def test_without_depth_the_free_map_ends_the_view() -> None:
+def test_without_depth_the_free_map_ends_the_view_but_not_at_its_own_feet_and_it_ends_with_the_map() -> None:
     free = OPEN.copy()
     free[: GRID.rc_from_xz(np.array([0.0, -2.0]))[0]] = False
     area = seen_from(Pose((0.0, 0.0, 0.0), 0.0), None, free=free)
     assert is_seen(area, 0.0, -2.1)
     assert not is_seen(area, 0.0, -2.5)
-
-
-def test_a_start_beside_the_map_still_sees() -> None:
     free = OPEN.copy()
     row, col = GRID.rc_from_xz(np.array([0.0, 0.0]))
     free[row - 3 : row + 4, col - 3 : col + 4] = False
     assert seen_from(Pose((0.0, 0.0, 0.0), 0.0), None, free=free).cells.sum() * GRID.cell**2 > 0.9 * CONE
-
-
-def test_a_view_beyond_the_map_is_cut_off() -> None:
     area = seen_from(Pose((-7.9, 0.0, -7.9), 0.0), depth_of(0.0))
     assert area.cells.shape == GRID.shape
     assert area.cells.any()

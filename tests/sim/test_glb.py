@@ -23,6 +23,7 @@ from .gltf_files import (
     UV,
     YELLOW,
     GltfWriter,
+    drawn,
     four_colours,
     loaded,
     plain_square,
@@ -56,14 +57,11 @@ def textured(image: Image.Image, **material) -> TextureVisuals:
     return TextureVisuals(uv=uv, material=PBRMaterial(baseColorTexture=image, **material))
 
 
-def test_a_z_up_file_becomes_y_up(tmp_path):
+def test_a_z_up_file_becomes_y_up_and_a_y_up_file_keeps_its_axes_and_transforms(tmp_path):
     mesh = load_glb(write(tmp_path / "a.glb"))
     np.testing.assert_allclose(mesh.vertices, [[0, 0, 0], [2, 0, 0], [2, 0, -3], [0, 0, -3]], atol=1e-6)
     np.testing.assert_array_equal(mesh.faces, TRIANGLES)
     assert (mesh.face_instance == 0).all()
-
-
-def test_a_y_up_file_keeps_its_axes_and_node_transforms_are_applied(tmp_path):
     T = trimesh.transformations.translation_matrix([10, 20, 30])
     mesh = load_glb(write(tmp_path / "a.glb", T=T), up="y")
     np.testing.assert_allclose(mesh.vertices, SQUARE + np.array([10, 20, 30]))
@@ -101,14 +99,11 @@ def test_the_image_is_not_upside_down(tmp_path):
     assert tuple(frame.rgb[60, 32]) == (0, 0, 255)
 
 
-def test_a_jpeg_is_read_and_the_base_colour_tints_it(tmp_path):
+def test_a_base_colour_tints_a_jpeg_or_is_the_faces_colour_without_a_texture(tmp_path):
     image = Image.new("RGB", (16, 16), (200, 100, 50))
     image.format = "JPEG"
     mesh = load_glb(write(tmp_path / "a.glb", textured(image, baseColorFactor=[0.5, 1.0, 1.0, 1.0])))
     np.testing.assert_allclose(mesh.textures[0][8, 8].astype(int), [100, 100, 50], atol=3)
-
-
-def test_a_base_colour_without_texture_is_the_faces_colour(tmp_path):
     visual = TextureVisuals(material=PBRMaterial(baseColorFactor=[10, 20, 30, 255]))
     mesh = load_glb(write(tmp_path / "a.glb", visual))
     assert mesh.face_rgb.tolist() == [[10, 20, 30], [10, 20, 30]]
@@ -139,7 +134,8 @@ def test_a_text_file_reads_buffer_and_image_from_data_uris_and_from_files_beside
     first, _, rest = text.partition('"uri": "data:')
     path.write_text(first + '"uri": "a.bin"' + rest[rest.index('"') + 1 :])
     outside = load_glb(path, up="y")
-    assert inside.digest() == outside.digest() == loaded(plain_square(), tmp_path).digest()
+    again = loaded(plain_square(), tmp_path, "again.gltf")
+    assert inside.digest() == outside.digest() == again.digest() == loaded(plain_square(), tmp_path).digest()
     assert shown(inside) == [BLUE, YELLOW, GREEN]
 
 
@@ -154,10 +150,14 @@ def test_nodes_below_nodes_are_turned_scaled_and_shifted_in_this_order(tmp_path)
     np.testing.assert_allclose(mesh.vertices, [[0, 2, 5], [0, 6, 5], [-6, 6, 5], [-6, 2, 5]], atol=1e-6)
 
 
-def test_a_matrix_is_read_column_by_column(tmp_path):
-    writer = GltfWriter()
-    writer.show(writer.square(), matrix=[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 7, 8, 9, 1])
-    np.testing.assert_allclose(loaded(writer, tmp_path).vertices[0], [7, 8, 9])
+def test_matrices_are_read_by_column_whole_numbers_stay_and_older_materials_have_a_diffuse_colour(tmp_path):
+    mesh = drawn(tmp_path, GltfWriter.square, matrix=[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 7, 8, 9, 1])
+    np.testing.assert_allclose(mesh.vertices[0], [7, 8, 9])
+    mesh = drawn(tmp_path, lambda w: w.square(points=(SQUARE * 10).astype(np.int16)), scale=[0.1, 0.1, 0.1])
+    np.testing.assert_allclose(mesh.vertices, SQUARE, atol=1e-6)
+    old = {"extensions": {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [0.2, 0.4, 0.6, 1]}}}
+    mesh = drawn(tmp_path, lambda w: w.square(material=w.add("materials", old)))
+    assert mesh.face_rgb.tolist() == [[51, 102, 153]] * 2
 
 
 def test_without_scenes_all_nodes_are_shown(tmp_path):
@@ -171,25 +171,25 @@ def test_without_scenes_all_nodes_are_shown(tmp_path):
 
 
 def test_parts_of_one_mesh_share_the_vertices_that_the_file_shares(tmp_path):
-    writer = GltfWriter()
-    first = writer.square()
-    second = first | {"indices": writer.accessor(np.array([3, 1, 0], np.uint8))}
-    writer.show(first, second)
-    mesh = loaded(writer, tmp_path)
+    def parts(writer):
+        first = writer.square()
+        return [first, first | {"indices": writer.accessor(np.array([3, 1, 0], np.uint8))}]
+
+    mesh = drawn(tmp_path, parts)
     assert len(mesh.vertices) == 4
     assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [3, 1, 0]]
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.uint32, None])
 def test_indices_of_every_width_and_none_at_all(tmp_path, kind):
-    writer = GltfWriter()
-    if kind is None:
-        primitive = writer.square(points=SQUARE[FACES])
-        del primitive["indices"]
-    else:
-        primitive = writer.square(indices=writer.accessor(FACES.astype(kind)))
-    writer.show(primitive)
-    mesh = loaded(writer, tmp_path)
+    def square(writer):
+        if kind is not None:
+            return writer.square(indices=writer.accessor(FACES.astype(kind)))
+        bare = writer.square(points=SQUARE[FACES])
+        del bare["indices"]
+        return bare
+
+    mesh = drawn(tmp_path, square)
     np.testing.assert_array_equal(mesh.vertices[mesh.faces], SQUARE[TRIANGLES])
 
 
@@ -217,13 +217,6 @@ def test_whole_numbers_may_be_written_with_a_point(tmp_path):
     assert loaded(writer, tmp_path).faces.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
-def test_a_part_without_vertices_does_not_hide_those_of_the_next_one(tmp_path):
-    writer = GltfWriter()
-    empty = {"attributes": {"POSITION": writer.accessor(np.zeros((0, 3), np.float32))}}
-    writer.show(empty, writer.square())
-    np.testing.assert_array_equal(loaded(writer, tmp_path).vertices, SQUARE)
-
-
 @pytest.mark.parametrize(
     ("mode", "corners", "faces"),
     [
@@ -232,18 +225,19 @@ def test_a_part_without_vertices_does_not_hide_those_of_the_next_one(tmp_path):
     ],
 )
 def test_strips_and_fans_keep_their_side(tmp_path, mode, corners, faces):
-    writer = GltfWriter()
-    writer.show(writer.square(mode=mode, indices=writer.accessor(np.array(corners, np.uint8))))
-    mesh = loaded(writer, tmp_path)
+    mesh = drawn(tmp_path, lambda w: w.square(mode=mode, indices=w.accessor(np.array(corners, np.uint8))))
     assert mesh.faces.tolist() == faces
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()
 
 
-def test_lines_and_points_are_left_out(tmp_path):
-    writer = GltfWriter()
-    writer.show(writer.square(mode=1), writer.square(), writer.square(mode=0))
-    assert len(loaded(writer, tmp_path).faces) == 2
+def test_lines_points_and_parts_without_vertices_are_left_out(tmp_path):
+    assert len(drawn(tmp_path, lambda w: [w.square(mode=1), w.square(), w.square(mode=0)]).faces) == 2
+
+    def parts(writer):
+        return [{"attributes": {"POSITION": writer.accessor(np.zeros((0, 3), np.float32))}}, writer.square()]
+
+    np.testing.assert_array_equal(drawn(tmp_path, parts).vertices, SQUARE)
 
 
 def test_interleaved_attributes_are_read_with_their_stride(tmp_path):
@@ -295,21 +289,3 @@ def test_quantized_attributes_become_metres_and_shares(tmp_path):
     mesh = loaded(writer, tmp_path)
     np.testing.assert_allclose(mesh.vertices, [[0, 0, 0], [4, 0, 0], [4, -4, 0]], atol=1e-6)
     np.testing.assert_allclose(mesh.face_uv[0], [[0, 1], [1, 1], [1, 0]], atol=1e-6)
-
-
-def test_unnormalized_integers_stay_whole_numbers(tmp_path):
-    writer = GltfWriter()
-    writer.show(writer.square(points=(SQUARE * 10).astype(np.int16)), scale=[0.1, 0.1, 0.1])
-    np.testing.assert_allclose(loaded(writer, tmp_path).vertices, SQUARE, atol=1e-6)
-
-
-def test_older_materials_have_a_diffuse_colour(tmp_path):
-    writer = GltfWriter()
-    old = {"diffuseFactor": [0.2, 0.4, 0.6, 1]}
-    material = writer.add("materials", {"extensions": {"KHR_materials_pbrSpecularGlossiness": old}})
-    writer.show(writer.square(material=material))
-    assert loaded(writer, tmp_path).face_rgb.tolist() == [[51, 102, 153]] * 2
-
-
-def test_the_same_file_gives_the_same_digest(tmp_path):
-    assert loaded(plain_square(), tmp_path).digest() == loaded(plain_square(), tmp_path, "b.glb").digest()

@@ -123,9 +123,7 @@ def test_randomly_damaged_files_are_read_or_refused_in_one_line(tmp_path):
     basis = with_image((DATA / "corners_etc1s.basis").read_bytes())
     basis.json["textures"] = [{"extensions": {"GOOGLE_texture_basis": {"source": 0}}}]
     coloured = GltfWriter()
-    primitive = coloured.square()
-    primitive["attributes"]["COLOR_0"] = coloured.accessor(np.full((4, 4), 99, np.uint8), normalized=True)
-    coloured.show(primitive, scale=[-1, 1, 1])
+    coloured.show(coloured.square(colours=np.full((4, 4), 99, np.uint8)), scale=[-1, 1, 1])
     files = [writer.glb() for writer in (plain_square(), with_image(jpeg()), basis, coloured)]
     path = tmp_path / "a.glb"
     refused = read = 0

@@ -8,32 +8,25 @@ from sim.mesh import FLAT, VERTEX_COLOURS
 from sim.render.raycast import Raycaster
 from sim.types import Camera, Pose
 
-from .gltf_files import RED, UV, GltfWriter, four_colours, loaded, png
+from .gltf_files import RED, UV, GltfWriter, drawn, four_colours, loaded, png
 
 
 def test_vertex_colours_are_averaged_per_face(tmp_path):
     colours = np.array([[0, 0, 0, 255], [90, 0, 0, 255], [0, 60, 0, 255], [0, 0, 30, 255]], np.uint8)
-    writer = GltfWriter()
-    square = writer.square()
-    square["attributes"]["COLOR_0"] = writer.accessor(colours, normalized=True)
-    writer.show(square)
-    mesh = loaded(writer, tmp_path)
+    mesh = drawn(tmp_path, lambda w: w.square(colours=colours))
     assert mesh.face_rgb.tolist() == [[30, 20, 0], [0, 20, 10]]
     assert mesh.face_texture.tolist() == [VERTEX_COLOURS, VERTEX_COLOURS]
-    assert mesh.vertex_rgb is not None
     np.testing.assert_array_equal(mesh.vertex_rgb, colours[:, :3])
 
 
 @pytest.mark.parametrize(("coloured", "count"), [(False, 4), (True, 8)])
 def test_parts_of_two_base_colours_have_own_vertices_only_where_these_have_colours(tmp_path, coloured, count):
-    writer = GltfWriter()
-    square = writer.square()
-    if coloured:
-        square["attributes"]["COLOR_0"] = writer.accessor(np.full((4, 4), 200, np.uint8), normalized=True)
-    tints = [[0.5, 1, 1, 1], [1, 0.5, 1, 1]]
-    indices = [writer.add("materials", {"pbrMetallicRoughness": {"baseColorFactor": tint}}) for tint in tints]
-    writer.show(*[square | {"material": index} for index in indices])
-    mesh = loaded(writer, tmp_path)
+    def parts(writer):
+        square = writer.square(colours=np.full((4, 4), 200, np.uint8) if coloured else None)
+        tints = [{"baseColorFactor": tint} for tint in ([0.5, 1, 1, 1], [1, 0.5, 1, 1])]
+        return [square | {"material": writer.add("materials", {"pbrMetallicRoughness": tint})} for tint in tints]
+
+    mesh = drawn(tmp_path, parts)
     assert len(mesh.vertices) == count
     low, high = (100, 200) if coloured else (128, 255)
     assert mesh.face_rgb.tolist() == [[low, high, high]] * 2 + [[high, low, high]] * 2
@@ -50,12 +43,7 @@ def test_parts_of_two_base_colours_have_own_vertices_only_where_these_have_colou
     ],
 )
 def test_vertex_colours_of_every_kind(tmp_path, colours, expected):
-    writer = GltfWriter()
-    primitive = writer.square()
-    primitive["attributes"]["COLOR_0"] = writer.accessor(colours, normalized=colours.dtype.kind == "u")
-    writer.show(primitive)
-    mesh = loaded(writer, tmp_path)
-    assert mesh.vertex_rgb is not None
+    mesh = drawn(tmp_path, lambda w: w.square(colours=colours))
     assert mesh.vertex_rgb.tolist() == [expected] * 4
     assert mesh.face_rgb.tolist() == [expected] * 2
 
@@ -66,10 +54,8 @@ def test_vertex_colours_are_multiplied_by_the_base_colour_once_and_by_a_texture(
     tint = writer.add("materials", {"pbrMetallicRoughness": {"baseColorFactor": factor}})
     texture = writer.image(png(np.full((2, 2, 3), RED, np.uint8)))
     image, tinted = writer.material(texture), writer.material(texture, factor)
-    colours = writer.accessor(np.array([[200, 100, 50]] * 4, np.uint8), normalized=True)
-    primitives = [writer.square(uv=UV, material=material) for material in (tint, image, tinted)]
-    for primitive in primitives:
-        primitive["attributes"]["COLOR_0"] = colours
+    colours = np.array([[200, 100, 50]] * 4, np.uint8)
+    primitives = [writer.square(uv=UV, colours=colours, material=material) for material in (tint, image, tinted)]
     white = writer.square(uv=UV, material=image)
     for shift, primitive in enumerate([*primitives, white, writer.square()]):
         writer.show(primitive, translation=[3.0 * shift, 0, 0])
@@ -88,14 +74,13 @@ def test_vertex_colours_are_multiplied_by_the_base_colour_once_and_by_a_texture(
 
 
 def test_parts_of_two_base_colours_share_vertices_whose_colours_only_light_their_textures(tmp_path):
-    writer = GltfWriter()
-    texture = writer.image(png(four_colours()))
-    square = writer.square(uv=UV, material=writer.material(texture))
-    square["attributes"]["COLOR_0"] = writer.accessor(np.full((4, 4), 200, np.uint8), normalized=True)
-    writer.show(square, square | {"material": writer.material(texture, [0.5, 1, 1, 1])})
-    mesh = loaded(writer, tmp_path)
+    def parts(writer):
+        texture = writer.image(png(four_colours()))
+        square = writer.square(uv=UV, colours=np.full((4, 4), 200, np.uint8), material=writer.material(texture))
+        return [square, square | {"material": writer.material(texture, [0.5, 1, 1, 1])}]
+
+    mesh = drawn(tmp_path, parts)
     assert len(mesh.vertices) == 4
-    assert mesh.vertex_rgb is not None
     assert mesh.vertex_rgb.tolist() == [[200, 200, 200]] * 4
 
 

@@ -28,10 +28,6 @@ def refusal(path: Path) -> str:
     return text
 
 
-def test_a_missing_file_is_named(tmp_path):
-    assert "cannot be read (No such file or directory)" in refusal(tmp_path / "none.glb")
-
-
 def test_other_content_is_refused(tmp_path):
     path = tmp_path / "a.glb"
     path.write_bytes(b"PK\x03\x04 not a mesh at all, but long enough")
@@ -58,16 +54,13 @@ def test_a_truncated_file_is_refused(tmp_path, kept):
     assert "expected the whole file" in refusal(path)
 
 
-def test_a_binary_part_longer_than_the_file_is_refused(tmp_path):
+def test_a_binary_part_longer_than_the_file_and_damaged_json_are_refused(tmp_path):
     writer = plain_square()
     data = bytearray(writer.glb())
     at = data.index(b"BIN\0") - 4
     data[at : at + 4] = struct.pack("<I", len(writer.data) + 4)
     (tmp_path / "a.glb").write_bytes(data)
     assert "expected the whole file" in refusal(tmp_path / "a.glb")
-
-
-def test_damaged_json_is_refused(tmp_path):
     data = bytearray(plain_square().glb())
     data[20:24] = b"\xff\xff\xff\xff"
     (tmp_path / "a.glb").write_bytes(bytes(data))
@@ -164,7 +157,7 @@ def test_a_wrong_header_is_one_line_that_names_the_file(tmp_path, change, expect
     [
         ({"count": 10**12}, "accessors.0.sparse has other indices; expected at most 4 unsigned"),
         ({"count": 2, "indices": {"bufferView": 0, "componentType": 5126}}, "has other indices"),
-        ({"count": 2, "indices": {"bufferView": 3, "componentType": 5121}}, "accessors.0.sparse names element 9"),
+        ({"count": 2, "indices": {"bufferView": 4, "componentType": 5121}}, "accessors.0.sparse names element 9"),
         ({"count": 2, "values": {"bufferView": 99}}, "names bufferViews.99"),
         ({"count": 4}, "accessors.0.sparse needs 4 bytes"),
     ],
@@ -175,22 +168,17 @@ def test_a_wrong_sparse_accessor_is_refused(tmp_path, sparse, expected):
     indices, values = writer.view(b"\0\1"), writer.view(bytes(48))
     writer.view(b"\0\x09")
     common = {"indices": {"bufferView": indices, "componentType": 5121}, "values": {"bufferView": values}}
-    if "indices" in sparse and sparse["indices"]["bufferView"] == 3:
-        sparse = sparse | {"indices": {"bufferView": 4, "componentType": 5121}}
     writer.json["accessors"][0]["sparse"] = common | sparse
     writer.show(primitive)
     assert expected in refusal(writer.save(tmp_path / "a.glb"))
 
 
-def test_a_face_that_uses_a_missing_vertex_is_refused(tmp_path):
+def test_a_file_without_faces_or_with_one_that_uses_a_missing_vertex_is_refused(tmp_path):
     data = plain_square().glb()
     assert data.count(FACES.tobytes()) == 1
     path = tmp_path / "a.glb"
     path.write_bytes(data.replace(FACES.tobytes(), struct.pack("<6H", 0, 1, 2, 0, 2, 4)))
     assert "face 1 of accessors.2 uses vertex 4; expected 0 to 3, the vertices that it has" in refusal(path)
-
-
-def test_a_file_without_faces_is_refused(tmp_path):
     writer = GltfWriter()
     writer.show(writer.square(mode=0))
     assert "found no faces" in refusal(writer.save(tmp_path / "a.glb"))

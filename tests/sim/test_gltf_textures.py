@@ -2,26 +2,30 @@
 
 import io
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from .gltf_files import BLUE, DATA, GREEN, RED, UV, YELLOW, GltfWriter, four_colours, loaded, png, shown
+from .gltf_files import BLUE, DATA, GREEN, RED, UV, YELLOW, GltfWriter, drawn, four_colours, loaded, png, shown
+
+
+def pictured(writer, content=None, *, uv=UV, sampler=None, **info):
+    """A square that shows an encoded image; four colours when None."""
+    texture = writer.image(png(four_colours()) if content is None else content, **(sampler or {}))
+    return writer.square(uv=uv, material=writer.material(texture, **info))
 
 
 def test_the_material_chooses_its_texture_coordinates(tmp_path):
-    writer = GltfWriter()
-    texture = writer.image(png(four_colours()))
-    primitives = []
-    infos: list[dict[str, Any]] = [{"texCoord": 1}, {"extensions": {"KHR_texture_transform": {"texCoord": 1}}}, {}]
-    for info in infos:
-        primitive = writer.square(uv=UV, material=writer.material(texture, **info))
-        primitive["attributes"]["TEXCOORD_1"] = writer.accessor(UV[::-1].copy())
-        primitives.append(primitive)
-    writer.show(*primitives)
-    mesh = loaded(writer, tmp_path)
+    def squares(writer):
+        texture = writer.image(png(four_colours()))
+        infos = [{"texCoord": 1}, {"extensions": {"KHR_texture_transform": {"texCoord": 1}}}, {}]
+        primitives = [writer.square(uv=UV, material=writer.material(texture, **info)) for info in infos]
+        for primitive in primitives:
+            primitive["attributes"]["TEXCOORD_1"] = writer.accessor(UV[::-1].copy())
+        return primitives
+
+    mesh = drawn(tmp_path, squares)
     assert len(mesh.textures) == 1
     for face, corners in ((0, UV[::-1]), (2, UV[::-1]), (4, UV)):
         np.testing.assert_array_equal(mesh.face_uv[face], corners[:3])
@@ -38,11 +42,11 @@ def test_the_material_chooses_its_texture_coordinates(tmp_path):
     ],
 )
 def test_texture_transforms_scale_then_turn_then_shift(tmp_path, transform, expected):
-    writer = GltfWriter()
-    material = writer.material(writer.image(png(four_colours())), extensions={"KHR_texture_transform": transform})
-    writer.json["extensionsRequired"] = ["KHR_texture_transform", "KHR_materials_unlit"]
-    writer.show(writer.square(uv=UV, material=material))
-    np.testing.assert_allclose(loaded(writer, tmp_path).face_uv[0], expected, atol=1e-6)
+    def square(writer):
+        writer.json["extensionsRequired"] = ["KHR_texture_transform", "KHR_materials_unlit"]
+        return pictured(writer, extensions={"KHR_texture_transform": transform})
+
+    np.testing.assert_allclose(drawn(tmp_path, square).face_uv[0], expected, atol=1e-6)
 
 
 def test_one_image_in_two_tints_is_two_textures_and_in_one_tint_one(tmp_path):
@@ -71,18 +75,15 @@ def test_png_images_of_every_kind(tmp_path, mode):
         image = Image.fromarray(np.array(image, np.uint16) * 257)
     file = io.BytesIO()
     image.save(file, "PNG")
-    writer = GltfWriter()
-    writer.show(writer.square(uv=UV, material=writer.material(writer.image(file.getvalue()))))
-    np.testing.assert_array_equal(loaded(writer, tmp_path).textures[0], expected)
+    mesh = drawn(tmp_path, lambda w: pictured(w, file.getvalue()))
+    np.testing.assert_array_equal(mesh.textures[0], expected)
 
 
 @pytest.mark.parametrize("mode", ["L", "RGB", "CMYK"])
 def test_jpeg_images_of_every_kind(tmp_path, mode):
     file = io.BytesIO()
     Image.fromarray(four_colours(32)).convert(mode).save(file, "JPEG", quality=95)
-    writer = GltfWriter()
-    writer.show(writer.square(uv=UV, material=writer.material(writer.image(file.getvalue(), "image/jpeg"))))
-    texture = loaded(writer, tmp_path).textures[0]
+    texture = drawn(tmp_path, lambda w: pictured(w, file.getvalue(), sampler={"mime": "image/jpeg"})).textures[0]
     expected = np.array(Image.fromarray(four_colours(32)).convert(mode).convert("RGB"))
     np.testing.assert_allclose(texture[8, 8].astype(int), expected[8, 8], atol=6)
     assert texture.flags.c_contiguous
@@ -106,29 +107,23 @@ CLAMP, MIRROR = 33071, 33648
 )
 def test_images_are_clamped_or_mirrored_where_faces_show_more_than_them(tmp_path, reach, wrap, corners):
     """The square shows from `reach` before the image to `reach` after it, each way."""
-    writer = GltfWriter()
-    material = writer.material(writer.image(png(four_colours(80)), **wrap))
-    writer.show(writer.square(uv=(UV - 0.5) * (1 + 2 * reach) + 0.5, material=material))
-    mesh = loaded(writer, tmp_path)
+    uv = (UV - 0.5) * (1 + 2 * reach) + 0.5
+    mesh = drawn(tmp_path, lambda w: pictured(w, png(four_colours(80)), uv=uv, sampler=wrap))
     side = 80 + 2 * 80 * reach if wrap and reach < 1 else 80
     assert mesh.textures[0].shape == pytest.approx((side, side, 3), abs=1)
     assert shown(mesh) == corners
 
 
 def test_a_clamped_image_that_is_shown_within_its_edges_is_kept_as_it_is(tmp_path):
-    writer = GltfWriter()
-    material = writer.material(writer.image(png(four_colours()), wrapS=CLAMP, wrapT=CLAMP))
-    writer.show(writer.square(uv=UV * 1.01 - 0.005, material=material))
-    mesh = loaded(writer, tmp_path)
+    wrap = {"wrapS": CLAMP, "wrapT": CLAMP}
+    mesh = drawn(tmp_path, lambda w: pictured(w, uv=UV * 1.01 - 0.005, sampler=wrap))
     assert mesh.textures[0].shape == (8, 8, 3)
     np.testing.assert_allclose(mesh.face_uv[0], UV[:3] * 1.01 - 0.005, atol=1e-6)
 
 
 def test_texture_coordinates_that_are_no_place_become_zero(tmp_path):
-    writer = GltfWriter()
     uv = np.array([[np.nan, 1], [np.inf, 0.5], [1e30, -np.inf], [0.25, 3]], np.float32)
-    writer.show(writer.square(uv=uv, material=writer.material(writer.image(png(four_colours())))))
-    mesh = loaded(writer, tmp_path)
+    mesh = drawn(tmp_path, lambda w: pictured(w, uv=uv))
     np.testing.assert_array_equal(mesh.face_uv[1], [[0, 1], [0, 0], [0.25, 3]])
 
 

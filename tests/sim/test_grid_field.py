@@ -70,16 +70,13 @@ def test_distances_exceed_the_exact_shortest_way_round_boxes_by_far_less_than_a_
     assert excess.max() < 0.02
 
 
-def test_a_way_along_a_slanted_wall_is_as_long_as_the_wall():
+def test_ways_along_a_slanted_wall_and_round_an_inner_corner_are_as_long_as_by_hand():
     # Blocked above the line z = 1 + x / 3 up to x = 3; the way from its foot goes round its end at (3, 2).
     slanted = grid_of(lambda x, z: (z < 1 + x / 3) | (x > 3) | (z > 1.4 + x / 3))
     foot, behind = at(0.3, 1.0), at(0.3, 1.6)
     shortest = np.hypot(2.7, 1.0) + 0.4 + np.hypot(2.7, 0.8)
     found = slanted.distances(foot[None], behind[None])[0]
     assert found == pytest.approx(shortest, rel=0.012), "the wall is a staircase of 5 cm"
-
-
-def test_the_way_through_an_l_shaped_corridor_touches_its_inner_corner():
     corridor = grid_of(lambda x, z: (z < 0.5) | (x > 3.5))
     found = corridor.distances(at(0.5, 0.25)[None], at(3.75, 3.5)[None])[0]
     assert found == pytest.approx(np.hypot(3.0, 0.25) + np.hypot(0.25, 3.0), rel=1e-4)

@@ -155,7 +155,7 @@ def drive(env: PanGymEnv, dataset: PersonalDataset, key: EpisodeKey) -> tuple[li
     return rewards, info["measures"]["rules"]["paper"]
 
 
-def test_the_default_reward_is_one_for_a_successful_end(dataset: PersonalDataset) -> None:
+def test_the_reward_is_one_for_a_successful_end_or_adds_up_to_the_start_distance(dataset: PersonalDataset) -> None:
     key = next(dataset.episodes(splits=("easy",), scenes=("Demo",))).key
     rewards, measures = drive(demo_env(dataset, pictures=False), dataset, key)
     assert measures["success"]
@@ -164,10 +164,6 @@ def test_the_default_reward_is_one_for_a_successful_end(dataset: PersonalDataset
     env = demo_env(dataset, pictures=False)
     env.reset(options={"episode": str(key)})
     assert env.step(STOP)[1] == 0.0
-
-
-def test_the_distance_reward_adds_up_to_the_start_distance(dataset: PersonalDataset) -> None:
-    key = next(dataset.episodes(splits=("easy",), scenes=("Demo",))).key
     rewards, measures = drive(demo_env(dataset, pictures=False, reward="distance_to_goal"), dataset, key)
     assert sum(rewards) == pytest.approx(measures["start_distance"] - measures["dtg"])
     assert measures["start_distance"] > 1

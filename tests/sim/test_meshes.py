@@ -88,14 +88,11 @@ def test_face_colours_and_no_colours_of_a_ply_file(tmp_path):
     assert painted.face_rgb.tolist() == [[10, 20, 30], [40, 50, 60]]
 
 
-def test_an_obj_file_shows_its_image_upright(tmp_path):
+def test_an_obj_file_shows_its_image_upright_or_its_colour_or_is_grey(tmp_path):
     mesh = load_mesh(obj(tmp_path / "a.obj"), up="y")
     np.testing.assert_array_equal(mesh.vertices, SQUARE)
     np.testing.assert_allclose(mesh.face_uv[0], UV[:3])
     assert shown(mesh) == [BLUE, YELLOW, GREEN]
-
-
-def test_an_obj_file_with_a_colour_and_one_without_material(tmp_path):
     painted = load_mesh(obj(tmp_path / "a.obj", material="newmtl wall\nKd 0.2 0.4 0.6\n"))
     assert painted.face_rgb.tolist() == [[51, 102, 153]] * 2
     plain = obj(tmp_path / "a.obj", text=OBJ.replace("mtllib a.mtl\n", "").replace("usemtl wall\n", ""))

@@ -31,13 +31,10 @@ def home(tmp_path_factory) -> NavMesh:
     return load_navmesh(write_navmesh(tmp_path_factory.mktemp("navmesh") / "home.navmesh", two_storeys()))
 
 
-def test_a_path_bends_round_the_inner_corner(corner):
+def test_a_path_is_straight_in_sight_and_bends_round_the_inner_corner(corner):
     assert corner.distance(at(1, 1), at(5, 5)) == pytest.approx(2 * math.sqrt(10), abs=1e-6)
     path = corner.shortest_path(at(1, 1), at(5, 5)[None])
     np.testing.assert_allclose(path, [[1, 0, 1], [4, 0, 2], [5, 0, 5]], atol=1e-6)
-
-
-def test_in_sight_the_distance_is_the_straight_line(corner):
     assert corner.distance(at(1, 1), at(5.5, 1.5)) == pytest.approx(math.hypot(4.5, 0.5), abs=1e-6)
     assert len(corner.shortest_path(at(1, 1), at(5.5, 1.5)[None])) == 2
 
@@ -48,13 +45,10 @@ def test_a_ramp_counts_with_its_slope(home):
     assert home.distance(at(5, 3), at(5, 10, y=3)) == pytest.approx(math.hypot(7, 3), abs=1e-6)
 
 
-def test_a_goal_above_the_floor_keeps_its_height_and_one_beside_it_is_moved_to_the_edge(corner):
+def test_a_goal_above_the_floor_keeps_its_height_one_beside_it_is_moved_and_one_on_the_start_has_no_distance(corner):
     assert corner.distance(at(1, 1), at(3, 1, y=1.5)) == pytest.approx(2.5, abs=1e-6)
     assert corner.distance(at(1, 1), at(1, -1.5, y=0.7)) == pytest.approx(1.0, abs=1e-6)
     np.testing.assert_allclose(corner.shortest_path(at(1, 1), at(1, -1.5, y=0.7)[None])[-1], [1, 0, 0])
-
-
-def test_a_goal_on_the_start_is_at_no_distance_and_has_a_path_of_two_points(corner):
     assert corner.distance(at(2, 1), at(2, 1)) == 0
     assert corner.distance(at(2, 1, y=0.3), at(2, 1)) == 0  # the projected points count
     assert corner.shortest_path(at(2, 1), at(2, 1)[None]).tolist() == [[2, 0, 1], [2, 0, 1]]
@@ -77,12 +71,9 @@ def test_the_nearest_of_several_goals_counts_and_those_without_a_place_are_ignor
     assert home.distances(np.empty((0, 3)), goals).tolist() == []
 
 
-def test_a_point_between_storeys_snaps_to_the_nearer_one(home):
+def test_a_point_between_storeys_snaps_to_the_nearer_one_and_a_step_up_counts_as_none(home):
     assert home.snap(at(2, 12, y=1.4)).tolist() == [2, 0, 12]
     assert home.snap(at(2, 12, y=1.6)).tolist() == [2, 3, 12]
-
-
-def test_a_step_up_counts_as_no_distance_when_snapping(home):
     # Both floors are within 0.2 m of it or beside it: the one it stands over wins though the edge is nearer in 3-D.
     assert home.snap(at(3.999, 11, y=3.19)).tolist() == pytest.approx([3.999, 3, 11])
 
@@ -114,16 +105,13 @@ def test_a_free_step_arrives_and_takes_the_height_of_the_ramp(home):
     assert not collided
 
 
-def test_a_wall_stops_a_step_where_it_is_met_and_sliding_goes_on_along_it(corner):
+def test_a_wall_stops_every_step_where_it_is_met_and_sliding_goes_on_along_it(corner):
     stopped, collided = corner.step(at(1, 1.9), at(1.1, 2.1))
     assert stopped == pytest.approx((1.05, 0, 2.0), abs=1e-6)
     assert collided
     slid, collided = corner.step(at(1, 1.9), at(1.1, 2.1), slide=True)
     assert slid == pytest.approx((1.1, 0, 2.0), abs=1e-6)
     assert collided
-
-
-def test_facing_the_wall_further_steps_do_not_move(corner):
     place = at(2, 1.9)
     for _ in range(3):
         place = np.array(corner.step(place, place + np.array([0.05, 0, 0.25])).position)
@@ -153,14 +141,11 @@ def test_the_nearest_wall_is_measured_from_above_within_the_search_radius(corner
     assert corner.distance_to_obstacle(at(50, 50)) == math.inf
 
 
-def test_area_counts_slopes_in_full_and_islands_have_radii(home):
+def test_area_counts_slopes_in_full_islands_have_radii_and_a_ramp_is_no_storey(home):
     # 8 + 4 + 8 below, a ramp of 2 x 5, 8 + 16 above, 16 in the closed room
     assert home.area == pytest.approx(70)
     assert home.island_radius(at(2, 12)) == pytest.approx(math.hypot(2, 2))
     assert home.island_radius(at(50, 50)) == 0
-
-
-def test_two_storeys_are_found_and_a_ramp_is_none(home):
     assert home.storey_heights == (0.0, 3.0)
 
 
@@ -170,9 +155,6 @@ def test_an_upper_storey_is_told_from_a_roof_by_the_ceiling_above_it(tmp_path):
     assert load_navmesh(path, mesh=mesh_of(between, above)).storey_heights == (0.0, 3.0)
     assert load_navmesh(path, mesh=mesh_of(between)).storey_heights == (0.0,)
     assert load_navmesh(path).storey_heights == (0.0,)  # a bare plate on top of everything: taken for a roof
-
-
-def test_a_bare_plate_on_top_of_a_storey_with_walls_is_a_roof(tmp_path):
     corridors = [plate(0, 2 * i, 8, 2 * i + 0.8) for i in range(6)] + [
         plate(8, 2 * i, 9, 2 * i + 0.8) for i in range(6)
     ]
@@ -210,7 +192,7 @@ def test_places_near_a_point_are_dense_and_reach_the_circle_and_the_walls(corner
             assert np.hypot(places[:, 0] - x, places[:, 2] - z).min() <= 0.05
 
 
-def test_places_keep_to_their_storey_and_touch_a_wall_that_the_circle_just_reaches(home):
+def test_places_keep_to_their_storey_touch_a_wall_that_the_circle_just_reaches_and_are_listed_once(home, corner):
     assert set(home.points_within(at(2, 12)[None], 0.5, max_dy=1.0)[:, 1]) == {0.0}
     assert set(home.points_within(at(2, 12)[None], 0.5, max_dy=3.0)[:, 1]) == {0.0, 3.0}
     touching = home.points_within(at(2, -0.5)[None], 0.50001, max_dy=1.0)
@@ -218,9 +200,6 @@ def test_places_keep_to_their_storey_and_touch_a_wall_that_the_circle_just_reach
     assert np.abs(touching - [2, 0, 0]).max() < 0.01
     assert home.points_within(at(2, -0.51)[None], 0.5, max_dy=1.0).shape == (0, 3)
     assert home.points_within(np.empty((0, 3)), 0.5, max_dy=1.0).shape == (0, 3)
-
-
-def test_places_of_overlapping_circles_are_listed_once(corner):
     twice = corner.points_within(np.stack([at(1, 1), at(1, 1)]), 0.5, max_dy=1.0)
     np.testing.assert_array_equal(twice, corner.points_within(at(1, 1)[None], 0.5, max_dy=1.0))
 

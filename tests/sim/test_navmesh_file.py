@@ -46,15 +46,12 @@ def test_polygons_neighbours_and_settings_are_read(path):
     assert data.vertices[data.corners[0, :4]].tolist() == plate(0, 0, 4, 2).tolist()
 
 
-def test_version_1_counts_as_built_for_habitats_default_agent(path):
+def test_a_mesh_fits_the_agent_it_was_built_for_and_version_1_habitats_default(path):
     mesh = load_navmesh(write_navmesh(path, l_shape(), version=1))
     assert mesh.settings == NavMeshSettings()
     assert mesh.fits(0.1, 1.5)
     assert not mesh.fits(0.18, 0.88)
     assert mesh.distance(np.array([1, 0, 1]), np.array([3, 0, 1])) == 2.0
-
-
-def test_a_mesh_fits_the_agent_it_was_built_for_within_a_hair(path):
     mesh = load_navmesh(write_navmesh(path, l_shape(), settings=NavMeshSettings(agent_height=0.88, agent_radius=0.18)))
     assert mesh.fits(0.18, 0.88)
     assert mesh.fits(0.180009, 0.88)
@@ -122,24 +119,18 @@ def test_lies_in_the_file_are_refused_in_one_line(path, at, form, values, text):
     assert text in refusal(path, changed(content, at if at >= 0 else len(content) + at, form, *values))
 
 
-def test_a_mesh_larger_than_any_home_is_refused_before_its_cells_are_counted(path):
+def test_a_mesh_larger_than_any_home_or_that_nobody_can_walk_on_is_refused(path):
     content = navmesh_bytes([plate(0, 0, 3000, 3000)])
     assert "span 9000000 m2; expected a home" in refusal(path, content)
-
-
-def test_a_mesh_that_nobody_can_walk_on_is_refused(path):
     assert "none can be walked on" in refusal(path, navmesh_bytes(l_shape(), flags={0: 0, 1: 16, 2: 0}))
 
 
-def test_disabled_and_vanishing_polygons_are_walls(path):
+def test_disabled_and_vanishing_polygons_and_edges_on_a_tiles_border_are_walls(path):
     sliver = np.array([[6, 0, 0], [6, 0, 1], [6.000001, 0, 1]])
     mesh = load_navmesh(write_navmesh(path, [*l_shape(), sliver], flags={1: 16}))
     assert mesh.area == pytest.approx(16)  # the plates of 8 m2 at both ends of the L
     assert mesh.distance(np.array([1, 0, 1]), np.array([5, 0, 5])) == np.inf
     assert mesh.snap(np.array([5.5, 0, 1])).tolist() == [5.5, 0, 2]
-
-
-def test_an_edge_on_a_tiles_border_is_a_wall(path):
     content = changed(navmesh_bytes(l_shape()), POLYGONS + 16 + 4, "H", 0x8002)
     path.write_bytes(content)
     assert read_navmesh(path).neighbours[0, :4].tolist() == [-1, -1, -1, -1]

@@ -172,16 +172,13 @@ def test_an_episode_whose_observer_fails_is_still_finished_and_on_disk(
     assert read_run(tmp_path / "a").episodes == plain
 
 
-def test_an_agent_that_fails_when_asked_for_its_reason_is_named(small_home_root: Path, tmp_path: Path) -> None:
+def test_an_agent_that_cannot_say_its_reason_is_named(small_home_root: Path, tmp_path: Path) -> None:
     observer = Recorder()
     with pytest.raises(AgentError, match=r"CannotExplain\.insight\(\) raised ValueError: no reason"):
         run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:CannotExplain", make_observer=Gives(observer))
     assert observer.told[-1] == "close"
     run_job(small_home_root, tmp_path / "b", agent=f"{__name__}:CannotExplain")  # unwatched, nobody asks
     assert len(read_run(tmp_path / "b").episodes) == 2
-
-
-def test_a_reason_that_is_no_insight_is_named(small_home_root: Path, tmp_path: Path) -> None:
     with pytest.raises(AgentError, match=r"ExplainsWrongly\.insight\(\) returned str; expected an Insight or None"):
         run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:ExplainsWrongly", make_observer=Gives(Recorder()))
 

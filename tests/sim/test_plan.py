@@ -109,14 +109,11 @@ def test_a_missing_plan_is_a_scene_error(tmp_path: Path) -> None:
         load_plan(tmp_path / "no.plan.json")
 
 
-def test_a_turned_piece_swaps_width_and_depth() -> None:
+def test_a_turned_piece_swaps_width_and_depth_and_a_shared_border_is_no_overlap() -> None:
     turned = CHAIR.model_copy(update={"yaw": np.pi / 2})
     np.testing.assert_allclose(CHAIR.rect, (0.75, 1.8, 1.25, 2.2))
     np.testing.assert_allclose(turned.rect, (0.8, 1.75, 1.2, 2.25))
     np.testing.assert_allclose(turned.world_size, (0.4, 0.9, 0.5))
-
-
-def test_rectangles_that_share_a_border_do_not_overlap() -> None:
     assert not Rect(0, 0, 1, 1).overlaps(Rect(1, 0, 2, 1))
     assert Rect(0, 0, 1, 1).overlaps(Rect(0.99, 0, 2, 1))
 

@@ -91,10 +91,21 @@ def test_a_last_row_that_repeats_the_pose_is_the_stop_and_not_a_push_against_a_w
     assert (unstopped.end.reason, unstopped.steps[-1].collided) == ("abandoned", True)
 
 
-def test_whether_it_stopped_is_never_guessed(dataset: PersonalDataset) -> None:
+def test_stop_frame_and_order_of_quaternions_are_never_guessed(dataset: PersonalDataset, tmp_path: Path) -> None:
     message = refusal(dataset, "log.csv", csv_of(HEAD, WALK), replace(WORLD, stopped=None))
     assert "log.csv:2: nothing says whether the run ended with STOP" in message
     assert "--stopped yes or --stopped no" in message
+    path = tmp_path / "log.csv"
+    path.write_text(csv_of(HEAD, WALK))
+    with pytest.raises(
+        RunFileError, match=r"its frame is not declared; expected one of world, zup, ros, start, start-ro"
+    ):
+        list(check_file(path, dataset=dataset))
+    poses = [[*pose[:3], *quat(pose[3])] for pose in WALK]
+    message = refusal(dataset, "log.json", json.dumps(poses), replace(WORLD, quaternion=None))
+    assert "the order of its quaternions is not declared; expected xyzw or wxyz" in message
+    wrong = refusal(dataset, "log.json", json.dumps(poses), replace(WORLD, quaternion="wxyz"))
+    assert "rolled by 180.0" in wrong or "begins" in wrong or "tilted" in wrong
 
 
 def test_named_actions_are_taken_before_or_after_the_pose_of_their_row(dataset: PersonalDataset) -> None:
@@ -138,23 +149,6 @@ def test_habitat_labs_agent_states_are_read_in_the_declared_order(dataset: Perso
     assert actions_of(run_of(dataset, "log.json", json.dumps(episode), reading)) == ACTIONS
     named = [{"position": pose[:3], "rotation": dict(zip("xyzw", quat(pose[3]), strict=True))} for pose in WALK]
     assert actions_of(run_of(dataset, "log.json", json.dumps(named), replace(WORLD, quaternion=None))) == ACTIONS
-
-
-def test_the_order_of_unnamed_quaternions_is_never_guessed(dataset: PersonalDataset) -> None:
-    poses = [[*pose[:3], *quat(pose[3])] for pose in WALK]
-    message = refusal(dataset, "log.json", json.dumps(poses), replace(WORLD, quaternion=None))
-    assert "the order of its quaternions is not declared; expected xyzw or wxyz" in message
-    wrong = refusal(dataset, "log.json", json.dumps(poses), replace(WORLD, quaternion="wxyz"))
-    assert "rolled by 180.0" in wrong or "begins" in wrong or "tilted" in wrong
-
-
-def test_a_frame_is_never_guessed(dataset: PersonalDataset, tmp_path: Path) -> None:
-    path = tmp_path / "log.csv"
-    path.write_text(csv_of(HEAD, WALK))
-    with pytest.raises(
-        RunFileError, match=r"its frame is not declared; expected one of world, zup, ros, start, start-ro"
-    ):
-        list(check_file(path, dataset=dataset))
 
 
 def test_onemaps_rows_without_header_are_read_with_declared_columns(dataset: PersonalDataset) -> None:

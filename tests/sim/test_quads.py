@@ -141,13 +141,10 @@ def test_textures_stand_upright_and_are_not_mirrored_on_walls(yaw: float) -> Non
     np.testing.assert_allclose(high_left - low_left, [0, -1 / texture.metres[1]], atol=1e-5)
 
 
-def test_given_coordinates_are_metres_on_the_finish() -> None:
+def test_given_coordinates_are_metres_and_a_picture_lies_once_over_each_quad_upright() -> None:
     uv = [[(0.5, 0.5), (0.5, 1.5), (0.0, 1.5), (0.0, 0.5)]]
     mesh = built(UPRIGHT, CLOTH, uv=uv, instance=1)
     np.testing.assert_allclose(uv_at(mesh, (1, 1, 0)), np.array([0.0, 1.5]) / 0.48, atol=1e-5)
-
-
-def test_a_picture_lies_once_over_each_quad_and_upright() -> None:
     tall = moved(UPRIGHT * np.array([0.6, 0.9, 1]), 3.3, 1.2, 0)
     for uv in (None, [[(0, 0.9), (0.6, 0.9), (0.6, 0), (0, 0)]]):
         mesh = built(np.concatenate([tall, moved(tall, 1, 0, 0)]), PAINTING, uv=uv and uv * 2, instance=1)
@@ -156,12 +153,17 @@ def test_a_picture_lies_once_over_each_quad_and_upright() -> None:
             np.testing.assert_allclose(uv_at(mesh, (x + 0.6, 1.2, 0)), [1, 1], atol=1e-5)
 
 
-def test_triangles_are_quads_with_two_equal_corners() -> None:
+def test_triangles_are_quads_with_two_equal_corners_and_nothing_is_added_twice_or_lost() -> None:
     triangle = np.array([[(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 1, 0)]], float)
     for instance in (0, 1):
         mesh = built(triangle, RED, instance=instance)
         assert area(mesh).sum() == pytest.approx(0.5, rel=1e-5)
         assert (area(mesh) > 0).all()
+    builder = QuadBuilder()
+    builder.add_quads(np.zeros((0, 4, 3)), RED)
+    builder.add_quads(box((0, 1, 0), (1, 2, 0.5)).turned("y", 0.7).corners, RED, instance=2)
+    mesh = builder.mesh()
+    assert area(mesh).sum() == pytest.approx(2 * (2 + 0.5 + 1), rel=1e-4)
 
 
 def test_rounded_solids_have_no_edges_in_their_light() -> None:
@@ -177,14 +179,6 @@ def test_rounded_solids_have_no_edges_in_their_light() -> None:
     assert same.any()
     assert (mesh.vertex_rgb[order][1:][same] == mesh.vertex_rgb[order][:-1][same]).all()
     assert np.ptp(mesh.vertex_rgb[:, 0].astype(int)) > 20, "the sun's side is brighter"
-
-
-def test_nothing_added_twice_or_lost() -> None:
-    builder = QuadBuilder()
-    builder.add_quads(np.zeros((0, 4, 3)), RED)
-    builder.add_quads(box((0, 1, 0), (1, 2, 0.5)).turned("y", 0.7).corners, RED, instance=2)
-    mesh = builder.mesh()
-    assert area(mesh).sum() == pytest.approx(2 * (2 + 0.5 + 1), rel=1e-4)
 
 
 @pytest.mark.slow

@@ -57,9 +57,6 @@ def test_cast_gives_range_position_and_face_of_the_first_hit(make_raycaster):
     assert hits.face_ids[0] in (2, 3)
     assert hits.face_ids[1] in (0, 1)
     assert list(hits.face_ids[2:]) == [-1, -1]
-
-
-def test_no_rays_give_no_hits(make_raycaster):
     hits = make_raycaster(mesh_of(floor(0, 0, 1, 1))).cast(np.empty((0, 3)), np.empty((0, 3)))
     assert hits.range_m.shape == (0,)
     assert hits.positions.shape == (0, 3)
@@ -228,13 +225,10 @@ def test_packets_of_any_width_see_the_same(monkeypatch, texture_filter):
         np.testing.assert_allclose(frames[width].depth_m[same], frames[16].depth_m[same], rtol=1e-5)
 
 
-def test_a_mesh_without_faces_is_refused(make_raycaster):
+def test_meshes_without_faces_and_poses_that_are_not_finite_are_refused(make_raycaster):
     empty = mesh_of(floor(0, 0, 1, 1)).select(np.zeros(2, bool))
     with pytest.raises(SceneError, match="without faces"):
         make_raycaster(empty)
-
-
-def test_a_pose_that_is_not_finite_is_refused(make_raycaster):
     raycaster = make_raycaster(mesh_of(floor(0, 0, 1, 1)))
     with pytest.raises(SceneError, match="pose"):
         raycaster.render(np.full((4, 4), np.nan), Camera())

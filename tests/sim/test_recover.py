@@ -44,7 +44,7 @@ def walkable_of(plan: HomePlan) -> FloorGrid:
 LATTICE = [(1.0 + 0.25 * i, 0.0, 0.25 * j) for i in range(9) for j in range(5)]
 
 
-def test_cells_lie_within_the_robots_radius_of_the_lattice(tmp_path: Path) -> None:
+def test_cells_lie_within_the_robots_radius_of_the_lattice_in_the_room_of_the_sentence(tmp_path: Path) -> None:
     plan = recover_plan(dataset_of(tmp_path, LATTICE), SCENE)
     assert plan.cells is not None
     cells = cells_from_runs(plan.cells.walkable)
@@ -55,6 +55,9 @@ def test_cells_lie_within_the_robots_radius_of_the_lattice(tmp_path: Path) -> No
     assert (cells.y == 0).all()
     # a lattice of 2.0 m by 1.0 m, grown by the radius: (2.36 * 1.36) less its corners
     assert len(cells.y) * 0.05**2 == pytest.approx(3.0, abs=0.2)
+    assert [(room.name, room.storey) for room in plan.rooms] == [("lounge", 0)]
+    assert plan.furniture[0].room == "lounge"
+    assert plan.rooms[0].area
 
 
 def test_two_storeys_get_one_ramp_of_at_most_40_degrees(tmp_path: Path) -> None:
@@ -123,13 +126,6 @@ def test_an_object_leaves_standing_points_free_and_takes_its_captions_colour(tmp
     assert piece.caption == "low oak coffee table with a green bowl on it"
 
 
-def test_the_room_is_what_the_sentence_says(tmp_path: Path) -> None:
-    plan = recover_plan(dataset_of(tmp_path, LATTICE), SCENE)
-    assert [(room.name, room.storey) for room in plan.rooms] == [("lounge", 0)]
-    assert plan.furniture[0].room == "lounge"
-    assert plan.rooms[0].area
-
-
 def test_a_plan_is_kept_until_the_files_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
     first = recover_plan(dataset_of(tmp_path, LATTICE), SCENE)
@@ -140,9 +136,16 @@ def test_a_plan_is_kept_until_the_files_change(tmp_path: Path, monkeypatch: pyte
     assert len(list(tmp_path.rglob("*.plan"))) == 3
 
 
-def test_another_split_alone_has_no_place_to_stand(tmp_path: Path) -> None:
+def test_splits_and_files_without_any_place_to_stand_are_refused(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="in hard"):
         recover_plan(dataset_of(tmp_path, LATTICE), SCENE, splits=("hard",))
+    content = example_content(episodes=[])
+    goals = content["goals_by_category"][f"{SCENE}.basis.glb_coffee table"]
+    for point in goals[0]["view_points"]:
+        point.pop("iou", None)
+    root = write_dataset(tmp_path, {("easy", SCENE): content})
+    with pytest.raises(SceneError, match="no original view point and no episode"):
+        recover_plan(PersonalDataset(root), SCENE)
 
 
 def test_a_plan_corrected_by_hand_is_what_opens(tmp_path: Path) -> None:
@@ -156,16 +159,6 @@ def test_a_plan_corrected_by_hand_is_what_opens(tmp_path: Path) -> None:
     opened = open_scene(dataset, SCENE)
     assert opened.objects[0].size == pytest.approx((0.5, 0.9, 0.3))
     assert opened.kind == "schematic"
-
-
-def test_files_without_any_place_to_stand_are_refused(tmp_path: Path) -> None:
-    content = example_content(episodes=[])
-    goals = content["goals_by_category"][f"{SCENE}.basis.glb_coffee table"]
-    for point in goals[0]["view_points"]:
-        point.pop("iou", None)
-    root = write_dataset(tmp_path, {("easy", SCENE): content})
-    with pytest.raises(SceneError, match="no original view point and no episode"):
-        recover_plan(PersonalDataset(root), SCENE)
 
 
 def test_one_standing_point_is_enough(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def test_only_schematic_homes_are_named(scene: Scene) -> None:
     assert isinstance(renderer_of(replace(scene, kind="schematic")), LabelledRenderer)
 
 
-def test_a_click_from_above_meets_the_floor_below_the_cut_not_the_ceiling(scene: Scene) -> None:
+def test_a_click_from_above_meets_the_floor_below_the_cut_and_one_into_the_sky_nothing(scene: Scene) -> None:
     pog_scene = PogScene(scene, make_renderer=Raycaster)
     assert len(pog_scene.storeys) == 2
     for index, floor_y in enumerate(pog_scene.storeys):
@@ -57,8 +57,4 @@ def test_a_click_from_above_meets_the_floor_below_the_cut_not_the_ceiling(scene:
         assert hit is not None
         assert (hit[0], hit[2]) == pytest.approx((x, z), abs=1e-4)
         assert y - 0.05 <= hit[1] <= floor_y + CUT_HEIGHT + 0.05
-
-
-def test_a_click_into_the_sky_meets_nothing(scene: Scene) -> None:
-    pog_scene = PogScene(scene, make_renderer=Raycaster)
     assert pog_scene.hit(0, (0.0, 30.0, 0.0), (0.0, 1.0, 0.0)) is None

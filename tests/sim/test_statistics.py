@@ -132,14 +132,11 @@ def test_the_network_table_of_three_invented_episodes(tmp_path: Path) -> None:
     assert [column.episodes for column in statistics.per_summary] == [1, 1, 2]
 
 
-def test_the_caption_metrics_of_two_captions_by_hand() -> None:
+def test_the_caption_metrics_of_two_captions_and_of_none_by_hand() -> None:
     metrics = caption_metrics("two", [["a", "red", "a", "b"], ["a", "red"]])
     assert (metrics.captions, metrics.tokens, metrics.vocabulary, metrics.words_range) == (2, 6, 3, (2, 4))
     assert (metrics.words_mean, metrics.words_sd, metrics.type_token_ratio) == (3, 1, 0.5)
     assert metrics.entropy_bits == pytest.approx(0.5 + math.log2(3) / 3 + math.log2(6) / 6)
-
-
-def test_no_captions_give_zeros() -> None:
     assert caption_metrics("none", []) == CaptionMetrics("none", 0.0, 0.0, 0, 0.0, 0.0, 0, 0, (0, 0))
 
 
@@ -173,16 +170,15 @@ def test_statistics_refuse_a_damaged_file_in_one_line(tmp_path: Path) -> None:
         Stats(dataset=tmp_path, json=False).run()
 
 
-def test_stats_prints_both_tables_beside_the_papers_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_stats_prints_both_tables_beside_the_papers_figures_or_one_json_document(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     write_dataset(tmp_path)
     assert Stats(dataset=tmp_path, json=False).run() == 0
     text = capsys.readouterr().out
     assert "4.52 | 2.00 | 2.00" in text
     assert "GOAT (paper)" in text
     assert "20.65 ± 13.10" in text
-
-
-def test_stats_prints_one_json_document(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_dataset(tmp_path)
     assert Stats(dataset=tmp_path, json=True).run() == 0
     document = json.loads(capsys.readouterr().out)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from sim.frames import forward_from_yaw
 from sim.types import GridSpec
 from sim.walk.floor_grid import STOP_MARGIN, FloorGrid
-from tests.sim.grids import CELL, at, grid_of
+from tests.sim.grids import CELL, at, grid_of, level_floors
 
 
 @pytest.fixture(scope="module")
@@ -28,20 +28,14 @@ def test_a_free_step_ends_exactly_where_it_was_meant_to(open_room):
     assert open_room.step(at(1, 1), at(1.2, 1.15)) == ((1.2, 0.0, 1.15), False)
 
 
-def test_a_wall_stops_the_step_a_tenth_of_a_millimetre_before_it(open_room):
+def test_a_wall_stops_the_step_a_tenth_of_a_millimetre_before_it_and_sliding_goes_on_along_it(open_room):
     position, collided = open_room.step(at(1.9, 1), at(2.15, 1))
     assert position == pytest.approx((2 - STOP_MARGIN, 0, 1), abs=1e-9)
     assert collided
     assert open_room.is_navigable(np.array(position))
-
-
-def test_without_sliding_a_slanted_step_stops_where_it_meets_the_wall(open_room):
     position, collided = open_room.step(at(1.9, 1), at(2.1, 1.2))
     assert position == pytest.approx((2.0, 0, 1.1), abs=2 * STOP_MARGIN)
     assert collided
-
-
-def test_with_sliding_the_rest_of_the_step_goes_along_the_wall(open_room):
     position, collided = open_room.step(at(1.9, 1), at(2.1, 1.2), slide=True)
     assert position == pytest.approx((2.0, 0, 1.2), abs=2 * STOP_MARGIN)
     assert collided
@@ -68,41 +62,30 @@ def test_a_whole_step_that_ends_just_before_a_wall_is_no_collision_and_a_shorten
     assert open_room.step(at(1.7501, 1), at(2.0001, 1)).collided  # moved 0.2498 m: 0.0624 + 1e-5 < 0.0625
 
 
-def test_a_start_off_the_map_is_snapped_first_but_the_collision_counts_from_the_start(open_room):
+def test_a_start_off_the_map_is_snapped_first_and_one_above_it_lands_on_the_floor(open_room):
     position, collided = open_room.step(at(-0.1, 1), at(0.15, 1))
     assert position == pytest.approx((0.15, 0, 1))
     assert not collided
     assert open_room.step(at(-0.1, 1), at(-0.05, 1)).position[0] == pytest.approx(0, abs=2 * STOP_MARGIN)
-
-
-def test_far_from_the_map_nothing_moves(open_room):
-    assert open_room.step(at(50, 50), at(50.25, 50)) == ((50.0, 0.0, 50.0), True)
-
-
-def test_a_start_above_the_floor_lands_on_it_and_a_blocked_walk_still_collides(open_room):
     position, collided = open_room.step(at(1.8, 1, 0.19), at(2.05, 1, 0.19))
     assert position == pytest.approx((2 - STOP_MARGIN, 0, 1), abs=1e-9)
     assert collided
 
 
-def test_an_end_on_another_island_is_not_walked_to():
+def test_far_from_the_map_and_to_another_island_nothing_moves(open_room):
+    assert open_room.step(at(50, 50), at(50.25, 50)) == ((50.0, 0.0, 50.0), True)
     split = grid_of(lambda x, z: np.abs(x - 1) > 0.05, size=2.0)
     assert split.step(at(0.9, 1), at(1.15, 1)) == ((0.9, 0.0, 1.0), True)
     assert split.step(at(0.9, 1), at(1.15, 1), slide=True) == ((0.9, 0.0, 1.0), True)
 
 
-def test_a_step_up_a_stair_takes_the_height_of_the_tread():
+def test_a_step_up_a_stair_takes_the_height_of_the_tread_and_a_walk_under_a_gallery_stays():
     spec = GridSpec((0.0, 0.0), CELL, (10, 40))
     rc = np.argwhere(np.ones(spec.shape, bool))
     stair = FloorGrid.from_cells(rc, (0.18 * (rc[:, 1] // 10)).astype(np.float64), grid=spec)
     assert stair.step(at(0.4, 0.25), at(0.65, 0.25)).position == pytest.approx((0.65, 0.18, 0.25))
     assert stair.step(at(0.65, 0.25, 0.18), at(0.4, 0.25, 0.18)).position == pytest.approx((0.4, 0.0, 0.25))
-
-
-def test_a_walk_under_a_gallery_stays_on_its_layer():
-    spec = GridSpec((0.0, 0.0), CELL, (10, 40))
-    rc = np.argwhere(np.ones(spec.shape, bool))
-    layers = FloorGrid.from_cells(np.concatenate([rc, rc]), np.repeat([0.0, 1.2], len(rc)), grid=spec)
+    layers = level_floors((10, 40), 0.0, 1.2)
     assert layers.step(at(0.4, 0.25), at(0.65, 0.25)).position[1] == 0.0
     assert layers.step(at(0.4, 0.25, 1.2), at(0.65, 0.25, 1.2)).position[1] == pytest.approx(1.2)
 

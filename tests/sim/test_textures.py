@@ -98,10 +98,14 @@ def test_patterns_are_unlike_each_other_and_plain_cloth() -> None:
         assert abs(alike) < 0.75, (PATTERNS[i], PATTERNS[j])
 
 
-def test_stripes_run_down_and_plaid_runs_both_ways() -> None:
+def test_stripes_run_down_plaid_runs_both_ways_and_checked_tiles_are_whole() -> None:
     striped, plaid = image_of(fabric("striped"))[..., 1], image_of(fabric("plaid"))[..., 1]
     assert striped.mean(axis=0).std() > 10 * striped.mean(axis=1).std()
     assert plaid.mean(axis=0).std() == pytest.approx(plaid.mean(axis=1).std(), rel=0.2)
+    texture = texture_of(Finish(material="tile", pattern="checked", rgb=(230, 230, 230), rgb2=(40, 40, 40)))
+    assert texture is not None
+    middles = texture.image[32::64, 32::64, 0] > 128
+    assert middles.tolist() == [[True, False, True, False], [False, True, False, True]] * 2
 
 
 def test_a_second_colour_is_made_up_where_the_finish_has_none() -> None:
@@ -120,13 +124,6 @@ def test_wood_has_planks_on_floors_only() -> None:
     assert (joints < np.minimum(np.roll(rows, -2)[::32], np.roll(rows, 2)[::32]) - 15).all()
     solid = image_of(wood).mean(axis=(1, 2))
     assert np.abs(np.diff(solid)).max() < 15
-
-
-def test_checked_tiles_are_whole_tiles_of_either_colour() -> None:
-    texture = texture_of(Finish(material="tile", pattern="checked", rgb=(230, 230, 230), rgb2=(40, 40, 40)))
-    assert texture is not None
-    middles = texture.image[32::64, 32::64, 0] > 128
-    assert middles.tolist() == [[True, False, True, False], [False, True, False, True]] * 2
 
 
 def test_a_picture_is_whole_and_every_colour_has_its_own() -> None:

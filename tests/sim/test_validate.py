@@ -161,15 +161,11 @@ def test_a_row_finds_what_it_is_for(tmp_path: Path, row: int, contents: Contents
     assert count_of(tmp_path, row, contents) == expected
 
 
-def test_the_plain_example_has_no_error_and_only_known_notes(tmp_path: Path) -> None:
+def test_the_plain_example_has_known_notes_only_and_one_check_per_row_of_the_table(tmp_path: Path) -> None:
     report = validate_dataset(write_dataset(tmp_path))
     assert report.num_errors == 0
     assert report.problems == ()
     assert {check.row: check.measure.count for check in report.checks if check.measure.count} == PLAIN
-
-
-def test_there_is_one_check_per_row_of_the_table(tmp_path: Path) -> None:
-    report = validate_dataset(write_dataset(tmp_path))
     assert [check.row for check in report.checks] == list(range(1, 48))
     slugs = [check.measure.slug for check in report.checks]
     assert len(set(slugs)) == 47
@@ -331,7 +327,7 @@ def test_a_folder_without_episodes_is_refused(tmp_path: Path) -> None:
         Validate(dataset=tmp_path, json=False).run()
 
 
-def test_the_command_prints_a_table_and_exits_0_without_errors(
+def test_the_command_prints_a_table_or_one_json_document_and_exits_1_on_errors(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert Validate(dataset=write_dataset(tmp_path), json=False).run() == 0
@@ -339,14 +335,8 @@ def test_the_command_prints_a_table_and_exits_0_without_errors(
     assert "1 episodes (easy 1, medium 0, hard 0)" in text
     assert "start-looks-away" in text
     assert "0 errors" in text
-
-
-def test_the_command_exits_1_on_errors_and_prints_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert Validate(dataset=write_dataset(tmp_path, easy(owner=5)), json=False).run() == 1
     assert "episodes.0.owner is 5; expected: Input should be a valid string" in capsys.readouterr().out
-
-
-def test_the_command_prints_one_json_document(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert Validate(dataset=write_dataset(tmp_path, easy(object_id="coffee table_70")), json=True).run() == 1
     document = json.loads(capsys.readouterr().out)
     assert (document["episodes"], document["per_split"]) == (1, {"easy": 1, "medium": 0, "hard": 0})

@@ -115,16 +115,13 @@ def test_populations_are_those_of_the_format(report: ValidationReport) -> None:
         assert tuple((check(report, row).measure.population or {}).values()) == population
 
 
-def test_named_cases_are_found(report: ValidationReport) -> None:
+def test_named_cases_are_found_and_ids_are_shared_between_splits(report: ValidationReport) -> None:
     assert set(check(report, 12).measure.names) == {"hard/MHPLjHsuG27/1467", "hard/q3zU7Yy5E5s/515"}
     assert check(report, 45).measure.names == ("medium/content/4ok3usBNeis.json (same content)",)
     assert "DYehNKdT76V/shower dial_118" in check(report, 13).measure.names
     wrong_storey = set(check(report, 40).measure.names)
     assert {"y9hTuugGdiq/bathtub_414", "y9hTuugGdiq/mirror_358", "XB4GS9ShBRE/stairs railing_200"} <= wrong_storey
     assert {"radius", "room_id", "room_name", "start_room"} <= set(check(report, 46).measure.names)
-
-
-def test_ids_of_26_are_shared_between_splits_but_not_repeated_in_one(report: ValidationReport) -> None:
     assert [(measure.slug, measure.count) for measure in check(report, 26).also] == [
         ("episode-id-in-several-splits", 426)
     ]

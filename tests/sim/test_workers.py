@@ -51,10 +51,12 @@ def test_results_come_in_the_order_of_the_jobs(processes: int) -> None:
     assert [name for name, _ in found] == [str(key) for job in jobs for key in job.keys]
 
 
-def test_a_worker_opens_a_scene_once_for_several_batches() -> None:
+def test_a_worker_opens_a_scene_once_for_several_batches_and_leaves_out_what_is_done() -> None:
     (only,) = [job("A", episodes=7)]
     found = [count for _, count in results(open_names, [only], processes=2, batch=1)]
     assert max(found) > 1  # seven batches on two processes: one of them had at least four, on one opened scene
+    (left,) = without([job("A", episodes=3)], {EpisodeKey("easy", "A", "1")})
+    assert [key.episode_id for key in left.keys] == ["0", "2"]
 
 
 @pytest.mark.parametrize("processes", [1, 2])
@@ -70,11 +72,6 @@ def test_a_worker_that_is_ended_from_outside_is_one_line() -> None:
     with pytest.raises(PersonalVizError, match=r"--jobs 2: a worker process was ended from outside.*fewer --jobs"):
         collect([job("A", episodes=3), job("C", episodes=3)], handed_over, processes=2)
     assert set(handed_over) <= {"easy/A/0", "easy/A/1", "easy/A/2"}
-
-
-def test_episodes_that_are_done_are_left_out_of_jobs() -> None:
-    (left,) = without([job("A", episodes=3)], {EpisodeKey("easy", "A", "1")})
-    assert [key.episode_id for key in left.keys] == ["0", "2"]
 
 
 def open_forever(job: SceneJob) -> Callable[[EpisodeKey], int]:
