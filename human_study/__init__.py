@@ -23,7 +23,7 @@ _PLACES = {
     "read_records": ("human_study.store.records", "read_study"),
     "study_report": ("human_study.report.report", "study_report"),
 }
-"""Module of each public name, and what it is called there."""
+"""Module of each public name, and its name there."""
 __all__ = [
     "Study",
     "load_study",

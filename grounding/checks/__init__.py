@@ -1,4 +1,4 @@
-"""Checks of plug-ins: encoders, map builders, grounders, phrase sources. They return what is wrong, one line each."""
+"""Checks of plug-ins: encoders, map builders, grounders, phrase sources. Each returns its problems, one line each."""
 
 from .answers import check_encoder as check_encoder
 from .answers import check_grounder as check_grounder

@@ -5,9 +5,9 @@ random numbers and continue.
 """
 
 import hashlib
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -27,31 +27,89 @@ _DIGEST_VALUES = 64
 _DTYPES = {"bfloat16": torch.bfloat16, "float16": torch.float16}
 
 
-@dataclass(frozen=True, slots=True)
-class Pretrained:
-    """A loaded model with the parts that prepare its inputs."""
+class PretrainedEncoder(ABC):
+    """A `DenseEncoder` of a model in float32; an adapter says how texts, pictures and patches go through its model."""
 
-    model: Any
-    """A `transformers` model in float32, in evaluation mode, on the device."""
-    tokenizer: Any
-    image_processor: Any
-    options: ModelOptions
-    digest: str
-    """Eight hex digits of the weights; equal weights give equal digits, from any source."""
+    name: str
+    """Says the model's kind, sizes and digest."""
+    dim: int
+    """E, the length of the vectors."""
 
-    def pixels(self, frames: Sequence[Frame], **how: object) -> dict[str, Any]:
+    def __init__(self, source: str, classes: Mapping[str, str], options: ModelOptions | None) -> None:
+        """Loads model, tokenizer and image processor.
+
+        Args:
+            source: A model id, or a folder as `save_pretrained` writes it.
+            classes: Which `transformers` class loads which `model_type`.
+
+        Raises:
+            MissingDependencyError: Extra `models` is not installed.
+            AgentError: There is no such model, it has another type, weights are missing, or the device is absent.
+        """
+        transformers = require("transformers", extra="models")
+        SafetensorError = require("safetensors", extra="models").SafetensorError
+        self._options = options = options or ModelOptions()
+        _require_device(options)
+        local = _is_folder(source)
+        only_here = {"local_files_only": local or not options.download}
+        with quiet(transformers):
+            try:
+                config = transformers.AutoConfig.from_pretrained(source, **only_here)
+                _require_type(source, config.model_type, classes)
+                model, report = getattr(transformers, classes[config.model_type]).from_pretrained(
+                    source,
+                    config=config,
+                    dtype=torch.float32,
+                    output_loading_info=True,
+                    ignore_mismatched_sizes=True,  # reported with the missing ones, below
+                    **only_here,
+                )
+                self._tokenizer = transformers.AutoTokenizer.from_pretrained(source, **only_here)
+                # gives the same pictures with and without torchvision
+                self._processor = transformers.AutoImageProcessor.from_pretrained(source, backend="pil", **only_here)
+            except (OSError, ValueError, RuntimeError, SafetensorError) as error:
+                raise AgentError(_not_loaded(source, error, local=local, options=options)) from error
+        _require_whole(source, classes[config.model_type], report)
+        self._model: Any = model.eval().to(options.device)
+        self._digest = weights_digest(model)
+
+    def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        """(N, E) unit rows; texts are cut at the model's longest."""
+        return self._unit_rows(texts, self._texts, shape=(self.dim,))
+
+    def encode_images(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
+        """(N, E) unit rows of whole pictures, which are squeezed to the model's square and lose no sides."""
+        return self._unit_rows(frames, self._images, shape=(self.dim,))
+
+    def encode_patches(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
+        """(N, h, w, E) unit vectors; h and w are the model's."""
+        return self._unit_rows(frames, self._patches, shape=(0, 0, self.dim))
+
+    @abstractmethod
+    def _texts(self, texts: Sequence[str]) -> Any:
+        """(B, E) vectors of texts."""
+
+    @abstractmethod
+    def _images(self, frames: Sequence[Frame]) -> Any:
+        """(B, E) vectors of whole pictures."""
+
+    @abstractmethod
+    def _patches(self, frames: Sequence[Frame]) -> Any:
+        """(B, h, w, E) vectors of patches."""
+
+    def _pixels(self, frames: Sequence[Frame], **how: object) -> dict[str, Any]:
         """The model's picture inputs on the device; `how` overrides the processor's own settings."""
         pictures = [np.asarray(frame.rgb) for frame in frames]
-        inputs = self.image_processor(pictures, return_tensors="pt", input_data_format="channels_last", **how)
-        return {key: value.to(self.options.device) for key, value in inputs.items()}
+        inputs = self._processor(pictures, return_tensors="pt", input_data_format="channels_last", **how)
+        return {key: value.to(self._options.device) for key, value in inputs.items()}
 
-    def squashed(self, frames: Sequence[Frame], size: int) -> Any:
+    def _squashed(self, frames: Sequence[Frame], size: int) -> Any:
         """(N, 3, size, size) whole pictures, squeezed rather than cropped: maps place patches on the whole view."""
-        return self.pixels(frames, size={"height": size, "width": size}, do_center_crop=False)["pixel_values"]
+        return self._pixels(frames, size={"height": size, "width": size}, do_center_crop=False)["pixel_values"]
 
-    def tokens(self, texts: Sequence[str], *, max_length: int, padding: bool | str = True) -> dict[str, Any]:
+    def _tokens(self, texts: Sequence[str], *, max_length: int, padding: bool | str = True) -> dict[str, Any]:
         """Token ids and mask on the device; always padded on the right, cut at `max_length`."""
-        made = self.tokenizer(
+        made = self._tokenizer(
             list(texts),
             padding=padding,
             padding_side="right",
@@ -59,68 +117,19 @@ class Pretrained:
             max_length=max_length,
             return_tensors="pt",
         )
-        return {key: made[key].to(self.options.device) for key in ("input_ids", "attention_mask") if key in made}
+        return {key: made[key].to(self._options.device) for key in ("input_ids", "attention_mask") if key in made}
 
-    def unit_rows(
+    def _unit_rows(
         self, items: Sequence, encode: Callable[[Sequence], Any], *, shape: tuple[int, ...]
     ) -> NDArray[np.float32]:
-        """(N, ..., E) vectors of length 1 of all items, a batch at a time.
-
-        Args:
-            items: Texts or frames.
-            encode: Turns a batch into a tensor (B, ..., E).
-            shape: Shape (..., E) of the answer where there are no items.
-        """
-        autocast, parts = self.options.autocast, [np.empty((0, *shape), np.float32)] * (not items)
-        mixed = torch.autocast(self.options.device, _DTYPES.get(autocast), enabled=autocast != "off")
+        """(N, ..., E) vectors of length 1 of all items, a batch at a time; without items (0, *shape)."""
+        autocast, parts = self._options.autocast, [np.empty((0, *shape), np.float32)] * (not items)
+        mixed = torch.autocast(self._options.device, _DTYPES.get(autocast), enabled=autocast != "off")
         with torch.inference_mode(), mixed:
-            for start in range(0, len(items), self.options.batch_size):
-                batch = items[start : start + self.options.batch_size]
+            for start in range(0, len(items), self._options.batch_size):
+                batch = items[start : start + self._options.batch_size]
                 parts.append(torch.nn.functional.normalize(encode(batch).float(), dim=-1).cpu().numpy())
         return np.concatenate(parts)
-
-
-def load_pretrained(source: str, classes: Mapping[str, str], options: ModelOptions) -> Pretrained:
-    """Loads model, tokenizer and image processor.
-
-    Args:
-        source: A model id, or a folder as `save_pretrained` writes it.
-        classes: Which `transformers` class loads which `model_type`.
-
-    Raises:
-        MissingDependencyError: Extra `models` is not installed.
-        AgentError: There is no such model, it has another type, weights are missing, or the device is absent.
-    """
-    transformers = require("transformers", extra="models")
-    SafetensorError = require("safetensors", extra="models").SafetensorError
-    _require_device(options)
-    local = _is_folder(source)
-    only_here = {"local_files_only": local or not options.download}
-    with quiet(transformers):
-        try:
-            config = transformers.AutoConfig.from_pretrained(source, **only_here)
-            _require_type(source, config.model_type, classes)
-            model, report = getattr(transformers, classes[config.model_type]).from_pretrained(
-                source,
-                config=config,
-                dtype=torch.float32,
-                output_loading_info=True,
-                ignore_mismatched_sizes=True,  # reported with the missing ones, below
-                **only_here,
-            )
-            tokenizer = transformers.AutoTokenizer.from_pretrained(source, **only_here)
-            # gives the same pictures with and without torchvision
-            processor = transformers.AutoImageProcessor.from_pretrained(source, backend="pil", **only_here)
-        except (OSError, ValueError, RuntimeError, SafetensorError) as error:
-            raise AgentError(_not_loaded(source, error, local=local, options=options)) from error
-    others = [key for key, *_ in report["mismatched_keys"]]
-    missing = sorted([*report["missing_keys"], *others])
-    if missing:
-        raise AgentError(
-            f"model {source!r}: {len(missing)} weights are missing or of another shape, first {missing[0]}; expected "
-            f"all of {classes[config.model_type]}. Download the model again, or name another."
-        )
-    return Pretrained(model.eval().to(options.device), tokenizer, processor, options, weights_digest(model))
 
 
 def features(output: Any) -> Any:
@@ -179,6 +188,15 @@ def _require_type(source: str, model_type: str, classes: Mapping[str, str]) -> N
         raise AgentError(
             f"model {source!r}: config.json says model_type {model_type!r}; expected {' or '.join(sorted(classes))}. "
             "Name the model with the prefix of its own family."
+        )
+
+
+def _require_whole(source: str, wanted: str, report: Mapping[str, Any]) -> None:
+    missing = sorted([*report["missing_keys"], *(key for key, *_ in report["mismatched_keys"])])
+    if missing:
+        raise AgentError(
+            f"model {source!r}: {len(missing)} weights are missing or of another shape, first {missing[0]}; expected "
+            f"all of {wanted}. Download the model again, or name another."
         )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sim.errors import AgentError
 from sim.types import Frame
 
-from .pretrained import features, load_pretrained
+from .pretrained import PretrainedEncoder, features
 from .protocol import ModelOptions
 
 DEFAULT_MODEL = "google/siglip2-base-patch16-224"
@@ -21,18 +21,13 @@ _CLASSES = {"siglip": "SiglipModel", "siglip2": "Siglip2Model"}
 """The fixed-size models of SigLIP 2 have type `siglip`; only NaFlex has type `siglip2`."""
 
 
-class Siglip:
-    """A `DenseEncoder`."""
+class Siglip(PretrainedEncoder):
+    """The adapter of SigLIP; NaFlex models keep the proportions of pictures."""
 
     def __init__(self, source: str = DEFAULT_MODEL, *, options: ModelOptions | None = None) -> None:
-        """Loads a SigLIP model by id or folder.
-
-        Raises:
-            MissingDependencyError: Extra `models` is not installed.
-            AgentError: The model cannot be loaded or has no pooling head.
-        """
-        self._parts = load_pretrained(source, _CLASSES, options or ModelOptions())
-        config = self._parts.model.config
+        """Loads a SigLIP model; raises like PretrainedEncoder, and AgentError where it has no pooling head."""
+        super().__init__(source, _CLASSES, options)
+        config = self._model.config
         vision = config.vision_config
         if not getattr(vision, "vision_use_head", True):
             raise AgentError(
@@ -42,17 +37,9 @@ class Siglip:
         self._patch = vision.patch_size
         self._size = 0 if self._is_naflex else vision.image_size
         self._max_tokens = config.text_config.max_position_embeddings
-        self.dim: int = vision.hidden_size
+        self.dim = vision.hidden_size
         size = "naflex" if self._is_naflex else f"{self._size}px"
-        self.name = f"siglip-{self.dim}-p{self._patch}-{size}@{self._parts.digest}"
-
-    def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """(N, E) unit rows; texts are cut at the model's 64 tokens."""
-        return self._parts.unit_rows(texts, self._texts, shape=(self.dim,))
-
-    def encode_images(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
-        """(N, E) unit rows of whole pictures, squeezed to the model's square (NaFlex keeps their proportions)."""
-        return self._parts.unit_rows(frames, self._images, shape=(self.dim,))
+        self.name = f"siglip-{self.dim}-p{self._patch}-{size}@{self._digest}"
 
     def encode_patches(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, h, w, E) unit vectors of patches.
@@ -65,27 +52,24 @@ class Siglip:
                 f"encoder {self.name!r}: found frames of several sizes; expected one, as each size has its own number "
                 "of patches. Encode the frames of one camera at a time."
             )
-        return self._parts.unit_rows(frames, self._patches, shape=(0, 0, self.dim))
+        return super().encode_patches(frames)
 
     def _texts(self, texts: Sequence[str]) -> Any:
         # as in training: lower case, full length, no mask; the answer is the state at the last place, mostly padding
         lower = [text.lower() for text in texts]
-        tokens = self._parts.tokens(lower, max_length=self._max_tokens, padding="max_length")
-        return features(self._parts.model.get_text_features(input_ids=tokens["input_ids"]))
+        tokens = self._tokens(lower, max_length=self._max_tokens, padding="max_length")
+        return features(self._model.get_text_features(input_ids=tokens["input_ids"]))
 
     def _images(self, frames: Sequence[Frame]) -> Any:
-        return features(self._parts.model.get_image_features(**self._pixels(frames)))
+        return features(self._model.get_image_features(**self._inputs(frames)))
 
-    def _pixels(self, frames: Sequence[Frame]) -> dict[str, Any]:
-        if self._is_naflex:
-            return self._parts.pixels(frames)
-        return {"pixel_values": self._parts.squashed(frames, self._size)}
+    def _inputs(self, frames: Sequence[Frame]) -> dict[str, Any]:
+        return self._pixels(frames) if self._is_naflex else {"pixel_values": self._squashed(frames, self._size)}
 
     def _patches(self, frames: Sequence[Frame]) -> Any:
-        """(B, h, w, E) vectors of patches."""
-        model, pixels = self._parts.model.vision_model, self._pixels(frames)
-        hidden = model(**pixels).last_hidden_state  # (B, P, E)
+        model, inputs = self._model.vision_model, self._inputs(frames)
+        hidden = model(**inputs).last_hidden_state  # (B, P, E)
         side = self._size // self._patch
-        rows, cols = pixels["spatial_shapes"][0].tolist() if self._is_naflex else (side, side)
+        rows, cols = inputs["spatial_shapes"][0].tolist() if self._is_naflex else (side, side)
         hidden = hidden[:, : rows * cols]
         return model.head(hidden.reshape(-1, 1, self.dim)).reshape(len(frames), rows, cols, self.dim)

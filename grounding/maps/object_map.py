@@ -33,7 +33,7 @@ class ObjectMapBuilder:
         *,
         views: ViewOptions = ViewOptions(),  # noqa: B008 - frozen value
     ) -> None:
-        """Starts an empty map; with `InstanceIds` as segmenter the simulator says what the things are."""
+        """Starts an empty map; with `InstanceIds` as segmenter the simulator's own ids separate the things."""
         self.name = f"objects of {segmenter.name}"
         """Map files keep this name; it contains "oracle-perception" where the masks are ground truth."""
         self._encoder, self._segmenter = encoder, segmenter

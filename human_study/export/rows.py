@@ -25,15 +25,15 @@ class EventRow(AttemptName):
     seq: int
     """Place in the attempt, from 1, without gaps."""
     epoch: int
-    """Which opening of the page it came from; each new tab or reload counts one more."""
+    """Opening of the page that it came from, numbered from 1; each new tab or reload counts one more."""
     kind: str
-    """What happened; the closed list is in human_study/trial/events.py of the version that wrote it."""
+    """Kind of event; the closed list is in human_study/trial/events.py of the version that wrote it."""
     t_s: Seconds | None
     """From the trial's start on the session's clock, without time away; empty for events of the store itself."""
     t_cli_ms: Annotated[float, Unit("ms")] | None
     """The browser's own clock, from its first event of the epoch; use differences within an epoch only."""
     t_srv_s: Seconds
-    """When the server stored it, from the attempt's first event; for order, not for reaction times."""
+    """Time at which the server stored it, from the attempt's first event; for order, not for reaction times."""
     payload: dict[str, JsonValue]
     """All other fields of the event."""
 
@@ -56,7 +56,7 @@ class StageRow(BaseModel):
     t_s: float
     """Seconds from the person's first stage."""
     detail: dict[str, int | float | bool]
-    """Numbers and yes-or-no answers only; of a list how many it holds."""
+    """Numbers and yes-or-no answers only; for a list its length."""
 
 
 class ParticipantRow(BaseModel):
@@ -68,7 +68,7 @@ class ParticipantRow(BaseModel):
     task: TaskKind
     """Everybody does one task."""
     arm: int
-    """Which group of homes has which condition for this person."""
+    """Number that decides which group of homes has which condition for this person."""
     conditions: tuple[Condition, ...]
     """Conditions among the person's trials of phase `main`."""
     has_come: bool
@@ -78,15 +78,15 @@ class ParticipantRow(BaseModel):
     consent_text: str | None
     """sha256 of the text that was agreed to or declined."""
     is_withdrawn: bool
-    """Whether the person withdrew from a study that keeps what was done; deleted people are in no table."""
+    """Whether the person withdrew from a study that keeps the records; deleted people are in no table."""
     last_stage: Stage | None
-    """How far the person came."""
+    """The last stage that the person reached."""
     left_by: Stage | None
-    """The stage that ended it for good, if any."""
+    """The stage by which the person left for good; empty when there is none."""
     num_assigned: Annotated[int, Unit("trials")]
     """Trials of phase `main`, released ones included."""
     num_ended: Annotated[int, Unit("trials")]
-    """How many of these ended in any way."""
+    """Trials among these that ended in any way."""
     time_in_study_s: Seconds | None
     """From the first stage to the last, breaks and days between sittings included."""
     stages: tuple[StageRow, ...]
@@ -98,7 +98,7 @@ class ExclusionRow(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
     target_kind: Literal["trial", "participant"]
-    """What is left out."""
+    """Whether a trial or a whole person is left out."""
     participant: str
     """Code of the person."""
     order_no: int | None
@@ -110,19 +110,19 @@ class ExclusionRow(BaseModel):
     is_planned: bool
     """Whether the rule was written down before the first trial."""
     reason: str
-    """Why the rule applies here, in the researcher's words."""
+    """The researcher's reason for using the rule here."""
     is_undone: bool
     """Whether it was taken back."""
 
 
 class VerificationRow(AttemptName):
-    """What doing one attempt again found."""
+    """The result of doing one attempt again."""
 
     run_no: int
-    """Which verification looked, from 1 in order of time."""
+    """Number of the verification, from 1 in order of time."""
     status: VerificationStatus
-    """`verified`: all agrees; `drift`: a step leads elsewhere; `failed`: the outcome is not what the events give;
-    `unsupported`: the home is not the one of the trial."""
+    """`verified`: all agrees; `drift`: a step leads elsewhere; `failed`: the events give another outcome;
+    `unsupported`: the home is not that of the trial."""
     max_position_error: Metres
     """Largest distance between a stored and a simulated position."""
     first_bad_step: int | None

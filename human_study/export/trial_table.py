@@ -23,11 +23,11 @@ Metres = Annotated[float, Unit("m")]
 
 
 class TrialFigures(BaseModel):
-    """What a trial's events and outcome say, without anything about the person."""
+    """Figures from a trial's events and outcome, without anything about the person."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
     end_reason: EndReason | None
-    """How the trial ended; empty while it has not."""
+    """The end of the trial; empty while it has not ended."""
     success: bool | None
     """Under the success rule of the study file; empty without a result, or where the rule is undefined."""
     spl: Annotated[float, Unit("share")] | None
@@ -46,17 +46,17 @@ class TrialFigures(BaseModel):
     """From the trial's start to its end, however it ended, without time away; includes the look at a map. The report's
     time to decision is this minus `t_look_s`."""
     t_look_s: Seconds | None
-    """How long the map or home was shown before the task; empty when nothing was to be shown."""
+    """Time for which the map or home was shown before the task; empty without such a look."""
     t_hidden_s: Seconds
-    """How long the page was in the background."""
+    """Time for which the page was in the background."""
     t_first_view_s: Seconds | None
     """From the trial's start to the robot's first picture; PAN only."""
     confidence: int | None
-    """How sure the participant was: 1 (guessed) to 5 (certain); empty when not asked or not told."""
+    """The participant's confidence: 1 (guessed) to 5 (certain); empty when not asked or not given."""
 
 
 class AttemptName(BaseModel):
-    """What names one attempt in every table."""
+    """The name of one attempt, the same in every table."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
     participant: str
@@ -78,24 +78,24 @@ class AttemptName(BaseModel):
 
 
 class _AskedTrial(AttemptName):
-    """What the person was asked to do: the first columns of a trial's row."""
+    """The task that the person was given: the first columns of a trial's row."""
 
     phase: Phase
     """`practice` is never counted, `check` shows attention, `main` is the study."""
     task: TaskKind
     """`pan`: steer the robot to the object. `pog`: point at it."""
     condition: Condition
-    """What was seen of the home besides the task."""
+    """The person's view of the home besides the task."""
     split: Split
     """Difficulty of the episode in the dataset."""
     scene: str
     """Name of the home."""
     scene_kind: SceneKind
-    """Where the home comes from; tables never mix kinds."""
+    """Source of the home; tables never mix kinds."""
     episode_id: str
     """Id in the dataset, unique within split and home."""
     rep: int
-    """Which of the people with this episode and condition, from 1; 0 outside `main`."""
+    """Number of the person among those with this episode and condition, from 1; 0 outside `main`."""
 
 
 class TrialRow(TrialFigures, _AskedTrial):
@@ -104,13 +104,13 @@ class TrialRow(TrialFigures, _AskedTrial):
     prior_visits_scene: int | None
     """Attempts of this person at trials in this home before this one, of any phase and however they ended."""
     prior_visits_split: int | None
-    """How many of these were in the same split."""
+    """Attempts among these that were in the same split."""
     secs_in_scene_before: Seconds | None
     """Time that the person had spent in this home before."""
     is_long_hidden: bool
     """Whether the page was in the background for longer than the study file's `hidden_max_s`; leaves nothing out."""
     verification: VerificationStatus | None
-    """What doing the trial again found, at the last time; empty when nobody looked."""
+    """The latest result of doing the trial again; empty where it was not done again."""
     excluded: tuple[str, ...]
     """Rules that leave this trial, or the whole person, out of the figures."""
     is_released: bool
@@ -118,7 +118,7 @@ class TrialRow(TrialFigures, _AskedTrial):
     head_hash: str | None
     """Hash of the trial's last stored event, which stands for all before it."""
     scene_label: str = ""
-    """What must be said of results in homes of this kind; empty for scans, and in exports of older programs."""
+    """Label that results in homes of this kind must carry; empty for scans, and in exports of older programs."""
 
     @property
     def key(self) -> EpisodeKey:

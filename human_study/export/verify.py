@@ -1,4 +1,4 @@
-"""Repeats a trial's steps and compares: is the record what the simulator does, and the outcome what the record says?"""
+"""Repeats a trial's steps, and compares them with the record, and its outcome with the one that the record gives."""
 
 import math
 from collections.abc import Callable, Sequence

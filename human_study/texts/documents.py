@@ -182,7 +182,7 @@ def _times(sample: Sample | None) -> dict[str, Any]:
 
 
 def _analysis(config: StudyConfig) -> dict[str, Any]:
-    """What the report will do with the records."""
+    """The analysis of the records that the report will make."""
     hypotheses = [f"{at}. {hypothesis_sentence(name)}" for at, name in enumerate(config.primary, start=1)] or [
         f"No primary hypothesis is named ({open_place('primary')}); then everything in the report is exploratory."
     ]

@@ -1,1 +1,1 @@
-"""Parts of `personal-viz browse`: what is listed, how owners and objects are linked, what is drawn."""
+"""The app `personal-viz browse`: its list of episodes, links of owners with objects, panels and 3-D layers."""

@@ -1,4 +1,4 @@
-"""What the browsers of one `personal-viz browse` share: episodes with their filter, runs, texts, open homes."""
+"""Shared by all browsers of one `personal-viz browse`: episodes with their filter, runs, texts, open homes."""
 
 import threading
 from collections import Counter, defaultdict
@@ -103,7 +103,7 @@ class Library:
 
         Args:
             episodes: The episodes in the order of the list.
-            texts: What the episodes of each scene say about its objects.
+            texts: Captions that the episodes of each scene give to its objects.
         """
         self.episodes, self.homes = tuple(episodes), homes
         self._runs = sorted(runs, key=lambda run: run.info.who_kind != "human")

@@ -63,7 +63,7 @@ def runs_html(shown: ShownEpisode, *, hidden: set[str], walked: int | None, note
     Args:
         hidden: Titles of those whose path or points are not drawn.
         walked: Place of the run along which the slider leads.
-        notes: What a reader must know about them, one line each.
+        notes: Remarks on them that a reader needs, one line each.
     """
     numbered = list(enumerate(shown.traces))
     walks = [(index, trace) for index, trace in numbered if isinstance(trace.run, EpisodeRun)]

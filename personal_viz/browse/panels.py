@@ -1,6 +1,6 @@
 """The panels of `personal-viz browse`: the list left, the episode right, a walk along a run in the corner.
 
-Nothing is computed here: each widget puts a message on the visitor's queue, and the visitor sets what is shown.
+Nothing is computed here: each widget puts a message on the visitor's queue, and the visitor fills the panels.
 
 viser reports nothing about its HTML elements, but it reports changes of text inputs. So the script `channel.js` listens
 for the mouse on elements with `data-hover` and `data-click`, and types into a hidden input, at most ten messages a
@@ -28,7 +28,7 @@ _FOR_RESEARCHERS = (
     '<div class="bw"><p class="warn"><b>For researchers: shows the goal.</b> Not for participants or agents.</p></div>'
 )
 Part = Literal["list", "head", "home", "story", "graph", "facts", "runs", "picture"]
-"""Places for HTML; `home` is also for notices: that a home loads, or what is wrong."""
+"""Places for HTML; `home` is also for notices: that a home loads, or an error."""
 _EPISODE_PARTS: tuple[Part, ...] = ("head", "home", "story", "graph", "facts", "runs")
 """From above."""
 _KEYS: tuple[tuple[str, Literal["P", "N"], str], ...] = (("Previous episode", "P", "-1"), ("Next episode", "N", "1"))

@@ -82,7 +82,7 @@ class Visitor:
                 self._obey(message)
 
     def _obey(self, words: Words) -> None:
-        """Does what a widget, our HTML or a box in 3-D asks for; numbers of an episode shown before are dropped."""
+        """Obeys a widget, our HTML or a box in 3-D; numbers of an episode shown before are dropped."""
         num_links, num_runs = len(self._shown.links), len(self._shown.traces)
         match words:
             case ("hover", *node):

@@ -1,4 +1,4 @@
-"""Makes one episode's folder: recording, contact sheet, thumbnail, and last of all a note of what it was made from."""
+"""Makes one episode's folder: recording, contact sheet, thumbnail, and last of all a note of its inputs."""
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
@@ -28,7 +28,7 @@ FORMAT = 2
 
 
 class Made(BaseModel):
-    """`made.json`: what the files beside it were made from."""
+    """`made.json`: the inputs of the files beside it."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     inputs: str

@@ -113,7 +113,7 @@ class Section:
 
     @property
     def notes(self) -> list[str]:
-        """Notes on the paper's figures: what the rule is, what it is worth, and runs made for another rule."""
+        """Notes on the paper's figures: the rule and its effect, and runs made for another rule."""
         return [*reading_notes(self.metrics), *rule_warnings(self.metrics)]
 
     @property

@@ -48,7 +48,7 @@ class Floor:
     """None where the geometry of a scan may not be shown."""
     low: tuple[float, float]
     high: tuple[float, float]
-    """Corners (x, z) of what is shown, world metres."""
+    """Corners (x, z) of the shown part, world metres."""
 
     @property
     def aspect(self) -> float:

@@ -11,7 +11,7 @@ from rich.console import Console
 from grounding.agents.progress_notes import read_notes, scene_note
 from grounding.encoders import by_name as encoders
 from grounding.encoders import clip
-from grounding.encoders.pretrained import load_pretrained
+from grounding.encoders.protocol import ModelOptions
 from grounding.maps.files import load_memory, read_map_header
 from grounding.maps.oracle_map import oracle_home
 from grounding.types import FeatureMap
@@ -49,11 +49,12 @@ def test_a_real_encoder_is_loaded_once_for_all_homes_where_it_was_asked(
 ) -> None:
     loaded = []
 
-    def counted(source: str, classes, options):
+    def counted(self: clip.Clip, source: str, *, options: ModelOptions) -> None:
         loaded.append((options.device, options.autocast, options.batch_size))
-        return load_pretrained(source, classes, options)
+        load(self, source, options=options)
 
-    monkeypatch.setattr(clip, "load_pretrained", counted)
+    load = clip.Clip.__init__
+    monkeypatch.setattr(clip.Clip, "__init__", counted)
     encoders._model.cache_clear()
     options = {"autocast": "bfloat16", "batch": 3, "run_id": "real", "json": True}
     assert Ground(small_root, "qs", map="explore", encoder=clip_name, out=runs, **options).run() == 0
