@@ -1,5 +1,6 @@
 """Studies in the small room with finished trials, made of fixed commands whose results are known by hand."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -82,3 +83,8 @@ def study_with_trials(folder: Path, config: StudyConfig | None = None) -> None:
 def first_key(code: str) -> EpisodeKey:
     """Episode of a participant's first trial in `study_with_trials`."""
     return plan(study()).participant(code).trials[0].key
+
+
+def table_of(out: Path, table: str) -> list[dict]:
+    """The rows of an exported table."""
+    return [json.loads(line) for line in (out / f"{table}.jsonl").read_text().splitlines()]

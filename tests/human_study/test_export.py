@@ -21,13 +21,9 @@ from sim.errors import StudyError
 from sim.tasks.run_files import read_run
 from sim.types import Action
 
-from .finished import POINT, SUCCESS, TOO_FAR, do_trial, events_of, first_key, study_with_trials
+from .finished import POINT, SUCCESS, TOO_FAR, do_trial, events_of, first_key, study_with_trials, table_of
 from .small_world import SquareRoom, episode, study
 from .stores import edit, filled, open_small, trials_of
-
-
-def rows_of(out: Path, table: str) -> list[dict]:
-    return [json.loads(line) for line in (out / f"{table}.jsonl").read_text().splitlines()]
 
 
 def files_of(out: Path) -> dict[str, bytes]:
@@ -64,7 +60,7 @@ def test_a_golden_bot_gives_the_figures_computed_by_hand(tmp_path: Path) -> None
         do_trial(store, "p02", 2, TOO_FAR)
         do_trial(store, "p01", 1, POINT)
     export_study(tmp_path / "study", tmp_path / "out")
-    rows = {(row["task"], row["order_no"]): row for row in rows_of(tmp_path / "out", "trials") if row["attempt"]}
+    rows = {(row["task"], row["order_no"]): row for row in table_of(tmp_path / "out", "trials") if row["attempt"]}
     right, wrong, point = rows["pan", 1], rows["pan", 2], rows["pog", 1]
     names = ("end_reason", "success", "spl", "dtg", "n_steps", "path_m", "planar_distance", "t_total_s")
     assert [right[name] for name in names] == ["stop", True, pytest.approx(0.8), 0.0, 9, 1.25, 0.75, 10.0]
@@ -147,7 +143,7 @@ def test_giving_people_other_codes_changes_no_table(tmp_path: Path) -> None:
 def test_the_three_formats_of_a_table_say_the_same(finished: Path) -> None:
     out = finished / "out"
     for name, (_, model) in TABLES.items():
-        lines, columns = rows_of(out, name), columns_of(model)
+        lines, columns = table_of(out, name), columns_of(model)
         table = parquet.read_table(out / f"{name}.parquet")
         assert table.column_names == [column.name for column in columns]
         json_columns = {column.name for column in columns if column.type == "JSON"}
@@ -183,7 +179,7 @@ def test_every_column_is_in_the_data_dictionary(finished: Path) -> None:
 
 
 def test_times_begin_with_the_trial_and_no_id_of_the_store_is_told(finished: Path) -> None:
-    events = [EventRow.model_validate(row) for row in rows_of(finished / "out", "events")]
+    events = [EventRow.model_validate(row) for row in table_of(finished / "out", "events")]
     assert {row.t_srv_s for row in events if row.seq == 1} == {0.0}
     assert max(row.t_srv_s for row in events) < 60.0
     text = b"".join(content for name, content in files_of(finished / "out").items() if not name.endswith(".parquet"))
@@ -204,14 +200,14 @@ def test_exclusions_take_trials_out_of_the_run_folders_and_stay_in_the_tables(fo
         assert export_study(folder / "study", folder / "out") == []
         left_out = {left.reason for left in read_manifest(folder / "out").left_out}
         assert {"excluded: disturbed", "excluded: odd"} <= left_out
-        found = {row["rule_id"]: row for row in rows_of(folder / "out", "exclusions")}
+        found = {row["rule_id"]: row for row in table_of(folder / "out", "exclusions")}
         assert (found["disturbed"]["order_no"], found["disturbed"]["is_planned"]) == (1, True)
         assert (found["odd"]["order_no"], found["odd"]["is_planned"]) == (None, False)
         assert "'=1+1 telephone" in (folder / "out" / "exclusions.csv").read_text()
         store.undo_exclusion(exclusion)
     (run,) = export_study(folder / "study", folder / "out")
     assert len(read_run(run).episodes) == 1
-    found = {row["rule_id"]: row["is_undone"] for row in rows_of(folder / "out", "exclusions")}
+    found = {row["rule_id"]: row["is_undone"] for row in table_of(folder / "out", "exclusions")}
     assert found == {"disturbed": True, "odd": False}
 
 
@@ -221,9 +217,9 @@ def test_the_latest_verification_stands_beside_each_trial(folder: Path) -> None:
         store.add_verification(VerificationEntry(trial_id, "RUN1", "drift", 0.5, 3, "step 3", "s" * 64, 1))
         store.add_verification(VerificationEntry(trial_id, "RUN2", "verified", 0.0, None, "", "t" * 64, 2))
     export_study(folder / "study", folder / "out")
-    (row,) = (row for row in rows_of(folder / "out", "trials") if row["task"] == "pog" and row["attempt"])
+    (row,) = (row for row in table_of(folder / "out", "trials") if row["task"] == "pog" and row["attempt"])
     assert row["verification"] == "verified"
-    rows = [(row["run_no"], row["status"], row["first_bad_step"]) for row in rows_of(folder / "out", "verifications")]
+    rows = [(row["run_no"], row["status"], row["first_bad_step"]) for row in table_of(folder / "out", "verifications")]
     assert rows == [(1, "drift", 3), (2, "verified", None)]
     assert b"RUN1" not in b"".join(files_of(folder / "out").values())
 

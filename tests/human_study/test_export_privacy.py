@@ -1,6 +1,5 @@
 """Nobody can be found in a database or an export: no ids, no names, and nothing at all of people who withdrew."""
 
-import json
 import shutil
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from human_study.export.study_export import export_study
 from human_study.store.records import DATABASE_FILE, read_study
 from human_study.trial.events import Resized
 
-from .finished import POINT, SUCCESS, do_trial, events_of
+from .finished import POINT, SUCCESS, do_trial, events_of, table_of
 from .small_world import CANARY, study
 from .stores import checked, filled
 
@@ -21,10 +20,6 @@ PLATFORM_ID = "5f9canaryplatformid77"
 
 def bytes_of(folder: Path) -> bytes:
     return b"\n".join(path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file())
-
-
-def rows_of(out: Path, table: str) -> list[dict]:
-    return [json.loads(line) for line in (out / f"{table}.jsonl").read_text().splitlines()]
 
 
 def test_planted_texts_of_stages_are_in_no_export(tmp_path: Path) -> None:
@@ -39,7 +34,7 @@ def test_planted_texts_of_stages_are_in_no_export(tmp_path: Path) -> None:
     export_study(tmp_path / "study", tmp_path / "out")
     exported = bytes_of(tmp_path / "out")
     assert not [text for text in (NAME, ADDRESS, AGENT) if text.encode() in exported]
-    stages = [stage for row in rows_of(tmp_path / "out", "participants") for stage in row["stages"]]
+    stages = [stage for row in table_of(tmp_path / "out", "participants") for stage in row["stages"]]
     assert stages[0]["detail"] == {"webgl2": True, "width": 1400, "height": 900, "wrong": 2}
     assert stages[0]["t_s"] == 0.0
     assert stages[1]["detail"] == {"dpr": 1.25, "touch": False, "height": 800}
@@ -79,7 +74,7 @@ def test_sizes_of_windows_are_rounded(tmp_path: Path) -> None:
         events = [*events_of(trial.key, SUCCESS, task="pan")[:3], Resized(t_s=3.0, width=1450, height=850)]
         store.append_many(trial.trial_id, trial.epoch, events)
     export_study(tmp_path / "study", tmp_path / "out")
-    (row,) = (row for row in rows_of(tmp_path / "out", "events") if row["kind"] == "resize")
+    (row,) = (row for row in table_of(tmp_path / "out", "events") if row["kind"] == "resize")
     assert row["payload"] == {"width": 1400, "height": 800}
 
 
@@ -92,7 +87,7 @@ def test_the_browser_clock_begins_anew_with_each_opening(tmp_path: Path) -> None
         again = store.open_trial("p02", 1)
         store.append(again.trial_id, again.epoch, events[4].model_copy(update={"t_cli_ms": 90.0}))
     export_study(tmp_path / "study", tmp_path / "out")
-    found = [(row["epoch"], row["kind"], row["t_cli_ms"]) for row in rows_of(tmp_path / "out", "events")]
+    found = [(row["epoch"], row["kind"], row["t_cli_ms"]) for row in table_of(tmp_path / "out", "events")]
     assert [clock for _, _, clock in found] == [0.0, 10.0, 20.0, 30.0, None, 0.0]
     assert [epoch for epoch, _, _ in found] == [1, 1, 1, 1, 2, 2]
 
@@ -113,10 +108,10 @@ def test_nothing_but_a_count_is_left_of_people_who_withdrew(tmp_path: Path, is_i
     export_study(tmp_path / "study", tmp_path / "out")
     manifest = read_manifest(tmp_path / "out")
     assert (manifest.num_participants, manifest.num_deleted) == (1, 1)
-    assert {row["participant"] for row in rows_of(tmp_path / "out", "trials")} == {
-        row["participant"] for row in rows_of(tmp_path / "out", "participants")
+    assert {row["participant"] for row in table_of(tmp_path / "out", "trials")} == {
+        row["participant"] for row in table_of(tmp_path / "out", "participants")
     }
-    assert rows_of(tmp_path / "out", "exclusions") == []
+    assert table_of(tmp_path / "out", "exclusions") == []
     exported = bytes_of(tmp_path / "out")
     assert NAME.encode() not in exported
     assert head.encode() not in exported
@@ -133,7 +128,7 @@ def test_a_withdrawal_in_the_middle_of_a_trial_leaves_a_chain_that_verifies_and_
         assert reader.check() == 5
         assert reader.events(trial.trial_id) == ()
     export_study(tmp_path / "study", tmp_path / "out")
-    assert rows_of(tmp_path / "out", "events") == []
+    assert table_of(tmp_path / "out", "events") == []
     shutil.copy(backup, tmp_path / "study" / DATABASE_FILE)  # from before the withdrawal: as unreadable
     with read_study(tmp_path / "study") as reader:
         assert reader.events(trial.trial_id) == ()
@@ -150,7 +145,7 @@ def test_numbers_stay_when_somebody_withdraws(tmp_path: Path) -> None:
     export_study(tmp_path / "study", tmp_path / "after")
 
     def marks(out: Path) -> dict[int, str]:
-        return {row["stages"][0]["detail"]["mark"]: row["participant"] for row in rows_of(out, "participants")}
+        return {row["stages"][0]["detail"]["mark"]: row["participant"] for row in table_of(out, "participants")}
 
     before, after = marks(tmp_path / "before"), marks(tmp_path / "after")
     assert len(before) == 4

@@ -10,7 +10,7 @@ from human_study.export.import_check import import_check
 from human_study.export.manifest import exported_file, read_manifest
 from sim.errors import StudyError
 
-from .finished import room
+from .finished import room, table_of
 
 
 def change(folder: Path, name: str, edit: Callable[[str], str]) -> None:
@@ -65,27 +65,30 @@ def test_a_folder_that_is_no_export_is_refused(tmp_path: Path, out: Path) -> Non
         import_check(out, room)
 
 
-def test_a_better_outcome_in_the_table_is_found(out: Path) -> None:
-    change(out, "trials.jsonl", lambda text: text.replace('"spl":0.8', '"spl":1.0'))
+@pytest.mark.parametrize(
+    ("file", "was", "by", "problem"),
+    [
+        ("trials.jsonl", '"spl":0.8', '"spl":1.0', "row.spl is stored as 1.0, recomputed as 0.8"),
+        (
+            "RUN/steps.jsonl",
+            '"path_m":1.25',
+            '"path_m":1.0',
+            "run.end.measures.path_m is stored as 1.0, recomputed as 1.25",
+        ),
+        ("events.jsonl", '"position":[-1.25,', '"position":[-2.25,', "row.spl is stored as 0.8, recomputed as 0.444"),
+    ],
+    ids=["a better outcome in the table", "a better outcome in the run folder", "a changed step"],
+)
+def test_a_change_is_found(out: Path, file: str, was: str, by: str, problem: str) -> None:
+    change(out, file.replace("RUN", walker(out)), lambda text: text.replace(was, by))
     report = import_check(out, room)
     assert not report.agrees
-    assert report.problems == (f"{walker(out)[6:9]}/1/1: row.spl is stored as 1.0, recomputed as 0.8",)
-
-
-def test_a_better_outcome_in_the_run_folder_is_found(out: Path) -> None:
-    change(out, f"{walker(out)}/steps.jsonl", lambda text: text.replace('"path_m":1.25', '"path_m":1.0'))
-    report = import_check(out, room)
-    assert report.problems == (f"{walker(out)[6:9]}/1/1: run.end.measures.path_m is stored as 1.0, recomputed as 1.25",)
-
-
-def test_a_changed_step_is_found(out: Path) -> None:
-    change(out, "events.jsonl", lambda text: text.replace('"position":[-1.25,', '"position":[-2.25,'))
-    (problem,) = import_check(out, room).problems
-    assert "row.spl is stored as 0.8, recomputed as 0.444" in problem
+    (found,) = report.problems
+    assert found.startswith(f"{walker(out)[6:9]}/1/1: {problem}")
 
 
 def test_a_result_without_a_row_and_a_row_without_a_result_are_found(out: Path) -> None:
-    rows = [json.loads(line) for line in (out / "trials.jsonl").read_text().splitlines()]
+    rows = table_of(out, "trials")
     place = next(number for number, row in enumerate(rows) if row["task"] == "pan" and row["end_reason"] == "stop")
     rows[place]["episode_id"] = "7"
     change(out, "trials.jsonl", lambda _: "".join(json.dumps(row, separators=(",", ":")) + "\n" for row in rows))

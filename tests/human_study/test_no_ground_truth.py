@@ -16,8 +16,8 @@ from sim.episodes.schema import Episode, Goal
 from sim.tasks.run_files import Measures, RuleMeasures
 from sim.types import Action, Task, TaskKind
 
-from .small_world import CANARY, SCENE_DIGEST, env, episode, study
-from .trials import RAY, new_session
+from .small_world import CANARY, episode
+from .trials import FORWARD, LEFT, RAY, begun, new_session
 
 View = LookView | PanView | PogView | RateView
 FORBIDDEN_NAMES = {"goal", "goals", "targets", "success", "captions", "extracted_summary", "owner", "measures", "dtg"}
@@ -52,40 +52,24 @@ def assert_clean(value: object) -> None:
         assert is_known, f"{path} is a {type(item).__name__}"
 
 
-def pan_views() -> list:
-    session = PanSession(
-        env(with_pictures=True),
-        key=episode().key,
-        task=study().task_for(episode(), "pan"),
-        scene_digest=SCENE_DIGEST,
-    )
-    commands = [Start(), *[Move(Action.LEFT, "KeyA")] * 3, *[Move(Action.FORWARD, "KeyW")] * 5, *[PressStop()] * 2]
-    return [session.handle(command, float(number)).view for number, command in enumerate(commands)]
-
-
-def pog_views() -> list:
-    task = study().task_for(episode(), "pog")
-    session = PogSession(key=episode().key, task=task, storeys=(0.0,), scene_digest=SCENE_DIGEST)
-    commands = [Start(), ShowStorey(0), Click(RAY, (-2.0, 0.5, 0.0)), Confirm()]
-    return [session.handle(command, float(number)).view for number, command in enumerate(commands)]
-
-
 def test_the_walk_finds_ground_truth_wherever_it_hides() -> None:
     assert any(isinstance(item, str) and CANARY in item for _, item in walk(("x", {"deep": [episode()]})))
     with pytest.raises(AssertionError):
         assert_clean(episode())
 
 
-def test_no_view_of_a_successful_pan_trial_holds_ground_truth() -> None:
-    views = pan_views()
-    assert [view.is_over for view in views] == [False] * 10 + [True]
-    for view in views:
-        assert_clean(view)
-
-
-def test_no_view_of_a_right_pog_answer_holds_ground_truth() -> None:
-    views = pog_views()
-    assert [view.is_over for view in views] == [False] * 3 + [True]
+@pytest.mark.parametrize(
+    ("kind", "commands"),
+    [
+        ("pan", [Start(), *[LEFT] * 3, *[FORWARD] * 5, *[PressStop()] * 2]),
+        ("pog", [Start(), ShowStorey(0), Click(RAY, (-2.0, 0.5, 0.0)), Confirm()]),
+    ],
+    ids=["a successful walk", "a right answer"],
+)
+def test_no_view_of_a_right_trial_holds_ground_truth(kind: TaskKind, commands: list) -> None:
+    session = new_session(kind)
+    views = [session.handle(command, float(number)).view for number, command in enumerate(commands)]
+    assert [view.is_over for view in views] == [False] * (len(commands) - 1) + [True]
     for view in views:
         assert_clean(view)
 
@@ -108,23 +92,16 @@ def test_no_view_before_or_after_the_task_holds_ground_truth_or_a_text_of_it(kin
 
 
 def test_a_right_and_a_wrong_answer_look_the_same_but_for_the_mark() -> None:
-    task = study().task_for(episode(), "pog")
     ends = []
     for hit in ((-2.0, 0.5, 0.0), (2.5, 0.0, 2.5)):
-        session = PogSession(key=episode().key, task=task, storeys=(0.0,), scene_digest=SCENE_DIGEST)
-        session.handle(Start(), 0.0)
+        session = begun("pog")
         session.handle(Click(RAY, hit), 1.0)
         ends.append(dataclasses.replace(session.handle(Confirm(), 2.0).view, marker=None))
     assert ends[0] == ends[1]
 
 
 def test_no_event_holds_ground_truth() -> None:
-    session = PanSession(
-        env(with_pictures=True),
-        key=episode().key,
-        task=study().task_for(episode(), "pan"),
-        scene_digest=SCENE_DIGEST,
-    )
+    session = new_session("pan")
     for number, command in enumerate([Start(), Move(Action.LEFT, "KeyA"), GiveUp()]):
         for event in session.handle(command, float(number)).events:
             assert CANARY not in event_to_json(event)

@@ -1,8 +1,6 @@
 """Clocks that jump: durations stay right, order is by number, nothing is lost."""
 
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -13,36 +11,16 @@ from human_study.store.store import StudyStore, Trial
 from human_study.trial.events import Moment, Reconnect
 from sim.tasks.run_files import EpisodeEnd
 
+from .clocks import HOUR_S, Clocks, S
 from .stores import KEY, OPEN, checked, open_small, opened, trials_of
-
-S = 10**9
-HOUR_S = 3600
-
-
-@dataclass
-class Clocks:
-    """The machine's clocks, moved by the test."""
-
-    wall_ns: int = 1_790_000_000 * S
-    mono_ns: int = 5_000 * S
-    boot: str = "first boot"
-
-    def pass_s(self, seconds: float) -> None:
-        """Time goes on."""
-        self.wall_ns += int(seconds * S)
-        self.mono_ns += int(seconds * S)
-
-    def reboot(self, *, mono_s: float = 10.0) -> None:
-        """The steady clock starts again."""
-        self.boot, self.mono_ns = f"boot at {self.wall_ns}", int(mono_s * S)
 
 
 @pytest.fixture
-def clocks(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clocks]:
+def clocks(monkeypatch: pytest.MonkeyPatch) -> Clocks:
     """Clocks that stand still."""
     found = Clocks()
     monkeypatch.setattr("time.time_ns", lambda: found.wall_ns)
-    monkeypatch.setattr("time.monotonic_ns", lambda: found.mono_ns)
+    monkeypatch.setattr("time.monotonic_ns", lambda: found.steady_ns)
     monkeypatch.setattr("human_study.store.store._boot_id", lambda: found.boot)
     return found
 
@@ -94,26 +72,27 @@ def test_summer_time_changes_nothing(tmp_path: Path, clocks: Clocks, monkeypatch
             time.tzset()
 
 
-def test_after_a_reboot_the_wall_clock_says_how_long_somebody_was_away(tmp_path: Path, clocks: Clocks) -> None:
+@pytest.mark.parametrize(
+    ("passed_s", "steady_s", "away_s"),
+    [
+        pytest.param(300.0, 10.0, 300.0, id="the wall clock says how long"),
+        pytest.param(-HOUR_S, 1e6, 0.0, id="one that went back makes nobody late"),
+    ],
+)
+def test_over_a_reboot_an_absence_is_told_by_the_wall_clock(
+    tmp_path: Path, clocks: Clocks, passed_s: float, steady_s: float, away_s: float
+) -> None:
     opened(tmp_path)[0].close()
-    clocks.pass_s(300.0)
-    clocks.reboot()
+    clocks.pass_s(passed_s)
+    clocks.reboot(steady_s=steady_s)
     with open_small(tmp_path) as store:
-        assert store.open_trial("p02", 1).away_s == 300.0
+        assert store.open_trial("p02", 1).away_s == away_s
         assert checked(store) == 2
-
-
-def test_a_wall_clock_that_went_back_over_a_reboot_makes_nobody_late(tmp_path: Path, clocks: Clocks) -> None:
-    opened(tmp_path)[0].close()
-    clocks.pass_s(-HOUR_S)
-    clocks.reboot(mono_s=1e6)
-    with open_small(tmp_path) as store:
-        assert store.open_trial("p02", 1).away_s == 0.0
 
 
 def test_a_steady_clock_that_starts_again_is_compared_within_its_boot_only(tmp_path: Path, clocks: Clocks) -> None:
     opened(tmp_path)[0].close()
-    clocks.reboot(mono_s=4_990.0)
+    clocks.reboot(steady_s=4_990.0)
     with open_small(tmp_path) as store:
         trial = store.open_trial("p02", 1)
         store.append(trial.trial_id, trial.epoch, KEY)

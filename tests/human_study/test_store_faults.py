@@ -133,23 +133,9 @@ def test_a_row_that_the_database_refuses_does_not_stop_the_others_of_its_commit(
     entry = VerificationEntry(trial.trial_id, "v1", "verified", 0.0, None, "", "s" * 64, 1)
     with store:
         store.add_verification(entry)
-        results: dict[str, object] = {}
-
-        def write(name: str, job: Callable[[], object]) -> None:
-            try:
-                results[name] = job()
-            except StudyError as error:
-                results[name] = error
-
-        jobs: dict[str, Callable[[], object]] = {
-            "before": lambda: store.append(trial.trial_id, trial.epoch, KEY),
-            "twice": lambda: store.add_verification(entry),
-            "after": lambda: store.append(trial.trial_id, trial.epoch, KEY),
-        }
-        _together(store, [threading.Thread(target=write, args=item) for item in jobs.items()])
-        assert isinstance(results["twice"], StudyError)
-        assert not isinstance(results["twice"], StoreFullError)
-        assert sorted([results["before"], results["after"]]) == [2, 3]  # type: ignore[type-var]
+        found = _between_two_keys(store, trial, lambda: store.add_verification(entry))
+        assert isinstance(found, StudyError)
+        assert not isinstance(found, StoreFullError)
         assert len(store.events(trial.trial_id)) == 3
 
 
@@ -162,28 +148,33 @@ def test_a_write_with_a_bug_does_not_stop_the_others_of_its_commit(
 ) -> None:
     store, trial = opened(tmp_path)
     with store:
-        results: dict[str, object] = {}
-
-        def write(name: str, job: Callable[[], object]) -> None:
-            try:
-                results[name] = job()
-            except (StudyError, KeyError) as error:
-                results[name] = error
 
         def half(database: sqlite3.Connection) -> object:
             database.execute("INSERT INTO audit(at_ns, action, target) VALUES (1, 'half', 'done')")
             return bug(database)
 
-        jobs: dict[str, Callable[[], object]] = {
-            "before": lambda: store.append(trial.trial_id, trial.epoch, KEY),
-            "bug": lambda: store._writer.write(half),
-            "after": lambda: store.append(trial.trial_id, trial.epoch, KEY),
-        }
-        _together(store, [threading.Thread(target=write, args=item) for item in jobs.items()])
-        assert type(results["bug"]) is kind
-        assert sorted([results["before"], results["after"]]) == [2, 3]  # type: ignore[type-var]
+        assert type(_between_two_keys(store, trial, lambda: store._writer.write(half))) is kind
         with read_study(tmp_path) as reader:
             assert reader.rows("SELECT 1 FROM audit WHERE action = 'half'") == []
+
+
+def _between_two_keys(store: StudyStore, trial: Trial, job: Callable[[], object]) -> object:
+    """What a write came to that is in one commit with a key before it and one after it, which are both stored."""
+    results: dict[str, object] = {}
+
+    def write(name: str, job: Callable[[], object]) -> None:
+        try:
+            results[name] = job()
+        except (StudyError, KeyError) as error:
+            results[name] = error
+
+    def press() -> int:
+        return store.append(trial.trial_id, trial.epoch, KEY)
+
+    jobs = {"before": press, "between": job, "after": press}
+    _together(store, [threading.Thread(target=write, args=item) for item in jobs.items()])
+    assert sorted([results["before"], results["after"]]) == [2, 3]  # type: ignore[type-var]
+    return results["between"]
 
 
 def _together(store: StudyStore, threads: list[threading.Thread]) -> None:

@@ -1,50 +1,32 @@
 """A pause lasts as long as it should, whatever anybody does to the server's wall clock."""
 
 import time
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import pytest
 
 from human_study.journey import StageEntry
 from personal_viz.study_app.gateway import pauses as flow_pauses
 from personal_viz.study_app.gateway.pauses import machine_time, pause_left_s, steady_detail
+from tests.human_study.clocks import HOUR_S, Clocks, S
 
-S = 10**9
-HOUR_S = 3600
 DAY_S = 24 * HOUR_S
 GAP_S = 3600.0
-
-
-@dataclass
-class Clocks:
-    """The machine's clocks, moved by the test."""
-
-    wall_ns: int = 1_790_000_000 * S
-    since_boot_ns: int = 5_000 * S
-    boot_id: str | None = "first boot"
-
-    def pass_s(self, seconds: float) -> None:
-        """Time goes on."""
-        self.wall_ns += int(seconds * S)
-        self.since_boot_ns += int(seconds * S)
-
-    def boot(self, *, since_s: float) -> None:
-        """The machine was started again `since_s` seconds ago."""
-        self.boot_id, self.since_boot_ns = f"boot at {self.wall_ns}", int(since_s * S)
-
-    def read_text(self) -> str:
-        """The content of the system's file with the boot's name."""
-        if self.boot_id is None:
-            raise FileNotFoundError
-        return self.boot_id + "\n"
 
 
 @pytest.fixture
 def clocks(monkeypatch: pytest.MonkeyPatch) -> Clocks:
     found = Clocks()
+
+    def boot_id() -> str:
+        """The content of the system's file with the boot's name."""
+        if found.boot is None:
+            raise FileNotFoundError
+        return found.boot + "\n"
+
     monkeypatch.setattr("time.time_ns", lambda: found.wall_ns)
-    monkeypatch.setattr("time.clock_gettime_ns", lambda clock: found.since_boot_ns)
-    monkeypatch.setattr(flow_pauses, "_BOOT_ID", found)
+    monkeypatch.setattr("time.clock_gettime_ns", lambda clock: found.steady_ns)
+    monkeypatch.setattr(flow_pauses, "_BOOT_ID", SimpleNamespace(read_text=boot_id))
     return found
 
 
@@ -74,7 +56,7 @@ def test_a_jump_of_the_wall_clock_neither_skips_nor_lengthens_a_pause(
 def test_over_a_restart_of_the_machine_the_wall_clock_counts(clocks: Clocks) -> None:
     entry = began()
     clocks.pass_s(600.0)
-    clocks.boot(since_s=20.0)
+    clocks.reboot(steady_s=20.0)
     assert left_s(entry) == 3000.0
     clocks.pass_s(3000.0)
     assert left_s(entry) == 0.0
@@ -86,7 +68,7 @@ def test_a_wall_clock_that_went_back_over_a_restart_makes_nobody_wait_longer_tha
 ) -> None:
     entry = began()
     clocks.pass_s(600.0)
-    clocks.boot(since_s=0.0)
+    clocks.reboot(steady_s=0.0)
     clocks.wall_ns -= jump_s * S
     assert left_s(entry) == GAP_S
     clocks.pass_s(900.0)
@@ -96,7 +78,7 @@ def test_a_wall_clock_that_went_back_over_a_restart_makes_nobody_wait_longer_tha
 
 
 def test_where_boots_have_no_name_the_wall_clock_counts_and_a_pause_is_never_longer_than_it_is(clocks: Clocks) -> None:
-    clocks.boot_id = None
+    clocks.boot = None
     entry = began()
     assert entry.detail == {"done": 1, "sitting": True}
     clocks.pass_s(600.0)
