@@ -89,4 +89,4 @@ def test_two_studies_or_a_study_and_its_export_are_refused(finished: Path) -> No
 
 def test_scans_without_the_dataset_are_refused(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="without --dataset"):
-        StudyReportVerb(runs=[tmp_path], out=tmp_path / "out", rule=None, json=False, scenes_dir=tmp_path).run()
+        StudyReportVerb(runs=[tmp_path], out=tmp_path / "out", scenes_dir=tmp_path).run()

@@ -191,7 +191,7 @@ def test_bots_that_know_the_target_answer_rightly_under_all_conditions(tmp_path:
     measures = [answer.measures for answer in answers if isinstance(answer, Answer) and answer.measures is not None]
     assert len(measures) == 12
     assert sum(one.success for one in measures) == 12
-    assert StudyVerify(study=tmp_path / "study", dataset=dataset, scenes_dir=None, store=False).run() == 0
+    assert StudyVerify(study=tmp_path / "study", dataset=dataset, store=False).run() == 0
 
 
 @pytest.mark.slow
@@ -199,9 +199,7 @@ def test_every_kind_takes_part_in_both_tasks_and_nothing_is_lost(
     small_home_root: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("personal_viz.bots.walker.DROP_CHANCE", 0.2)  # many times in a few seconds
-    chosen = StudyBots(
-        dataset=small_home_root, participants=10, seconds=6.0, rate=3.0, task="both", kinds=KINDS, seed=4, json=True
-    )
+    chosen = StudyBots(dataset=small_home_root, seconds=6.0, rate=3.0, task="both", kinds=KINDS, seed=4, json=True)
     assert chosen.run() == 0
     found = json.loads(capsys.readouterr().out)
     assert found["tasks"] == {"pan": 5, "pog": 5}

@@ -35,16 +35,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("browse")
     invented_dataset(root / "data", name="Demo", seed=7, episodes_per_split=1)
     Run(
-        agent="shortest-path",
-        dataset=root / "data",
-        out=root / "runs",
-        scenes_dir=None,
-        scene=(),
-        split=("easy",),
-        limit=1,
-        seed=0,
-        jobs=1,
-        run_id="walked",
+        agent="shortest-path", dataset=root / "data", out=root / "runs", split=("easy",), limit=1, run_id="walked"
     ).run()
     return root
 

@@ -93,7 +93,7 @@ def test_one_json_document_with_the_issues_keys_is_printed(few: Path) -> None:
 
 
 def test_the_table_shows_each_figure_beside_its_target(few: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert CheckHabitat(golden=few, json=False).run() == 0
+    assert CheckHabitat(golden=few).run() == 0
     lines = capsys.readouterr().out.splitlines()
     for label, target, value in (
         ("distances within 1e-4 m", ">= 99.50%", "100.00%"),
@@ -117,7 +117,7 @@ def test_parts_that_are_missing_are_null_and_named(few: Path, capsys: pytest.Cap
     without |= {"depth_median_mm", "depth_within_1mm"}
     assert {key for key in KEYS if values[key] is None} == without
     assert {key for key, met in targets_met(found).items() if met is None} == without
-    assert CheckHabitat(golden=few, json=False).run() == 0
+    assert CheckHabitat(golden=few).run() == 0
     assert "Not in the folder, so not compared: dev_b.default.navmesh, dev_b.glb" in capsys.readouterr().out
 
 

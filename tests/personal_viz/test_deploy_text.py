@@ -114,34 +114,40 @@ def failures(proxy: Proxy, folder: Path, *, changed: tuple[str, str] = ("", ""))
     return [check.name for check in checks if not check.passed]
 
 
-@pytest.mark.slow
-@needs_nginx
-def test_nginx_as_documented_has_nothing_to_correct(tmp_path: Path) -> None:
-    assert failures(nginx, tmp_path) == []
-
-
-@pytest.mark.slow
-@needs_caddy
-def test_caddy_as_documented_has_nothing_to_correct_and_logs_no_address(tmp_path: Path) -> None:
-    assert failures(caddy, tmp_path) == []
-    assert "remote_ip" not in (tmp_path / "caddy.log").read_text()
-
-
-@pytest.mark.slow
-@needs_caddy
-@pytest.mark.parametrize(
-    ("changed", "names"),
-    [
+CHANGES = {
+    nginx: [
+        ("$http_host;", "$host;", ["security headers", "Origin", "cookie", "session"]),
+        ("proxy_set_header Upgrade $http_upgrade;", "", ["websocket", "session"]),
+        ("proxy_set_header X-Forwarded-For $remote_addr;", "", ["proxy"]),
+        ("return 308 https://$host$request_uri;", "return 200 hello;", ["redirect"]),
+    ],
+    caddy: [
         (
-            ("flush_interval -1", "header_up Host {upstream_hostport}"),
+            "flush_interval -1",
+            "header_up Host {upstream_hostport}",
             ["security headers", "Origin", "cookie", "session"],
         ),
-        (("flush_interval -1", "header_up -X-Forwarded-For"), ["proxy"]),
-        (("flush_interval -1", "header_down -Content-Security-Policy"), ["security headers"]),
+        ("flush_interval -1", "header_up -X-Forwarded-For", ["proxy"]),
+        ("flush_interval -1", "header_down -Content-Security-Policy", ["security headers"]),
     ],
+}
+NEEDS = {nginx: needs_nginx, caddy: needs_caddy}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("proxy", [pytest.param(proxy, marks=mark, id=proxy.__name__) for proxy, mark in NEEDS.items()])
+def test_a_proxy_as_documented_has_nothing_to_correct_and_logs_no_address(tmp_path: Path, proxy: Proxy) -> None:
+    assert failures(proxy, tmp_path) == []
+    assert "remote_ip" not in "".join(log.read_text() for log in tmp_path.glob("caddy.log"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("proxy", "was", "by", "names"),
+    [pytest.param(proxy, *change, marks=NEEDS[proxy]) for proxy, found in CHANGES.items() for change in found],
 )
-def test_caddy_with_one_setting_wrong_is_noticed(tmp_path: Path, changed: tuple[str, str], names: list[str]) -> None:
-    assert failures(caddy, tmp_path, changed=changed) == names
+def test_one_setting_wrong_is_noticed(tmp_path: Path, proxy: Proxy, was: str, by: str, names: list[str]) -> None:
+    assert failures(proxy, tmp_path, changed=(was, by)) == names
 
 
 def logged_without_gateway(proxy: Proxy, folder: Path, *, changed: tuple[str, str] = ("", "")) -> str:
@@ -171,21 +177,6 @@ def test_nothing_of_a_participant_is_logged_while_the_gateway_is_away(
     assert address not in logged
     assert "canary" not in logged
     assert address in logged_without_gateway(proxy, tmp_path / "without", changed=(setting, ""))
-
-
-@pytest.mark.slow
-@needs_nginx
-@pytest.mark.parametrize(
-    ("changed", "names"),
-    [
-        (("$http_host;", "$host;"), ["security headers", "Origin", "cookie", "session"]),
-        (("proxy_set_header Upgrade $http_upgrade;", ""), ["websocket", "session"]),
-        (("proxy_set_header X-Forwarded-For $remote_addr;", ""), ["proxy"]),
-        (("return 308 https://$host$request_uri;", "return 200 hello;"), ["redirect"]),
-    ],
-)
-def test_nginx_with_one_setting_wrong_is_noticed(tmp_path: Path, changed: tuple[str, str], names: list[str]) -> None:
-    assert failures(nginx, tmp_path, changed=changed) == names
 
 
 @pytest.mark.parametrize(

@@ -114,12 +114,8 @@ def test_the_explaining_agent_is_shown_with_all_that_it_explains(tmp_path: Path)
         agent="personal_viz.examples.example_2_your_own_agent:ExplainingAgent",
         dataset=tmp_path / "homes",
         out=tmp_path / "runs",
-        scenes_dir=None,
-        scene=(),
         split=("easy",),
         limit=1,
-        seed=0,
-        jobs=1,
         run_id="explorer",
         rerun=str(tmp_path / "live"),
     ).run()

@@ -37,7 +37,6 @@ def imported(home: Path, *files: Path, run_id: str, out: Path, **options: object
     Import(
         files=files,
         dataset=home / "data",
-        scenes_dir=None,
         out=out,
         who="again",
         run_id=run_id,
@@ -85,7 +84,7 @@ def test_a_recording_is_exported_as_the_run_that_it_shows(home: Path, tmp_path: 
         *("--episode", str(key), "--out", str(tmp_path / "one.rrd")),
     )
     assert done.returncode == 0, done.stderr
-    Export(runs=(tmp_path / "one.rrd",), out=tmp_path / "out", format="jsonl").run()
+    Export(runs=(tmp_path / "one.rrd",), out=tmp_path / "out").run()
     original = read_run(home / "runs" / RUN)
     assert read_run(tmp_path / "out" / RUN) == original.model_copy(update={"episodes": original.episodes[:1]})
 

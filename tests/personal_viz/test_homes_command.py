@@ -100,7 +100,7 @@ def test_plans_are_written_where_they_can_be_corrected_and_put_back(
 def test_the_table_names_every_scene_and_how_many_were_held_out(
     schematic: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Homes(dataset=schematic, scene=(), json=False, out=None, jobs=1, folds=True).run()
+    Homes(dataset=schematic).run()
     out = capsys.readouterr().out
     assert SCENE in out
     assert "of n" in out
@@ -127,9 +127,9 @@ def test_mistakes_are_one_line(schematic: Path, tmp_path: Path) -> None:
     done = personal_viz("homes", "--dataset", str(schematic), "--no-folds", "--out", str(tmp_path / "file" / "plans"))
     assert_one_line(done, "cannot be written")
     with pytest.raises(PersonalVizError, match="--jobs is 0; expected a whole number from 1"):
-        Homes(dataset=schematic, scene=(), json=True, out=None, jobs=0, folds=True).run()
+        Homes(dataset=schematic, json=True, jobs=0).run()
     with pytest.raises(DatasetError):
-        Homes(dataset=schematic, scene=("Nowhere",), json=True, out=None, jobs=1, folds=True).run()
+        Homes(dataset=schematic, scene=("Nowhere",), json=True).run()
 
 
 def test_the_verbs_parse() -> None:
@@ -159,18 +159,18 @@ def test_runs_on_different_kinds_of_homes_share_no_run_table_or_recording(mixed:
     with pytest.raises(
         SceneError, match=r"found scene kinds invented \(Demo\), schematic \(.*expected one kind per run"
     ):
-        Run(agent="random", dataset=mixed, out=tmp_path / "runs", run_id=None, **both).run()
+        Run(agent="random", dataset=mixed, out=tmp_path / "runs", **both).run()
     runs = tuple(
         made_run(mixed, tmp_path / "runs", scene=scene, run_id=name)
         for scene, name in (("Demo", "on-invented"), (SCENE, "on-schematic"))
     )
     with pytest.raises(RunFileError, match=r"found scene kinds invented \(on-invented\), schematic \(on-schematic\)"):
-        Metrics(runs=runs, rule="paper", json=True).run()
+        Metrics(runs=runs, json=True).run()
     # a home that was corrected into another kind: the run of before cannot be replayed in it
     info = (runs[1] / "run.json").read_text()
     (runs[1] / "run.json").write_text(info.replace('"scene_kind": "schematic"', '"scene_kind": "scan"'))
     key = str(next(PersonalDataset(mixed).episodes(scenes=(SCENE,))).key)
     with pytest.raises(RecordingError, match=r"was made on a home of kind 'scan'.*opened as 'schematic'"):
-        Replay(runs=runs[1:], out=tmp_path / "a.rrd", dataset=mixed, scenes_dir=None, episode=key).run()
+        Replay(runs=runs[1:], out=tmp_path / "a.rrd", dataset=mixed, episode=key).run()
     with pytest.raises(RunFileError, match=r"found scene kinds invented .* scan"):
-        Metrics(runs=runs, rule="paper", json=False).run()
+        Metrics(runs=runs).run()

@@ -94,7 +94,7 @@ def test_each_kind_has_one_label_and_scans_have_none() -> None:
 def test_metrics_say_it_below_the_table_and_in_every_row(
     made: Compared, scans: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Metrics(runs=home_runs(made.runs), rule="paper", json=False).run()
+    Metrics(runs=home_runs(made.runs)).run()
     printed = capsys.readouterr().out
     assert f"{INVENTED}." in printed
     assert "Rule paper = our reading of the PersONAL paper" in printed
@@ -103,7 +103,7 @@ def test_metrics_say_it_below_the_table_and_in_every_row(
     rows = json.loads(capsys.readouterr().out)
     assert {row["scene_label"] for row in rows} == {INVENTED}
     assert {row["paper_strict"]["undefined"] for row in rows if row["task"] == "pan"} == {0}
-    Metrics(runs=home_runs(scans), rule="paper", json=False).run()
+    Metrics(runs=home_runs(scans)).run()
     assert BASELINE not in capsys.readouterr().out
 
 
@@ -117,7 +117,7 @@ def test_every_file_of_a_study_report_says_it(made: Compared, scans: Path, tmp_p
     latex = (tmp_path / "invented" / "report.tex").read_text()
     assert "scenes: invented, rule paper" in latex
     assert all("%" not in line or r"\%" in line for line in latex.splitlines())  # no comment carries it
-    assert StudyReportVerb(runs=home_runs(scans), out=tmp_path / "scan", rule=None, json=False).run() == 0
+    assert StudyReportVerb(runs=home_runs(scans), out=tmp_path / "scan").run() == 0
     assert [path.name for path in (tmp_path / "scan").iterdir() if BASELINE in said_in(path)] == []
 
 
@@ -133,26 +133,20 @@ def test_every_file_of_a_pog_report_says_it(made: Compared, scans: Path, tmp_pat
 
 
 @pytest.mark.parametrize("format", ["jsonl", "tum", "minari"])
-def test_every_export_of_runs_says_it(made: Compared, scans: Path, tmp_path: Path, format: ExportFormat) -> None:
-    assert Export(runs=(made.runs / "idle",), out=tmp_path / "invented", format=format).run() == 0
-    assert silent_files(tmp_path / "invented") == []
-    assert Export(runs=(scans / "idle",), out=tmp_path / "scan", format=format).run() == 0
-    found = [path for path in (tmp_path / "scan").rglob("*") if path.is_file()]
-    assert [path.name for path in found if BASELINE in said_in(path)] == []
-
-
-@pytest.mark.parametrize("format", ["jsonl", "tum", "minari"])
-def test_exports_of_reconstructed_homes_name_whose_terms_may_apply(
-    made: Compared, tmp_path: Path, format: ExportFormat
+def test_every_export_of_runs_says_it_and_of_reconstructed_homes_whose_terms_may_apply(
+    made: Compared, scans: Path, tmp_path: Path, format: ExportFormat
 ) -> None:
     info = json.loads((made.runs / "idle" / "run.json").read_text())
     shutil.copytree(made.runs / "idle", tmp_path / "idle")
     (tmp_path / "idle" / "run.json").write_text(json.dumps(info | {"scene_kind": "schematic"}))
-    for run, is_named in ((tmp_path / "idle", True), (made.runs / "idle", False)):
-        out = tmp_path / f"out-{is_named}"
-        assert Export(runs=(run,), out=out, format=format).run() == 0
-        text = " ".join(said_in(path) for path in out.rglob("*") if path.is_file())
-        assert ("HM3D's terms may apply to your use: https://matterport.com/" in text) == is_named
+    said = {}
+    for kind, run in (("invented", made.runs / "idle"), ("scan", scans / "idle"), ("schematic", tmp_path / "idle")):
+        assert Export(runs=(run,), out=tmp_path / kind, format=format).run() == 0
+        said[kind] = " ".join(said_in(path) for path in (tmp_path / kind).rglob("*") if path.is_file())
+    assert silent_files(tmp_path / "invented") == []
+    assert BASELINE not in said["scan"]
+    terms = "HM3D's terms may apply to your use: https://matterport.com/"
+    assert [terms in said[kind] for kind in ("schematic", "invented")] == [True, False]
 
 
 def test_every_table_of_a_study_export_says_it(tmp_path: Path) -> None:
@@ -176,14 +170,14 @@ def test_the_comparison_and_a_replay_say_it(made: Compared, tmp_path: Path) -> N
     out = tmp_path / "r" / "one.rrd"
     out.parent.mkdir()
     key = str(made.episodes[0].key)
-    assert Replay(runs=(made.runs / "idle",), out=out, dataset=made.data, scenes_dir=None, episode=key).run() == 0
+    assert Replay(runs=(made.runs / "idle",), out=out, dataset=made.data, episode=key).run() == 0
     assert silent_files(out.parent) == []
 
 
 @pytest.mark.slow
 def test_homes_and_contact_sheets_say_it(made: Compared, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for as_json in (False, True):
-        assert Homes(dataset=made.data, scene=(), json=as_json, out=None, jobs=1, folds=False).run() == 0
+        assert Homes(dataset=made.data, json=as_json, folds=False).run() == 0
         assert INVENTED in capsys.readouterr().out
     options = {"scene": "Demo", "dataset": made.data, "scenes_dir": None, "invent": None, "clutter": 0}
     assert ContactSheet(**options, out=tmp_path / "sheet.png", crops=tmp_path / "crops").run() == 0  # type: ignore[arg-type]

@@ -264,8 +264,8 @@ def test_commands_of_the_researcher_work_while_the_study_is_served(
         with upkeep(store, study.keeper, tell=study.told.append, tick_s=0.01):
             assert StudyWithdraw(study=tmp_path, participant="p01").run() == 0
             names = {"study": tmp_path, "trial": "p02/1", "participant": None, "rule": "disturbed"}
-            assert StudyExclude(**names, reason="somebody came in", undo=False).run() == 0
-            assert StudyExclude(**names, reason=None, undo=True).run() == 0
+            assert StudyExclude(**names, reason="somebody came in").run() == 0
+            assert StudyExclude(**names, undo=True).run() == 0
         assert store.participant("p01").is_withdrawn
         with read_study(tmp_path) as reader:
             assert [(entry.target, entry.is_undone) for entry in reader.exclusions()] == [(trial.trial_id, True)]

@@ -2,7 +2,6 @@
 
 import re
 import signal
-import socket
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,14 +12,13 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from human_study.store.records import read_study
-from human_study.store.store import StudyStore, open_store
 from human_study.trial.events import Act
-from personal_viz.study_app.gateway.http import listen
 from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.operator.served import served as served_by
 from personal_viz.study_app.operator.service import ended_by_sigterm, serve_study, shown_live
 from sim.errors import StudyError
-from tests.human_study.small_world import plan, study
+from tests.human_study.small_world import study
+from tests.human_study.stores import filled
 
 from .flow_studies import children
 from .gateways import KEY
@@ -81,15 +79,6 @@ def test_a_study_ends_by_either_signal_with_people_in_the_middle_of_a_trial_and_
     assert not any(token in errors for token in tokens)
 
 
-def test_a_port_that_is_taken_is_said_at_once() -> None:
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        port = other.getsockname()[1]
-        with pytest.raises(StudyError, match=rf"port {port} of 127\.0\.0\.1: cannot be used .*--port 8090"):
-            listen("127.0.0.1", port)
-
-
 def test_sigterm_is_heard_as_ctrl_c_and_the_handlers_come_back() -> None:
     before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt), ended_by_sigterm():
@@ -97,31 +86,18 @@ def test_sigterm_is_heard_as_ctrl_c_and_the_handlers_come_back() -> None:
     assert (signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)) == before
 
 
-def planned(folder: Path, recruit: str) -> StudyStore:
-    """A store with that way of recruiting; closed by the caller."""
-    config = study(recruit={"kind": recruit})
-    return open_store(folder, config, plan(config))
-
-
 def test_prolific_without_codes_is_refused_before_anything_starts(tmp_path: Path) -> None:
+    options = {"scenes_dir": None, "links": [], "platform_key": KEY, "options": ServeOptions(port=0, pilot=True)}
     with (
-        planned(tmp_path, "prolific") as store,
+        filled(tmp_path, study(recruit={"kind": "prolific"})) as store,
         pytest.raises(StudyError, match=r"secrets\.toml: holds no \[prolific\] codes; expected them"),
     ):
-        serve_study(
-            store,
-            folder=tmp_path,
-            dataset=tmp_path,
-            scenes_dir=None,
-            links=[],
-            platform_key=KEY,
-            options=ServeOptions(port=0, pilot=True),
-        )
+        serve_study(store, folder=tmp_path, dataset=tmp_path, **options)
 
 
 def test_one_recording_for_many_trials_is_refused(tmp_path: Path) -> None:
     with (
-        planned(tmp_path, "local") as store,
+        filled(tmp_path) as store,
         pytest.raises(StudyError, match=r"--rerun x\.rrd: this study has \d+ trials; expected one"),
         shown_live("x.rrd", store.plan),
     ):

@@ -30,7 +30,7 @@ def person(place: Place, state: State = "active", *, trial_no: int | None = None
 
 def test_the_tables_show_the_place_of_everybody(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study_with_trials(tmp_path)
-    assert StudyStatus(study=tmp_path, json=False, watch=False).run() == 0
+    assert StudyStatus(study=tmp_path).run() == 0
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert "pilot" in lines
     assert any("2 of 6 counted trials" in line for line in lines)
@@ -56,7 +56,7 @@ def test_people_who_may_need_help_come_first_and_those_who_never_came_last(tmp_p
 
 def test_the_json_is_one_document_without_outcomes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study_with_trials(tmp_path)
-    assert StudyStatus(study=tmp_path, json=True, watch=False).run() == 0
+    assert StudyStatus(study=tmp_path, json=True).run() == 0
     text = capsys.readouterr().out
     found = json.loads(text)
     assert [(one["code"], one["num_done"], one["num_technical"]) for one in found["people"]] == [
@@ -71,7 +71,7 @@ def test_a_study_that_is_open_elsewhere_can_be_looked_at(tmp_path: Path, capsys:
     store, trial = opened(tmp_path)
     with store:
         store.append(trial.trial_id, trial.epoch, KEY)
-        assert StudyStatus(study=tmp_path, json=True, watch=False).run() == 0
+        assert StudyStatus(study=tmp_path, json=True).run() == 0
         store.append(trial.trial_id, trial.epoch, KEY)
     assert json.loads(capsys.readouterr().out)["people"][1]["is_in_trial"]
 
@@ -99,7 +99,7 @@ def test_watching_shows_what_is_new_until_ctrl_c(tmp_path: Path, monkeypatch: py
 
 def test_a_folder_without_a_study_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="expected a study"):
-        StudyStatus(study=tmp_path, json=False, watch=False).run()
+        StudyStatus(study=tmp_path).run()
 
 
 @pytest.mark.parametrize(

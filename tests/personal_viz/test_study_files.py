@@ -27,7 +27,7 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
 ) -> None:
     study, dataset = tmp_path / "study", tmp_path / "dataset"
     invented_dataset(dataset, name="FlowHome", seed=5)
-    StudyInit(study=study, dataset=dataset, name=None, task=("pan",), design="house-once", per_split=1, seed=0).run()
+    StudyInit(study=study, dataset=dataset, per_split=1).run()
     assert "ethics.institution, ethics.contact, ethics.pay, ethics.irb, privacy.retention\n" in capsys.readouterr().out
     file = (study / STUDY_FILE).read_text(encoding="utf-8")
     for asked, instead in (
@@ -39,23 +39,18 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
         file = file.replace(asked, instead)
     (study / STUDY_FILE).write_text(file, encoding="utf-8")
     with pytest.raises(StudyError, match=r"consent\.md: ethics\.institution, .*Correct study\.yaml or the text"):
-        StudyPlanVerb(study=study, dataset=dataset, scenes_dir=None, pilot=False).run()
+        StudyPlanVerb(study=study, dataset=dataset).run()
     assert not (study / PLAN_FILE).exists()
     for field, value in {**ETHICS, "retention": "2027-12-31"}.items():
         file = file.replace(f"  {field}: ''", f"  {field}: {value}").replace(f"  {field}: null", f"  {field}: {value}")
     (study / STUDY_FILE).write_text(file, encoding="utf-8")
     capsys.readouterr()
-    assert StudyPlanVerb(study=study, dataset=dataset, scenes_dir=None, pilot=False).run() == 0
+    assert StudyPlanVerb(study=study, dataset=dataset).run() == 0
     printed = capsys.readouterr().out
     made = load_plan(study, load_study(study))
     assert made.changes[0].startswith("design.trials_per_person: 4 asked, 1 planned, because")
     assert f"  Other than asked: {made.changes[0]}.\n" in printed
-    assert set(made.texts) == {
-        "consent.md",
-        "instructions.md",
-        "told/consent-pan.md",
-        "told/instructions-pan.md",
-    }
+    assert set(made.texts) == {"consent.md", "instructions.md", "told/consent-pan.md", "told/instructions-pan.md"}
     told = study / "told" / "consent-pan.md"
     assert "The University of Anywhere invites you" in told.read_text(encoding="utf-8")
     for path in (told, study / "instructions.md"):

@@ -128,7 +128,7 @@ def pointing(home, start) -> tuple[Command, ...]:
 def test_trials_of_all_homes_and_of_practice_are_verified_and_stored(
     study: Path, invented_root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert StudyVerify(study=study, dataset=invented_root, scenes_dir=None, jobs=2).run() == 0
+    assert StudyVerify(study=study, dataset=invented_root, jobs=2).run() == 0
     printed = capsys.readouterr().out
     assert "6 verified" in printed
     assert "Stored beside the trials" in printed
@@ -150,7 +150,7 @@ def test_a_study_that_is_served_is_verified_without_being_written(
     with read_study(study) as reader:
         plan = reader.plan
     with open_store(study, config, plan):
-        assert StudyVerify(study=study, dataset=invented_root, scenes_dir=None).run() == 0
+        assert StudyVerify(study=study, dataset=invented_root).run() == 0
     assert "Not stored:" in capsys.readouterr().out
     with read_study(study) as reader:
         assert reader.verifications() == ()
@@ -176,7 +176,7 @@ def test_an_outcome_that_is_too_good_fails_and_ends_with_1(
         store.append_many(trial.trial_id, trial.epoch, events)
         better = done.outcome.measures.model_copy(update={"centre_distance": 0.0})
         store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup", measures=better))
-    assert StudyVerify(study=copy, dataset=invented_root, scenes_dir=None).run() == 1
+    assert StudyVerify(study=copy, dataset=invented_root).run() == 1
     printed = capsys.readouterr().out
     assert "1 failed" in printed
     assert "outcome.measures.centre_distance is stored as 0.0, recomputed as" in printed
@@ -195,27 +195,27 @@ def cheated(study: Path, folder: Path) -> tuple[StudyConfig, StudyPlan]:
 
 def test_another_dataset_is_refused(study: Path) -> None:
     with pytest.raises(StudyError, match=r"--dataset .*practice: has digest [0-9a-f]{12}; expected"):
-        StudyVerify(study=study, dataset=study / PRACTICE_FOLDER, scenes_dir=None).run()
+        StudyVerify(study=study, dataset=study / PRACTICE_FOLDER).run()
 
 
 def test_an_export_is_read_back_and_agrees(
     study: Path, invented_root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert StudyExport(study=study, out=None).run() == 0
+    assert StudyExport(study=study).run() == 0
     out = study / "exports" / "records"
     assert f"Written to {out}: 2 run folders, 6 trials in trials.csv, 2 of them in no run" in capsys.readouterr().out
-    assert StudyImportCheck(export=out, dataset=invented_root, scenes_dir=None).run() == 0
+    assert StudyImportCheck(export=out, dataset=invented_root).run() == 0
     assert "6 of 6 outcomes agree with their events" in capsys.readouterr().out
     rows = [json.loads(line) for line in (out / "trials.jsonl").read_text().splitlines()]
     rows[-1]["planar_distance"] = 0.0
     (out / "trials.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     with pytest.raises(StudyError, match=r"trials\.jsonl: has sha256"):
-        StudyImportCheck(export=out, dataset=invented_root, scenes_dir=None).run()
+        StudyImportCheck(export=out, dataset=invented_root).run()
 
 
 def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def run_folders() -> int:
-        StudyExport(study=study, out=None).run()
+        StudyExport(study=study).run()
         return len(list((study / "exports" / "records").glob("records-*")))
 
     def say(**changes: object) -> str:

@@ -106,19 +106,6 @@ def assert_recordings_hold_what_is_stored(study: Path, live: Path, out: Path) ->
 def test_one_file_for_a_study_is_refused(marked_dataset: Path, tmp_path: Path) -> None:  # noqa: F811
     with pytest.raises(StudyError, match=r"--rerun x\.rrd: this study has 2 trials; expected one for a single file\."):
         StudyServe(
-            study=None,
-            dataset=marked_dataset,
-            scene=HOME,
-            scenes_dir=None,
-            out=tmp_path / "study",
-            split=("easy",),
-            limit=1,
-            seed=0,
-            actions="paper4",
-            clutter=0,
-            port=0,
-            host=(),
-            rerun="x.rrd",
-            with_pixels=False,
+            dataset=marked_dataset, scene=HOME, out=tmp_path / "study", split=("easy",), limit=1, port=0, rerun="x.rrd"
         ).run()
     assert not (tmp_path / "study" / "study.db").exists()

@@ -152,22 +152,40 @@ def answer(connection: ClientConnection) -> tuple[str, int]:
     return text.split()[0], int(text.split()[1])
 
 
-def test_a_killed_worker_is_started_again_and_the_same_ticket_leads_to_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("harm", "heartbeat", "line"),
+    [
+        pytest.param(signal.SIGKILL, None, "viser worker 1 ended", id="killed"),
+        pytest.param(
+            signal.SIGSTOP,
+            Heartbeat(every_s=0.05, patience_s=3),
+            "viser worker 1 has not answered for 3 s and was killed",
+            id="hangs",
+        ),
+    ],
+)
+def test_a_worker_that_ended_or_hangs_is_started_again_and_the_same_ticket_leads_to_it(
+    tmp_path: Path, harm: signal.Signals, heartbeat: Heartbeat | None, line: str
+) -> None:
     tickets, told = Tickets(), []
-    with pool_of(tmp_path, "good", 1, told, tickets) as pool, served(tmp_path, pool, tickets) as address:
+    with (
+        pool_of(tmp_path, "good", 1, told, tickets, heartbeat=heartbeat) as pool,
+        served(tmp_path, pool, tickets) as address,
+    ):
         url, headers = enter(address, "good")
         with connect(url, additional_headers=headers, proxy=None) as before:
             code, pid = answer(before)
             assert code == "p01"
-            os.kill(pid, signal.SIGKILL)
+            os.kill(pid, harm)
             with pytest.raises(ConnectionClosed) as ended:
                 before.recv(timeout=PATIENCE_S)
             assert ended.value.rcvd.code == 1012
-        wait_until(lambda: pool.workers[0].door is not None and len(pids(tmp_path)) == 2)
+        wait_until(lambda: pool.workers[0].door is not None and len(pids(tmp_path)) >= 2)
         with connect(url, additional_headers=headers, proxy=None) as after:
             code, new_pid = answer(after)
-        assert (code, new_pid != pid) == ("p01", True)
-    assert told == ["viser worker 1 ended; it is started again. Nothing acknowledged is lost."]
+        assert (code, new_pid != pid, is_running(pid)) == ("p01", True, False)
+    told = told[:1] if heartbeat else told  # a machine under load may take more than 3 s for an answer
+    assert told == [f"{line}; it is started again. Nothing acknowledged is lost."]
     assert not any(is_running(pid) for pid in pids(tmp_path))
 
 
@@ -191,29 +209,6 @@ def test_people_of_the_other_worker_notice_nothing(tmp_path: Path) -> None:
         url, headers = enter(address, "good")
         with connect(url, additional_headers=headers, proxy=None) as again:
             assert answer(again)[0] == "p01"
-
-
-def test_a_worker_that_hangs_is_killed_and_its_participant_goes_on_with_another(tmp_path: Path) -> None:
-    tickets, told = Tickets(), []
-    heartbeat = Heartbeat(every_s=0.05, patience_s=3)
-    with (
-        pool_of(tmp_path, "good", 1, told, tickets, heartbeat=heartbeat) as pool,
-        served(tmp_path, pool, tickets) as address,
-    ):
-        url, headers = enter(address, "good")
-        with connect(url, additional_headers=headers, proxy=None) as before:
-            _, pid = answer(before)
-            os.kill(pid, signal.SIGSTOP)
-            with pytest.raises(ConnectionClosed) as ended:
-                before.recv(timeout=PATIENCE_S)
-            assert ended.value.rcvd.code == 1012
-        wait_until(lambda: pool.workers[0].door is not None and len(pids(tmp_path)) >= 2)
-        with connect(url, additional_headers=headers, proxy=None) as after:
-            code, new_pid = answer(after)
-        assert (code, new_pid != pid) == ("p01", True)
-        assert not is_running(pid)
-    line = "viser worker 1 has not answered for 3 s and was killed; it is started again. Nothing acknowledged is lost."
-    assert told[0] == line
 
 
 def test_a_slow_worker_is_left_alone(tmp_path: Path) -> None:
