@@ -41,7 +41,14 @@ def study_config(**more: object) -> StudyConfig:
 
 
 def pan_episode(
-    key: EpisodeKey, *, success: bool, steps: int, code: str | None, path: int = 3, reason: EndReason = "stop"
+    key: EpisodeKey,
+    *,
+    success: bool,
+    steps: int,
+    code: str | None,
+    path: int = 3,
+    reason: EndReason = "stop",
+    scene_digest: str = "s",
 ) -> EpisodeRun:
     """A walk of `steps` steps, a second each, a quarter of a metre along z for the first `path`."""
     rule = RuleMeasures(
@@ -54,7 +61,7 @@ def pan_episode(
         num_steps=steps,
         collisions=0,
         stored_geodesic=5.0,
-        scene_digest="s",
+        scene_digest=scene_digest,
     )
     start = EpisodeStart(
         split=key.split, scene=key.scene, episode_id=key.episode_id, position=(0, 0, 0), yaw=0.0, participant=code

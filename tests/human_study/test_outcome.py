@@ -17,21 +17,14 @@ from human_study.trial.outcome import (
 )
 from human_study.trial.terms import TrialTerms
 from sim.errors import StudyError
-from sim.tasks.run_files import ClickRay
 from sim.types import TaskKind
 
 from .finished import room
 from .small_world import SquareRoom, episode
-from .trials import FORWARD, RAY, answer_of, drive, driven, new_session
+from .trials import FORWARD, RAY, answer_of, drive, driven, new_session, ray_down
 
 PIXEL = MapPixel(uv=(50.25, 100.75), origin_xz=(-3.0, -2.0), pixel_m=0.02, shape=(300, 400))
-UPSTAIRS = ClickRay(
-    origin=(0.0, 9.0, 0.0),
-    direction=(0.0, -1.0, 0.0),
-    camera_position=(0.0, 9.0, 0.0),
-    camera_wxyz=(1.0, 0.0, 0.0, 0.0),
-    storey_y=3.0,
-)
+UPSTAIRS = ray_down(0.0, 9.0, 0.0, storey_y=3.0)
 
 
 def pointed(click: Click) -> list[Event]:

@@ -66,6 +66,19 @@ def value(found: StudyReport, who: str, condition: str, split: str = "total", me
     return row
 
 
+def ways_of(found: StudyReport, row: TrialRow) -> dict:
+    """The ways to count people's trials in the condition of a row, by what stands before the colon."""
+    condition = "memory_topdown" if row.condition == "topdown" else "none"
+    rows = [way for way in found.sensitivity if (way.who, way.condition) == ("human", condition)]
+    return {way.way.partition(":")[0]: way for way in rows}
+
+
+def counted(rows: Sequence[TrialRow], *conditions: str) -> list[TrialRow]:
+    """Rows of counted trials with a result, of all conditions where none is named."""
+    main = [row for row in rows if row.phase == "main" and row.end_reason == "stop"]
+    return [row for row in main if row.condition in (conditions or (row.condition,))]
+
+
 def test_both_human_conditions_stand_beside_agents_on_the_same_episodes(found: StudyReport) -> None:
     text = markdown(found)
     for label in ("Human", "Human with memory (top-down map)", "walker", "Human with memory (top-down map) - seer"):
@@ -79,10 +92,7 @@ def test_both_human_conditions_stand_beside_agents_on_the_same_episodes(found: S
 
 def test_excluded_trials_count_in_the_tables_and_not_per_protocol(found: StudyReport, rows: list[TrialRow]) -> None:
     (excluded,) = [row for row in rows if row.excluded]
-    condition = "memory_topdown" if excluded.condition == "topdown" else "none"
-    ways = {
-        row.way.partition(":")[0]: row for row in found.sensitivity if (row.who, row.condition) == ("human", condition)
-    }
+    ways = ways_of(found, excluded)
     assert ways["intention to treat (as in the tables)"].n == 36
     assert ways["per protocol"].n == 35
     (rule,) = found.exclusions
@@ -99,8 +109,7 @@ def test_under_another_rule_an_excluded_trial_is_left_out_and_said_so(rows: list
 
 def test_technical_failures_can_count_as_failures(found: StudyReport, rows: list[TrialRow]) -> None:
     (failed,) = [row for row in rows if row.end_reason == "technical"]
-    condition = "memory_topdown" if failed.condition == "topdown" else "none"
-    ways = {row.way: row for row in found.sensitivity if (row.who, row.condition) == ("human", condition)}
+    ways = ways_of(found, failed)
     main, worst = ways["intention to treat (as in the tables)"], ways["technical failures as failures"]
     (again,) = [
         row for row in rows if (row.participant, row.order_no, row.attempt) == (failed.participant, failed.order_no, 2)
@@ -115,19 +124,14 @@ def test_trials_that_nobody_ended_are_left_out_and_count_as_abandoned(rows: list
     (left,) = [row for row in rows if row.end_reason == "abandoned"]
     empty = dict.fromkeys(("end_reason", "success", "spl", "softspl", "dtg", "planar_distance", "path_m", "t_total_s"))
     open_rows = [row.model_copy(update=empty) if row is left else row for row in rows]
-    condition = "memory_topdown" if left.condition == "topdown" else "none"
     found = study_report(people_runs(open_rows, CONFIG), records=StudyRecords(CONFIG, tuple(open_rows)))
     counts = {cell.reason: cell.n for cell in found.left_out}
     assert counts == {"begun, never ended (taken as abandoned)": 1, "technical failure": 1}
     before = study_report(people_runs(rows, CONFIG), records=StudyRecords(CONFIG, tuple(rows)))
-    way = "abandoned and never ended trials as failures"
-    ways = [
-        next(row for row in report.sensitivity if (row.way, row.who, row.condition) == (way, "human", condition))
-        for report in (found, before)
-    ]
-    assert ways[0] == ways[1]
-    main = next(row for row in found.sensitivity if (row.who, row.condition) == ("human", condition))
-    assert ways[0].value < main.value
+    way, main = "abandoned and never ended trials as failures", "intention to treat (as in the tables)"
+    ways = ways_of(found, left)
+    assert ways[way] == ways_of(before, left)[way]
+    assert ways[way].value < ways[main].value
 
 
 def test_time_to_decision_is_from_the_tasks_start_to_the_end_in_every_row(rows: list[TrialRow]) -> None:
@@ -160,7 +164,7 @@ def test_without_records_a_trial_that_was_given_up_has_no_time_of_its_end(rows: 
 def test_pages_in_the_background_are_a_line_and_leave_nothing_out(rows: list[TrialRow], found: StudyReport) -> None:
     flagged = made([row.model_copy(update={"is_long_hidden": row.order_no == 5}) for row in rows])
     people = {row.participant for row in rows}
-    done = [row for row in rows if row.end_reason == "stop" and row.phase == "main"]
+    done = counted(rows)
     hidden = flagged.hidden
     assert (hidden.limit_s, hidden.num_trials, hidden.num_people) == (60.0, len(done), len(people))
     line = f"more than 60 s: {hidden.num_flagged} of {len(done)} counted trials, of {len(people)} people"
@@ -170,8 +174,7 @@ def test_pages_in_the_background_are_a_line_and_leave_nothing_out(rows: list[Tri
 
 
 def test_the_memory_effect_is_found_within_people_and_is_primary(found: StudyReport, rows: list[TrialRow]) -> None:
-    counted = [row for row in rows if row.phase == "main" and row.end_reason == "stop"]
-    means = [100 * np.mean([bool(r.success) for r in counted if r.condition == c]) for c in ("topdown", "none")]
+    means = [100 * np.mean([bool(r.success) for r in counted(rows, c)]) for c in ("topdown", "none")]
     (effect,) = [row for row in found.memory if (row.split, row.measure) == ("all", "sr")]
     assert effect.what == "memory_topdown - none"
     assert effect.effect.value == pytest.approx(means[0] - means[1])  # balanced: everybody, every episode
@@ -186,11 +189,11 @@ def test_the_memory_effect_is_found_within_people_and_is_primary(found: StudyRep
 
 def test_order_and_earlier_visits_have_tables_and_slopes(found: StudyReport, rows: list[TrialRow]) -> None:
     blocks = {(b.condition, b.by, b.block, b.measure): b for b in found.blocks}
-    counted = [row for row in rows if row.phase == "main" and row.end_reason == "stop" and row.condition == "none"]
-    early = [row for row in counted if row.order_no <= 10]
+    alone = counted(rows, "none")
+    early = [row for row in alone if row.order_no <= 10]
     assert blocks["none", "order", "1-10", "sr"].n == len(early)
     assert blocks["none", "order", "1-10", "sr"].k == sum(bool(row.success) for row in early)
-    assert blocks["none", "visits", "first visit", "sr"].n == sum(row.prior_visits_scene == 0 for row in counted)
+    assert blocks["none", "visits", "first visit", "sr"].n == sum(row.prior_visits_scene == 0 for row in alone)
     names = {(row.what, row.condition) for row in found.order}
     assert ("per 10 trials", "none") in names
     assert ("visited before", "memory_topdown") in names
@@ -198,9 +201,8 @@ def test_order_and_earlier_visits_have_tables_and_slopes(found: StudyReport, row
 
 def test_verification_stands_below_tables(found: StudyReport, rows: list[TrialRow]) -> None:
     without = next(row for row in found.verification if row.condition == "none")
-    counted = [row for row in rows if row.phase == "main" and row.end_reason == "stop" and row.condition == "none"]
     assert without.n == 36
-    assert without.num_verified == sum(row.verification == "verified" for row in counted)
+    assert without.num_verified == sum(row.verification == "verified" for row in counted(rows, "none"))
     note = (
         f"Human: {without.num_verified} of 36 verified, 0 drift, 0 failed, 0 unsupported, {without.num_not_yet} not yet"
     )

@@ -53,11 +53,6 @@ def test_a_token_finds_its_owner_and_is_not_in_any_file(tmp_path: Path) -> None:
         assert token.encode() not in path.read_bytes()
 
 
-def test_a_participant_is_registered_once(tmp_path: Path) -> None:
-    with filled(tmp_path) as store, pytest.raises(StudyError, match="'p01' is registered already"):
-        store.add_participant(plan(study()).participants[0], token_hash("other"))
-
-
 def test_opening_a_trial_again_hands_it_to_the_newest_tab(tmp_path: Path) -> None:
     store, first = opened(tmp_path)
     with store:
@@ -113,21 +108,19 @@ def test_a_finished_trial_takes_no_more_events_and_is_not_opened_again(tmp_path:
             store.open_trial("p02", 1)
 
 
-def test_a_trial_without_events_has_no_outcome(tmp_path: Path) -> None:
+def test_what_the_store_cannot_take_is_named(tmp_path: Path) -> None:
     with filled(tmp_path) as store:
         trial = store.open_trial("p02", 1)
         with pytest.raises(StudyError, match="has no events"):
             store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
-
-
-def test_unknown_trials_and_participants_are_named(tmp_path: Path) -> None:
-    with filled(tmp_path) as store:
         with pytest.raises(StudyError, match="found no trial 'T1'"):
             store.append("T1", 1, KEY)
         with pytest.raises(StudyError, match="'p02' has no trial 9"):
             store.open_trial("p02", 9)
         with pytest.raises(StudyError, match="found no participant 'p77'"):
             trials_of(store, "p77")
+        with pytest.raises(StudyError, match="'p01' is registered already"):
+            store.add_participant(store.plan.participants[0], token_hash("other"))
 
 
 TABLES = ("study", "participant", "assignment", "release", "claim", "trial", "sitting", "event", "outcome", "stage")
@@ -265,13 +258,8 @@ def test_the_settings_are_those_of_the_design(tmp_path: Path) -> None:
             name: store._database.execute(f"PRAGMA {name}").fetchone()[0]
             for name in ("journal_mode", "synchronous", "foreign_keys", "busy_timeout", "cell_size_check")
         }
-    assert values == {
-        "journal_mode": "wal",
-        "synchronous": 2,
-        "foreign_keys": 1,
-        "busy_timeout": 5000,
-        "cell_size_check": 1,
-    }
+    expected = {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1, "busy_timeout": 5000, "cell_size_check": 1}
+    assert values == expected
 
 
 def test_two_trials_in_one_place_of_the_order_are_refused(tmp_path: Path) -> None:

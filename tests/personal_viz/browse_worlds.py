@@ -6,8 +6,11 @@ from personal_viz.browse.library import Library
 from personal_viz.browse.object_links import SceneTexts
 from personal_viz.study_app.home.homes import HomeLibrary
 from sim.episodes.schema import Episode, EpisodeRecord, Goal
-from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo, Step
-from sim.types import Action, EpisodeKey, Split
+from sim.tasks.run_files import Answer, Run
+from sim.types import EpisodeKey, Split
+
+from ..human_study.report_examples import pan_episode
+from ..sim.worlds import run_info
 
 CAPTIONS = {
     "couch_1": "a red couch under the round window",
@@ -70,25 +73,11 @@ def library(*episodes: Episode, runs: Sequence[Run] = ()) -> Library:
 
 
 def run_of(key: EpisodeKey, run_id: str, *, participant: str | None = None, points: int = 0) -> Run:
-    """One step and STOP, or an answer of so many points."""
-    info = RunInfo(
-        run_id=run_id,
-        who="human" if participant else run_id,
-        who_kind="human" if participant else "agent",
-        scene_kind="invented",
-        dataset_digest="d",
-        created_utc="2026-01-01T00:00:00+00:00",
-    )
-    split, scene, episode_id = key
+    """A walk of two steps, or an answer of so many points."""
+    who = {"who": "human", "who_kind": "human"} if participant else {}
+    info = run_info(run_id, scene_kind="invented", **who)
     if points:
+        split, scene, episode_id = key
         candidates = tuple((float(place), 0.5, 0.0) for place in range(points))
-        answer = Answer(split=split, scene=scene, episode_id=episode_id, candidates=candidates)
-        return Run(info=info, answers=(answer,))
-    start = EpisodeStart(
-        split=split, scene=scene, episode_id=episode_id, position=(0.0, 0.0, 0.0), yaw=0.0, participant=participant
-    )
-    steps = (
-        Step(action=Action.FORWARD, position=(0.0, 0.0, -0.25), yaw=0.0),
-        Step(action=Action.STOP, position=(0.0, 0.0, -0.25), yaw=0.0),
-    )
-    return Run(info=info, episodes=(EpisodeRun(start=start, steps=steps, end=EpisodeEnd(reason="stop")),))
+        return Run(info=info, answers=(Answer(split=split, scene=scene, episode_id=episode_id, candidates=candidates),))
+    return Run(info=info, episodes=(pan_episode(key, success=True, steps=2, code=participant),))

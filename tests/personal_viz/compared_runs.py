@@ -13,6 +13,7 @@ from sim.tasks.rules import scene_storeys, score_answer, score_run
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo
 from sim.types import Action, SceneKind
 
+from ..sim.worlds import run_info
 from .invented import invented_dataset
 
 HOME = "Demo"
@@ -37,15 +38,7 @@ class Compared:
 
     def info(self, run_id: str, **changes: object) -> RunInfo:
         """`run.json` of a run in the home."""
-        values = {
-            "run_id": run_id,
-            "who": run_id,
-            "who_kind": "agent",
-            "scene_kind": self.kind,
-            "dataset_digest": self.dataset.digest(),
-            "created_utc": "2026-01-01T00:00:00+00:00",
-        }
-        return RunInfo.model_validate(values | changes)
+        return run_info(run_id, **({"scene_kind": self.kind, "dataset_digest": self.dataset.digest()} | changes))
 
     def walk(self, episode: Episode, *, to_goal: bool, participant: str | None = None, turns: int = 0) -> EpisodeRun:
         """Turns, then the shortest path to the goal, or STOP at once; people need half a second per step."""

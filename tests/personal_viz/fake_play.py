@@ -26,22 +26,17 @@ from sim.copies.cut import StoreyCut
 from sim.episodes.schema import Episode
 from sim.render.renderer import Hits
 from sim.tasks.pan import PanEnv
-from sim.tasks.run_files import ClickRay, Vector3
+from sim.tasks.run_files import Vector3
 from sim.types import Camera, EpisodeKey, Frame, TaskKind
 
 from ..human_study.small_world import PoseColours, SquareRoom, episode, study
+from ..human_study.trials import ray_down
 
 PASS = object()
 """In a script: the participant does nothing until time alone changes something."""
 EVERY_S = 1.0
 """Between two commands of a script."""
-RAY = ClickRay(
-    origin=(0.0, 3.0, 0.0),
-    direction=(0.0, -1.0, 0.0),
-    camera_position=(0.0, 3.0, 0.0),
-    camera_wxyz=(1.0, 0.0, 0.0, 0.0),
-    storey_y=0.0,
-)
+RAY = ray_down(0.0, 3.0, 0.0)
 HIT = (-1.5, 0.0, 0.0)
 View = LookView | PanView | PogView | RateView
 
@@ -259,16 +254,27 @@ class EmptySurface(SceneView):
 
 def meshless_home() -> Home:
     """A home with two storeys for real screens: pictures of one colour, and a place for a mark."""
-    fields: dict[str, Any] = {
-        "scene": _TwoStoreyScene(),
-        "renderer": Frames(PoseColours(), RenderThreads(1)),
+    return fake_home(
+        Watches(None, make_env=make_env),
+        scene=_TwoStoreyScene(),
+        renderer=Frames(PoseColours(), RenderThreads(1)),
+        episodes={episode(name).key: episode(name) for name in ("0", "1", "2")},
+        storeys=[(0.0, 0.0), (3.0, 3.0)],
+    )
+
+
+def fake_home(watches: Watches, **changes: Any) -> Home:
+    """The square room with one episode; pictures tell poses apart, and every ray meets the same point."""
+    fields = {
+        "scene": FakeScene(),
+        "renderer": RenderedHere(),
         "pog_scene": Pointed(),
         "copies": _Copies(),
-        "episodes": {episode(name).key: episode(name) for name in ("0", "1", "2")},
-        "storeys": [(0.0, 0.0), (3.0, 3.0)],
-        "watches": Watches(None, make_env=make_env),
+        "episodes": {episode().key: episode()},
+        "storeys": [(0.0, 0.0)],
+        "watches": watches,
     }
-    return Home(**fields)
+    return Home(**(fields | changes))
 
 
 @contextlib.contextmanager
@@ -302,16 +308,7 @@ def played(
     """
     clock = Clock()
     watches = Watches(observers, make_env=make_env)
-    fields = {
-        "scene": FakeScene(),
-        "renderer": RenderedHere(),
-        "pog_scene": Pointed(),
-        "copies": _Copies(),
-        "episodes": {episode().key: episode()},
-        "storeys": [(0.0, 0.0)],
-        "watches": watches,
-    }
-    home = Home(**(fields | (home_options or {})))
+    home = fake_home(watches, **(home_options or {}))
     del fakes[0][:], fakes[1][:]
     page = ScriptedPage(script, clock, fakes[1])
     raised: Exception | None = None

@@ -19,10 +19,11 @@ from personal_viz.bots.site import Person, Site, make_bot_study
 from personal_viz.cli.study.bots import StudyBots
 from personal_viz.cli.study.verify import StudyVerify
 from sim.errors import StudyError
-from sim.tasks.run_files import Answer, ClickRay
+from sim.tasks.run_files import Answer
 from sim.types import EpisodeKey, TaskKind
 from tests.human_study.small_world import SCENE_DIGEST, episode, study
 from tests.human_study.stores import open_planned, plan_homes
+from tests.human_study.trials import ray_down
 
 from .invented import invented_dataset
 
@@ -54,9 +55,7 @@ def pog_click(ray: Ray, *, is_move: bool = False) -> Click:
     """A click that met the floor; of a moved mark the server makes the ray, from a camera at its origin."""
     origin, direction = ray
     camera = origin if is_move else (9.0, 9.0, 9.0)
-    pointed = ClickRay(
-        origin=origin, direction=direction, camera_position=camera, camera_wxyz=(1.0, 0.0, 0.0, 0.0), storey_y=0.0
-    )
+    pointed = ray_down(*origin).model_copy(update={"direction": direction, "camera_position": camera})
     return Click(pointed, (origin[0], 0.0, origin[2]))
 
 

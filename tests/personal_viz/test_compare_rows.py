@@ -10,6 +10,8 @@ from personal_viz.compare.rows import means_of, sections
 from sim.errors import RunFileError
 from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo
 from sim.types import EpisodeKey
+from tests.human_study.report_examples import pan_episode
+from tests.sim.worlds import run_info
 
 from .compared_runs import written
 
@@ -28,35 +30,11 @@ def trial(who: str, *, success: bool | None, key: EpisodeKey = KEY, **changes: o
 
 
 def info(run_id: str, **changes: object) -> RunInfo:
-    values = {
-        "run_id": run_id,
-        "who": run_id,
-        "who_kind": "agent",
-        "scene_kind": "schematic",
-        "dataset_digest": "d",
-        "created_utc": "2026-01-01T00:00:00+00:00",
-    }
-    return RunInfo.model_validate(values | changes)
+    return run_info(run_id, **({"scene_kind": "schematic"} | changes))
 
 
-def walk(scene_digest: str, *, scene: str = "Hut", episode_id: str = "1") -> EpisodeRun:
-    """A run that stopped at once and failed."""
-    rule = {"success": False, "spl": 0.0, "soft_spl": 0.0, "dtg": 2.0, "start_distance": 2.0}
-    return EpisodeRun.model_validate(
-        {
-            "start": {
-                "split": "easy", "scene": scene, "episode_id": episode_id, "position": (0.0, 0.0, 0.0), "yaw": 0.0,
-            },
-            "steps": [{"action": "stop", "position": (0.0, 0.0, 0.0), "yaw": 0.0}],
-            "end": {
-                "reason": "stop",
-                "measures": {
-                    "rules": {"paper": rule, "habitat": rule, "authors": rule}, "centre_distance": 3.0, "path_m": 0.0,
-                    "num_steps": 1, "collisions": 0, "stored_geodesic": 2.0, "scene_digest": scene_digest,
-                },
-            },
-        }
-    )  # fmt: skip
+def walk(scene_digest: str) -> EpisodeRun:
+    return pan_episode(KEY, success=False, steps=1, code=None, scene_digest=scene_digest)
 
 
 def test_people_minus_agents_is_the_difference_of_their_means() -> None:

@@ -36,8 +36,7 @@ def schematic(tmp_path: Path) -> Path:
 
 
 def report(dataset: Path, capsys: pytest.CaptureFixture[str], **options) -> dict:
-    settings = {"scene": (), "json": True, "out": None, "jobs": 1, "folds": True, **options}
-    assert Homes(dataset=dataset, **settings).run() == 0
+    assert Homes(dataset=dataset, json=True, **options).run() == 0
     return json.loads(capsys.readouterr().out)
 
 
@@ -78,8 +77,7 @@ def test_build_times_are_those_of_a_first_visit(
 def test_plans_are_written_where_they_can_be_corrected_and_put_back(
     schematic: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    settings = {"scene": (SCENE,), "json": False, "jobs": 1, "folds": False}
-    assert Homes(dataset=schematic, out=tmp_path / "plans", **settings).run() == 0
+    assert Homes(dataset=schematic, out=tmp_path / "plans", scene=(SCENE,), folds=False).run() == 0
     out = capsys.readouterr().out
     assert f"{schematic}/scenes/<scene>.plan.json" in out
     path = tmp_path / "plans" / f"{SCENE}.plan.json"
@@ -141,8 +139,7 @@ def test_the_verbs_parse() -> None:
 
 def made_run(dataset: Path, out: Path, *, scene: str, run_id: str) -> Path:
     """A run of the shortest-path agent on one episode of one scene."""
-    options = {"agent": "shortest-path", "scenes_dir": None, "split": ("easy",), "limit": 1, "seed": 0, "jobs": 1}
-    Run(dataset=dataset, out=out, scene=(scene,), run_id=run_id, **options).run()
+    Run(dataset, "shortest-path", out=out, scene=(scene,), run_id=run_id, split=("easy",), limit=1).run()
     return out / run_id
 
 
@@ -155,11 +152,10 @@ def mixed(schematic: Path) -> Path:
 
 @pytest.mark.slow
 def test_runs_on_different_kinds_of_homes_share_no_run_table_or_recording(mixed: Path, tmp_path: Path) -> None:
-    both = {"scene": ("Demo", SCENE), "scenes_dir": None, "split": (), "limit": None, "seed": 0, "jobs": 1}
     with pytest.raises(
         SceneError, match=r"found scene kinds invented \(Demo\), schematic \(.*expected one kind per run"
     ):
-        Run(agent="random", dataset=mixed, out=tmp_path / "runs", **both).run()
+        Run(agent="random", dataset=mixed, out=tmp_path / "runs", scene=("Demo", SCENE)).run()
     runs = tuple(
         made_run(mixed, tmp_path / "runs", scene=scene, run_id=name)
         for scene, name in (("Demo", "on-invented"), (SCENE, "on-schematic"))

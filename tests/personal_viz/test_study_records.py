@@ -24,9 +24,10 @@ from personal_viz.study_app.study_files import plan_study
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.tasks.pan import PanEnv
-from sim.tasks.run_files import Answer, ClickRay, EpisodeEnd, EpisodeRun
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun
 from sim.types import Action
 from tests.human_study.stores import open_planned
+from tests.human_study.trials import ray_down
 
 pytestmark = pytest.mark.slow
 WALK: tuple[Command, ...] = (
@@ -113,13 +114,7 @@ def pointing(home, start) -> tuple[Command, ...]:
     """A click straight down at the place where the robot would start."""
     storey_y = min(home.navigation.storey_heights, key=lambda height: abs(height - start[1]))
     origin = (start[0], storey_y + 2.0, start[2])
-    ray = ClickRay(
-        origin=origin,
-        direction=(0.0, -1.0, 0.0),
-        camera_position=origin,
-        camera_wxyz=(1.0, 0.0, 0.0, 0.0),
-        storey_y=storey_y,
-    )
+    ray = ray_down(*origin, storey_y=storey_y)
     hit = home.cast(storey_y, ray.origin, ray.direction)
     assert hit is not None
     return (Start(), Click(ray, hit), Confirm())
@@ -219,15 +214,7 @@ def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys
         return len(list((study / "exports" / "records").glob("records-*")))
 
     def say(**changes: object) -> str:
-        arguments = {
-            "study": study,
-            "trial": None,
-            "participant": None,
-            "rule": "disturbed",
-            "reason": "x",
-            "undo": False,
-        }
-        assert StudyExclude(**(arguments | changes)).run() == 0  # type: ignore[arg-type]
+        assert StudyExclude(study, **({"rule": "disturbed", "reason": "x"} | changes)).run() == 0  # type: ignore[arg-type]
         return capsys.readouterr().out
 
     assert run_folders() == 2
@@ -256,6 +243,5 @@ def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys
     ],
 )
 def test_impossible_exclusions_are_refused(study: Path, changes: dict[str, object], message: str) -> None:
-    arguments = {"study": study, "trial": None, "participant": None, "rule": "disturbed", "reason": "x", "undo": False}
     with pytest.raises(StudyError, match=message.replace("(", r"\(").replace("!", r"\!")):
-        StudyExclude(**(arguments | changes)).run()  # type: ignore[arg-type]
+        StudyExclude(study, **({"rule": "disturbed", "reason": "x"} | changes)).run()  # type: ignore[arg-type]
