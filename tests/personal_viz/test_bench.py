@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from personal_viz.bench.sim.children import in_child, measured_loads
 from personal_viz.bench.sim.house import STOREY_HEIGHT
 from personal_viz.bench.sim.rendering import RawTrace
 from personal_viz.bench.sim.scenes import bench_mesh, write_bench_glb
-from personal_viz.bench.sim.simulator import BenchSettings, BenchSize, growth
+from personal_viz.bench.sim.simulator import BenchSettings, BenchSize
 from personal_viz.bench.sim.walking import camera_starts
 from personal_viz.cli.bench import Bench
 from sim.frames import T_world_camera
@@ -32,7 +31,7 @@ KEYS = [
 ]
 """What the issue asks for at each size."""
 TINY = BenchSettings(
-    (BenchSize(30_000, with_load=False), BenchSize(40_000, True, with_load=False, with_variants=False)),
+    (BenchSize(30_000, with_load=False), BenchSize(40_000, True, with_load=False)),
     left_out=("100k",),
     poses=2,
     rounds=1,
@@ -107,27 +106,11 @@ def test_the_bound_traces_the_rays_of_the_renderer(house: TriangleMesh) -> None:
     scene, width = EmbreeScene(house.vertices, house.faces), raycaster.backend.packet_width
     raw = RawTrace(scene, Ts_world_camera, camera, width=width)
     cols, rows = TILES[width]
-    with ThreadPoolExecutor(2) as threads:
-        by_two = raw.traced_by(threads, 2)
-        for k in range(3):
-            depth = raycaster.depth(Ts_world_camera[k], camera)
-            last = raw.trace(k)["tfar"][0]
-            expected = depth[-rows:, -cols:].reshape(-1)
-            np.testing.assert_allclose(np.where(np.isfinite(last), last, 0), expected, rtol=1e-4)
-            np.testing.assert_array_equal(by_two(k)[-1]["tfar"][0], last)
-
-
-def test_growth_is_the_exponent_over_the_plain_sizes() -> None:
-    sizes = {
-        "100k": {"faces": 100_000, "cluttered": False, "raw_ms": 1.0, "rgbd_ms": 5.0},
-        "1M": {"faces": 1_000_000, "cluttered": False, "raw_ms": 10.0, "rgbd_ms": 5.0},
-        "2M cluttered": {"faces": 2_000_000, "cluttered": True, "raw_ms": 1e6},
-    }
-    found = growth(sizes)
-    assert found["raw_ms"] == pytest.approx(1.0)
-    assert found["rgbd_ms"] == pytest.approx(0.0, abs=1e-9)
-    del sizes["100k"]
-    assert growth(sizes)["raw_ms"] is None
+    for k in range(3):
+        depth = raycaster.depth(Ts_world_camera[k], camera)
+        last = raw.trace(k)["tfar"][0]
+        expected = depth[-rows:, -cols:].reshape(-1)
+        np.testing.assert_allclose(np.where(np.isfinite(last), last, 0), expected, rtol=1e-4)
 
 
 def test_sizes_have_short_names() -> None:
@@ -169,10 +152,10 @@ def test_loads_end_when_there_is_no_time_for_one_more(house: TriangleMesh, tmp_p
         return False
 
     found = measured_loads(tmp_path / "house.glb", repeats=3, has_time=has_time)
-    assert (found["load_processes"], len(asked)) == (1, 1)
+    assert len(asked) == 1
     assert asked[0] > found["load_wall_s"] + found["trimesh_wall_s"]
-    assert 0 < found["load_parse_s"] < found["load_s"]
-    assert 50 < found["rss_mb"] <= found["peak_mb"]
+    assert found["load_s"] > 0
+    assert found["rss_mb"] > 50
 
 
 def test_a_part_that_takes_too_long_is_ended() -> None:
@@ -185,7 +168,6 @@ def test_what_has_no_time_left_is_named_as_left_out() -> None:
     found = simulator.measure(late, lambda line: None)
     assert found.values["sizes"] == {}
     assert list(found.left_out[:2]) == ["30k (no time left)", "40k cluttered (no time left)"]
-    assert found.values["navmesh_path_us"] is None
 
 
 @pytest.mark.bench

@@ -20,8 +20,6 @@ import psutil
 
 from sim.errors import SceneError
 
-from ..harness import peak_mb
-
 _COMMAND = (sys.executable, "-m", "personal_viz.bench.sim.children")
 _LOAD_TIMEOUT_S = 300.0
 
@@ -83,10 +81,9 @@ def measured_loads(
             series.
 
     Returns:
-        `load_s`, `load_wall_s`: CPU and elapsed seconds from file to first frame, `load_parse_s` of `load_glb` alone;
-        `rss_mb`, `peak_mb`: resident memory of the whole process afterwards and at most, MB of 10^6 bytes. With
-        `trimesh_`: the same for `load_scene` with all textures decoded, without a frame; `trimesh_parse_s` leaves them
-        undecoded. `load_processes`: number of processes of each kind.
+        `load_s`, `load_wall_s`: CPU and elapsed seconds from file to first frame; `rss_mb`: resident memory of the
+        whole process afterwards, MB of 10^6 bytes. With `trimesh_`: the same for `load_scene` with all textures
+        decoded, without a frame.
 
     Raises:
         SceneError: A process failed.
@@ -100,7 +97,7 @@ def measured_loads(
             raise SceneError(f"{path}: is not loaded within {_LOAD_TIMEOUT_S:g} s; expected seconds. Free the machine.")
         runs.append(ours | theirs)
         need_s = time.perf_counter() - before
-    return {name: float(np.median([run[name] for run in runs])) for name in runs[0]} | {"load_processes": len(runs)}
+    return {name: float(np.median([run[name] for run in runs])) for name in runs[0]}
 
 
 def _compile() -> dict[str, float]:
@@ -120,8 +117,6 @@ def _compile() -> dict[str, float]:
     raycaster.depth(Ts[0], camera)
     if raycaster.backend.name == "embree":
         RawTrace(EmbreeScene(mesh.vertices, mesh.faces), Ts, camera, width=raycaster.backend.packet_width).trace(0)
-    for texture_filter in ("nearest", "mipmap"):
-        Raycaster(mesh, texture_filter=texture_filter, threads=1).render(Ts[0], camera)
     navigation = floor_grid_from_mesh(mesh)
     camera_starts(navigation, 1, seed=0)
     query_figures(navigation, seed=0, goals=1)
@@ -147,10 +142,9 @@ def _load(path: str) -> dict[str, float]:
     Raycaster(bench_mesh(1, cluttered=False, texture_size=4, num_textures=1)).render(T, camera)  # fetches compiled code
     wall, core = time.perf_counter(), time.process_time()
     mesh = load_glb(Path(path))
-    parsed = time.process_time() - core
     raycaster = Raycaster(mesh)
     raycaster.render(T, camera)
-    return {"load_parse_s": parsed, **_spent("load_", wall, core), **_memory("")}
+    return {**_spent("load_", wall, core), "rss_mb": _resident_mb()}
 
 
 def _load_trimesh(path: str) -> dict[str, float]:
@@ -160,21 +154,19 @@ def _load_trimesh(path: str) -> dict[str, float]:
 
     wall, core = time.perf_counter(), time.process_time()
     scene = trimesh.load_scene(path)
-    parsed = time.process_time() - core
     for geometry in scene.geometry.values():
         image: PIL.JpegImagePlugin.JpegImageFile = geometry.visual.material.baseColorTexture  # pyright: ignore
         image.load()
-    return {"trimesh_parse_s": parsed, **_spent("trimesh_", wall, core), **_memory("trimesh_")}
+    return {**_spent("trimesh_", wall, core), "trimesh_rss_mb": _resident_mb()}
 
 
 def _spent(name: str, wall: float, core: float) -> dict[str, float]:
     return {f"{name}s": time.process_time() - core, f"{name}wall_s": time.perf_counter() - wall}
 
 
-def _memory(name: str) -> dict[str, float]:
-    """Memory figures of this process while everything that a user would keep is alive."""
-    process = psutil.Process()
-    return {f"{name}rss_mb": process.memory_info().rss / 1e6, f"{name}peak_mb": peak_mb(process)}
+def _resident_mb() -> float:
+    """Resident memory of this process while everything that a user would keep is alive, MB of 10^6 bytes."""
+    return psutil.Process().memory_info().rss / 1e6
 
 
 def _browser(faces: str, clicks: str, seed: str, num_textures: str, texture_size: str) -> dict[str, float]:
@@ -192,20 +184,11 @@ def _browser(faces: str, clicks: str, seed: str, num_textures: str, texture_size
     return browser_figures(scene, navigation.storey_heights[0], num_clicks=int(clicks), seed=int(seed))
 
 
-def _navmesh(path: str, seed: str) -> dict[str, float]:
-    from sim.walk.navmesh import load_navmesh
-
-    from .walking import query_figures
-
-    return query_figures(load_navmesh(Path(path)), seed=int(seed), goals=8)
-
-
 PARTS: dict[str, Callable[..., dict[str, Any]]] = {
     "compile": _compile,
     "load": _load,
     "trimesh": _load_trimesh,
     "browser": _browser,
-    "navmesh": _navmesh,
 }
 
 if __name__ == "__main__":

@@ -3,10 +3,7 @@
 The last is the lower bound for every renderer on Embree: only its coherent packets on prefilled rays.
 """
 
-import itertools
-import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import open3d as o3d
@@ -19,7 +16,7 @@ from sim.render.raycast import Raycaster
 from sim.render.raycast_kernels import TILES
 from sim.types import Camera
 
-from ..harness import Timing, interleaved
+from ..harness import interleaved
 
 SMALL = Camera(width=256, height=256)
 """The second camera size that is measured."""
@@ -27,7 +24,7 @@ _Cast = Callable[[int, int], object]
 
 
 def render_figures(
-    mesh: TriangleMesh, Ts_world_camera: NDArray[np.float64], *, threads: int, rounds: int, with_variants: bool = True
+    mesh: TriangleMesh, Ts_world_camera: NDArray[np.float64], *, threads: int, rounds: int
 ) -> dict[str, float | None]:
     """Milliseconds per 640 x 480 frame, medians over the poses (B, 4, 4), interleaved.
 
@@ -40,36 +37,28 @@ def render_figures(
         Ts_world_camera: Poses, OpenCV axes.
         threads: Number of threads for the second series of elapsed times.
         rounds: How many times each pose is measured.
-        with_variants: Whether to measure the other texture filters and the small picture too.
     """
     Ts, camera, num = Ts_world_camera, Camera(), len(Ts_world_camera)
-    before = time.process_time()
-    one = Raycaster(mesh, threads=1)
-    tree_s = time.process_time() - before
-    tree = EmbreeScene(mesh.vertices, mesh.faces) if one.backend.name == "embree" else None
-    raw = None if tree is None else RawTrace(tree, Ts, camera, width=one.backend.packet_width)
+    one, several = (Raycaster(mesh, threads=count) for count in (1, threads))
     cast = _open3d_rays(mesh, Ts, camera)
     work: dict[str, Callable[[int], object]] = {
         "depth": lambda k: one.depth(Ts[k], camera),
         "rgbd": lambda k: one.render(Ts[k], camera),
         "open3d_rays": lambda k: cast(k, 1),
+        "rgbd_256": lambda k: one.render(Ts[k], SMALL),
     }
-    if raw is not None:
-        work["raw"] = raw.trace
-    core = interleaved(work, calls=num, rounds=rounds)
-    variants: dict[str, Timing] = {}
-    if with_variants:
-        small = None if tree is None else RawTrace(tree, Ts, SMALL, width=one.backend.packet_width)
-        variants = _variants(mesh, small, Ts, bilinear=one)
-    several = _several_threads(mesh, raw, Ts, cast, threads=threads)
-    found: dict[str, float | None] = {"tree_s": tree_s, "wall_threads": threads}
-    for name in ("raw", "depth", "rgbd", "open3d_rays", "nearest", "mipmap", "raw_256", "rgbd_256"):
-        timing = (core | variants).get(name)
-        found[f"{name}_ms"] = timing and timing.core_s * 1e3
-    for name in ("raw", "rgbd", "open3d_rays"):
-        found[f"wall_{name}_1_ms"] = core[name].wall_s * 1e3 if name in core else None
-        found[f"wall_{name}_ms"] = several[name].wall_s * 1e3 if name in several else None
-    return found | {"wall_batch_ms": several["batch"].wall_s * 1e3 / num}
+    if one.backend.name == "embree":
+        tree, width = EmbreeScene(mesh.vertices, mesh.faces), one.backend.packet_width
+        work["raw"] = RawTrace(tree, Ts, camera, width=width).trace
+        work["raw_256"] = RawTrace(tree, Ts, SMALL, width=width).trace
+    found = interleaved(work, calls=num, rounds=rounds)
+    at_once = interleaved(
+        {"rgbd": lambda k: several.render(Ts[k], camera), "open3d_rays": lambda k: cast(k, threads)}, calls=num
+    )
+    names = ("raw", "depth", "rgbd", "open3d_rays", "raw_256", "rgbd_256")
+    core = {f"{name}_ms": found[name].core_s * 1e3 if name in found else None for name in names}
+    alone = {f"wall_{name}_1_ms": found[name].wall_s * 1e3 for name in at_once}
+    return core | alone | {f"wall_{name}_ms": timing.wall_s * 1e3 for name, timing in at_once.items()}
 
 
 class RawTrace:
@@ -98,55 +87,11 @@ class RawTrace:
 
     def trace(self, k: int) -> NDArray[np.void]:
         """Traces all rays of the k-th camera on this thread; returns the last packet with its hits."""
-        return self._trace_span(k, (0, len(self._directions[k])))
-
-    def traced_by(self, threads: ThreadPoolExecutor, num: int) -> Callable[[int], list[NDArray[np.void]]]:
-        """A function like `trace` that uses `num` threads, each on an equal range of packets.
-
-        It returns the last packet of each thread.
-        """
-        bounds = np.linspace(0, len(self._directions[0]), num + 1).astype(int)
-        spans = [(int(a), int(b)) for a, b in itertools.pairwise(bounds)]
-        return lambda k: list(threads.map(lambda span: self._trace_span(k, span), spans))
-
-    def _trace_span(self, k: int, span: tuple[int, int]) -> NDArray[np.void]:
         packet = new_packet(self._width)
         for axis, name in enumerate(("org_x", "org_y", "org_z")):
             packet[name] = self._origins[k, axis]
-        _trace_range(self._scene.coherent, packet, self._directions[k], span)
+        _trace_all(self._scene.coherent, packet, self._directions[k])
         return packet
-
-
-def _several_threads(
-    mesh: TriangleMesh, raw: RawTrace | None, Ts: NDArray[np.float64], cast: _Cast, *, threads: int
-) -> dict[str, Timing]:
-    camera, raycaster = Camera(), Raycaster(mesh, threads=threads)
-    work: dict[str, Callable[[int], object]] = {
-        "rgbd": lambda k: raycaster.render(Ts[k], camera),
-        "open3d_rays": lambda k: cast(k, threads),
-    }
-    with ThreadPoolExecutor(threads) as pool:
-        if raw is not None:
-            work["raw"] = raw.traced_by(pool, threads)
-        found = interleaved(work, calls=len(Ts))
-    return found | interleaved({"batch": lambda _: raycaster.render_batch(Ts, camera)}, calls=2, warm_ups=1)
-
-
-def _variants(
-    mesh: TriangleMesh, small: RawTrace | None, Ts: NDArray[np.float64], *, bilinear: Raycaster
-) -> dict[str, Timing]:
-    """Times of other texture filters, and of a smaller picture."""
-    camera = Camera()
-    nearest = Raycaster(mesh, texture_filter="nearest", threads=1)
-    mipmap = Raycaster(mesh, texture_filter="mipmap", threads=1)
-    work: dict[str, Callable[[int], object]] = {
-        "nearest": lambda k: nearest.render(Ts[k], camera),
-        "mipmap": lambda k: mipmap.render(Ts[k], camera),
-        "rgbd_256": lambda k: bilinear.render(Ts[k], SMALL),
-    }
-    if small is not None:
-        work["raw_256"] = small.trace
-    return interleaved(work, calls=len(Ts))
 
 
 def _open3d_rays(mesh: TriangleMesh, Ts: NDArray[np.float64], camera: Camera) -> _Cast:
@@ -184,17 +129,16 @@ def _tiled_directions(camera: Camera, width: int) -> NDArray[np.floating]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _trace_range(tracer, packets, directions, span):
-    """Traces packets span[0] to span[1].
+def _trace_all(tracer, packets, directions):
+    """Traces packets one after the other.
 
     Args:
         tracer: Addresses of scene, arguments and mask for `trace`.
         packets: One packet that no other thread uses, with its origin.
         directions: (P, 3, width) directions of all packets.
-        span: First packet, and last packet + 1.
     """
     packet = packets[0]
-    for k in range(span[0], span[1]):
+    for k in range(len(directions)):
         for lane in range(len(packet.tfar)):
             packet.dir_x[lane] = directions[k, 0, lane]
         for lane in range(len(packet.tfar)):  # separate loops: a joint one is not vectorised

@@ -2,7 +2,6 @@
 
 import tempfile
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -23,10 +22,6 @@ from .scenes import bench_mesh, write_bench_glb
 from .walking import camera_starts, env_steps_per_s, navigation_figures
 
 _MORE_PACKAGES = ("embreex", "llvmlite", "imagecodecs")
-_GOLDEN_NAVMESH = Path(__file__).resolve().parents[4] / "shared" / "habitat-golden" / "dev_a.navmesh"
-"""A .navmesh of Habitat beside a developer's checkout; without it the figure is left out."""
-GROWING = ("raw_ms", "depth_ms", "rgbd_ms", "open3d_rays_ms", "tree_s", "build_s", "field_ms", "path_us", "load_s")
-"""Figures for which the growth with the number of triangles is fitted."""
 PLAN = Plan(
     targets={
         "sizes.1M.open3d_over_rgbd": Target(2.8, at_least=True),
@@ -54,11 +49,10 @@ PLAN = Plan(
         "rss_mb": "trimesh_rss_mb",
     },
     units={
-        "growth": "exponent",
-        **dict.fromkeys(("raw_ms", "depth_ms", "rgbd_ms", "nearest_ms", "mipmap_ms", "open3d_rays_ms"), "core-ms"),
+        **dict.fromkeys(("raw_ms", "depth_ms", "rgbd_ms", "open3d_rays_ms"), "core-ms"),
         **dict.fromkeys(("raw_256_ms", "rgbd_256_ms", "field_ms"), "core-ms"),
-        **dict.fromkeys(("tree_s", "build_s", "load_s", "load_parse_s", "trimesh_s", "trimesh_parse_s"), "core-s"),
-        **dict.fromkeys(("path_us", "distance_us", "navmesh_path_us"), "core-us"),
+        **dict.fromkeys(("build_s", "load_s", "trimesh_s"), "core-s"),
+        "path_us": "core-us",
     },
 )
 """Targets of SIM.md, section 5; most are for a million triangles."""
@@ -71,15 +65,11 @@ NOTES = (
     "them, so depth can come out below.) Open3D: `cast_rays` alone on rays that were filled before.",
     "Loading: fresh processes in turn, CPU time, the file in the page cache; imports (those of the JPEG decoders too, "
     "for both) and compiled code ready, nothing decoded before. Ours: GLB file to first frame. trimesh: `load_scene` "
-    "and every texture decoded, no search tree, no frame; `load_scene` alone, which leaves JPEGs undecoded, stands "
-    "beside it.",
+    "and every texture decoded, no search tree, no frame.",
     "Navigation: CPU time, the map built warm; path = `shortest_path` through Python with the goal's field at hand, "
     "field = the first question to a goal. Steps per second are elapsed time, one thread.",
 )
-_LOAD_FIGURES = (
-    *("load_s", "load_wall_s", "load_parse_s", "rss_mb", "peak_mb", "load_processes"),
-    *("trimesh_s", "trimesh_wall_s", "trimesh_parse_s", "trimesh_rss_mb", "trimesh_peak_mb"),
-)
+_LOAD_FIGURES = ("load_s", "load_wall_s", "rss_mb", "trimesh_s", "trimesh_wall_s", "trimesh_rss_mb")
 """Figures of `measured_loads`; None if loading is left out."""
 
 
@@ -90,8 +80,6 @@ class BenchSize(NamedTuple):
     cluttered: bool = False
     with_load: bool = True
     """Whether loading is measured, which takes some seconds each time."""
-    with_variants: bool = True
-    """Whether other texture filters and a smaller picture are measured."""
     with_browser: bool = False
     """Whether a browser copy is made."""
     need_s: float = 0.0
@@ -133,8 +121,8 @@ FULL = BenchSettings(
 QUICK = BenchSettings(
     (
         BenchSize(1_000_000, with_browser=True, need_s=13.0),
-        BenchSize(1_000_000, True, with_load=False, with_variants=False, need_s=12.0),
-        BenchSize(100_000, with_load=False, with_variants=False, need_s=5.0),
+        BenchSize(1_000_000, True, with_load=False, need_s=12.0),
+        BenchSize(100_000, with_load=False, need_s=5.0),
     ),
     left_out=(
         "500k",
@@ -142,7 +130,7 @@ QUICK = BenchSettings(
         "100k cluttered",
         "500k cluttered",
         "2M cluttered",
-        "loading and texture filters of 100k and 1M cluttered",
+        "loading of 100k and 1M cluttered",
     ),
     poses=12,
     rounds=1,
@@ -150,7 +138,7 @@ QUICK = BenchSettings(
     clicks=10_000,
     budget_s=46.0,  # of 50: writing the table and the picture takes 2 s
 )
-_BROWSER_NEED_S, _NAVMESH_NEED_S = 9.0, 3.0
+_BROWSER_NEED_S = 9.0
 """Elapsed seconds on the machine of SIM.md with compiled code in the cache; without it, the part is ended in time."""
 
 
@@ -179,16 +167,14 @@ class _Run:
 
 
 def measure(settings: BenchSettings, progress: Progress) -> Findings:
-    """Measures the first size, the browser copies, the other sizes and a navmesh, the most important first.
+    """Measures the first size, the browser copies and the other sizes, the most important first.
 
     Args:
         settings: What to measure.
         progress: Gets a line about the present work.
 
     Returns:
-        Values: `sizes` by name (`1M cluttered`), `browser` copies by the size's name,
-        `navmesh_path_us` of one `shortest_path` on a Habitat .navmesh, and `growth`, the exponent e of
-        figure ~ triangles^e over plain sizes.
+        Values: `sizes` by name (`1M cluttered`), and `browser` copies by the size's name.
 
     Raises:
         SceneError: A process that measures a part failed.
@@ -197,28 +183,13 @@ def measure(settings: BenchSettings, progress: Progress) -> Findings:
     backend = Raycaster(bench_mesh(1, cluttered=False, texture_size=4, num_textures=1)).backend
     sizes, copies = _sizes_and_copies(settings, run)
     sizes = dict(sorted(sizes.items(), key=lambda item: (item[1]["cluttered"], item[1]["faces"])))
-    navmesh_path_us = _navmesh_path_us(settings.seed, run)
-    values = {"sizes": sizes, "browser": copies, "navmesh_path_us": navmesh_path_us, "growth": growth(sizes)}
     return Findings(
-        values,
+        {"sizes": sizes, "browser": copies},
         notes=(*NOTES, f"Renderer: {backend.reason}"),
         left_out=run.left_out,
         versions={"renderer": f"{backend.name}, packets of {backend.packet_width}", **_more_versions()},
         seconds=None if settings.budget_s is None else since_process_start_s(),
     )
-
-
-def growth(sizes: Mapping[str, Values]) -> dict[str, float | None]:
-    """Exponent of each figure of GROWING over the plain scenes' triangles; None with fewer than two."""
-    plain = [figures for figures in sizes.values() if not figures["cluttered"]]
-    found: dict[str, float | None] = {}
-    for name in GROWING:
-        points = [(f["faces"], value) for f in plain if (value := f.get(name)) is not None]
-        found[name] = None
-        if len({faces for faces, _ in points}) >= 2:
-            x, y = np.log(np.array(points, float)).T
-            found[name] = float(np.polyfit(x, y, 1)[0])
-    return found
 
 
 def _sizes_and_copies(settings: BenchSettings, run: _Run) -> tuple[dict[str, Values], dict[str, Values]]:
@@ -252,14 +223,11 @@ def _size_figures(size: BenchSize, made: tuple[TriangleMesh, FloorGrid], setting
     run.progress(f"{size.name}: rendering")
     poses = camera_starts(navigation, settings.poses, seed=seed)
     Ts_world_camera = np.stack([T_world_camera(pose, camera) for pose in poses])
-    drawn = render_figures(
-        mesh, Ts_world_camera, threads=own_cores(), rounds=settings.rounds, with_variants=size.with_variants
-    )
+    drawn = render_figures(mesh, Ts_world_camera, threads=own_cores(), rounds=settings.rounds)
     run.progress(f"{size.name}: navigation and environment")
     walked = navigation_figures(mesh, navigation, seed=seed)
     raycaster, steps = Raycaster(mesh, threads=1), settings.env_steps
     steps_per_s = env_steps_per_s(navigation, raycaster, camera=camera, num_steps=steps, seed=seed)
-    steps_only_per_s = env_steps_per_s(navigation, None, camera=camera, num_steps=10 * steps, seed=seed)
     if size.need_s:
         run.pace = max(1.0, (time.perf_counter() - began) / size.need_s)
     loaded: dict[str, float | None] = dict.fromkeys(_LOAD_FIGURES)
@@ -274,11 +242,9 @@ def _size_figures(size: BenchSize, made: tuple[TriangleMesh, FloorGrid], setting
         "open3d_over_rgbd": _ratio(drawn["open3d_rays_ms"], drawn["rgbd_ms"]),
         **loaded,
         "load_over_trimesh": _ratio(loaded["load_s"], loaded["trimesh_s"]),
-        "load_over_trimesh_undecoded": _ratio(loaded["load_s"], loaded["trimesh_parse_s"]),
         "load_wall_over_trimesh": _ratio(loaded["load_wall_s"], loaded["trimesh_wall_s"]),
         **walked,
         "env_steps_per_s": steps_per_s,
-        "env_steps_per_s_without_rendering": steps_only_per_s,
     }
 
 
@@ -303,18 +269,6 @@ def _loads(size: BenchSize, mesh: TriangleMesh, settings: BenchSettings, run: _R
         return measured_loads(
             path, repeats=settings.load_repeats, has_time=lambda need_s: run.budget.has(need_s + reserve_s)
         )
-
-
-def _navmesh_path_us(seed: int, run: _Run) -> float | None:
-    """`path_us` on a navmesh of Habitat; None if there is no navmesh, or no time left."""
-    name = "path on a .navmesh"
-    if not _GOLDEN_NAVMESH.is_file() or not run.begins(name, _NAVMESH_NEED_S):
-        return None
-    found = in_child("navmesh", _GOLDEN_NAVMESH, seed, timeout_s=run.budget.left_s)
-    if found is None:
-        run.leave_out(name)
-        return None
-    return found["path_us"]
 
 
 def _ratio(value: float | None, reference: float | None) -> float | None:
