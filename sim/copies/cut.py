@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from sim.compiled import njit
 from sim.errors import SceneError
 from sim.types import CUT_HEIGHT, STOREY_GAP
+from sim.walk.height_field import ceilings
 from sim.walk.navigation_map import NavigationMap
 
 from ..mesh import Scene, TriangleMesh
@@ -77,7 +77,7 @@ def storey_cut(scene: Scene, floor_y: float) -> StoreyCut:
         return StoreyCut(floor_y - CUT_BELOW, floor_y + CUT_HEIGHT)
     floors = _levels(x, y, z)
     lowest, highest = min([floor_y, *floors]), max([floor_y, *floors])
-    ceiling = _ceilings(scene.mesh.vertices, scene.mesh.faces, x, y, z, _CELL, _MIN_CLEARANCE)
+    ceiling = ceilings(scene.mesh.vertices, scene.mesh.faces, x, y, z, _CELL, _MIN_CLEARANCE)
     covered = np.isfinite(ceiling)
     top = floor_y + CUT_HEIGHT
     highest_top = floor_y + (CUT_RANGE[1] if scene.kind == "scan" else CUT_HEIGHT)
@@ -131,46 +131,6 @@ def _levels(x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float6
         if areas.max() >= _MIN_AREA:
             large = areas[groups[row[here], col[here]] - 1] >= _MIN_AREA
             found.append(float(np.quantile(y[here][large], _LEVEL_SHARE)))
-    return found
-
-
-@njit(cache=True, nogil=True)
-def _ceilings(vertices, faces, x, y, z, cell, clearance):
-    """(N,) height of the lowest face at least `clearance` above each place, inf where there is none.
-
-    Faces steeper than 60 degrees are walls. Places are held in columns of a grid of `cell` metres.
-    """
-    x0, z0 = x.min(), z.min()
-    cols, rows = int((x.max() - x0) / cell) + 1, int((z.max() - z0) / cell) + 1
-    first = np.zeros(rows * cols + 1, np.int64)
-    column = np.empty(len(x), np.int64)
-    for i in range(len(x)):
-        column[i] = int((z[i] - z0) / cell) * cols + int((x[i] - x0) / cell)
-        first[column[i] + 1] += 1
-    first = np.cumsum(first)
-    order = np.argsort(column, kind="mergesort")
-    found = np.full(len(x), np.inf)
-    for f in range(len(faces)):
-        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
-        ux, uy, uz = float(b[0] - a[0]), float(b[1] - a[1]), float(b[2] - a[2])
-        vx, vy, vz = float(c[0] - a[0]), float(c[1] - a[1]), float(c[2] - a[2])
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        if ny * ny <= 0.25 * (nx * nx + ny * ny + nz * nz):
-            continue
-        c0 = max(int((min(a[0], b[0], c[0]) - x0) / cell), 0)
-        c1 = min(int((max(a[0], b[0], c[0]) - x0) / cell), cols - 1)
-        r0 = max(int((min(a[2], b[2], c[2]) - z0) / cell), 0)
-        r1 = min(int((max(a[2], b[2], c[2]) - z0) / cell), rows - 1)
-        for r in range(r0, r1 + 1):
-            for k in range(first[r * cols + c0], first[r * cols + c1 + 1]) if c1 >= c0 else range(0):
-                i = order[k]
-                dx, dz = x[i] - a[0], z[i] - a[2]
-                s = (dz * vx - dx * vz) / ny  # barycentric coordinates of the place seen from above
-                t = (dx * uz - dz * ux) / ny
-                if s >= 0 and t >= 0 and s + t <= 1:
-                    height = a[1] + s * uy + t * vy
-                    if height >= y[i] + clearance and height < found[i]:
-                        found[i] = height
     return found
 
 

@@ -20,6 +20,7 @@ from .grid_kernels import (
     Cells,
     clamp,
     connected_parts,
+    first_of_columns,
     linked_layers,
     nearest_node,
     slide_end,
@@ -327,8 +328,8 @@ def floor_grid_from_mesh(
     """
     find = partial(standing_places, mesh.vertices, mesh.faces, radius=radius, height=height)
     places = find(both_sides=both_sides)
-    if not len(places.row):
-        turned = not both_sides and len(find(both_sides=True).row)
+    if not len(places.covered):
+        turned = not both_sides and len(find(both_sides=True).covered)
         hint = " Its faces are wound downwards: turned over it would have some (both_sides=True)." if turned else ""
         raise SceneError(
             f"navigation: found no floor of 1 m2 or more on {len(mesh.faces)} faces where a robot of radius {radius!r} "
@@ -336,11 +337,7 @@ def floor_grid_from_mesh(
             f'(files are read as z-up, as HM3D\'s are, unless a <Name>.stage_config.json with "up" says otherwise). '
             f"Check the file's unit and up axis.{hint}"
         )
-    rows, cols = places.grid.shape
-    h = places.y / places.grid.cell
-    links = with_diagonals(places.sides, h, np.inf)
-    cells = Cells(places.row, places.col, h, links, first_of_columns(places.row, places.col, rows, cols), rows, cols)
-    return FloorGrid(cells, places.grid, covered=places.covered, digest=_digest(cells, places.grid))
+    return FloorGrid(places.cells, places.grid, covered=places.covered, digest=_digest(places.cells, places.grid))
 
 
 def _step_result(start: Points, end: Points, *, wanted: Points) -> StepResult:
@@ -348,12 +345,6 @@ def _step_result(start: Points, end: Points, *, wanted: Points) -> StepResult:
     moved, asked = end - start, wanted - start
     x, y, z = (float(value) for value in end)
     return StepResult((x, y, z), bool(moved @ moved + 1e-5 < asked @ asked))
-
-
-def first_of_columns(row: NDArray[np.int32], col: NDArray[np.int32], rows: int, cols: int) -> NDArray[np.int32]:
-    """(rows * cols + 1,) index of the first node of each column, for nodes sorted by column."""
-    counts = np.bincount(row.astype(np.int64) * cols + col, minlength=rows * cols)
-    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
 
 
 def _check_cells(rc: NDArray[np.int64], y: NDArray[np.float64], grid: GridSpec, max_climb: float) -> None:

@@ -37,6 +37,12 @@ class Cells(NamedTuple):
     cols: int
 
 
+def first_of_columns(row: NDArray[np.int32], col: NDArray[np.int32], rows: int, cols: int) -> NDArray[np.int32]:
+    """(rows * cols + 1,) index of the first node of each column, for nodes sorted by column."""
+    counts = np.bincount(row.astype(np.int64) * cols + col, minlength=rows * cols)
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+
+
 @njit(cache=True, nogil=True)
 def length(u, v, h, other_u, other_v, other_h):
     """Straight 3-D length between two points."""

@@ -1,4 +1,4 @@
-"""Turns triangles into places where a robot fits: Recast's voxel rules with Habitat's settings, compiled.
+"""Places of a mesh where a robot fits, by Recast's voxel rules with Habitat's settings, and ceilings over places.
 
 A column of the height field holds *spans*, solid from `lo` to `hi` in voxels of 0.2 m; the robot stands on their tops.
 Lengths inside the kernels are voxels; u, v and directions are those of grid_kernels.
@@ -14,7 +14,7 @@ from sim.compiled import njit
 from sim.errors import SceneError
 from sim.types import GridSpec
 
-from .grid_kernels import connected_parts
+from .grid_kernels import Cells, connected_parts, first_of_columns, with_diagonals
 from .spans import CLIMB, bounds_of, spans_of
 
 CELL = 0.05
@@ -34,18 +34,11 @@ _OPEN = 1 << 20
 
 
 class StandingPlaces(NamedTuple):
-    """Nodes sorted by column and height."""
+    """The nodes of a mesh's floor grid."""
 
-    row: NDArray[np.int32]
-    """(N,) row of each node."""
-    col: NDArray[np.int32]
-    """(N,) column of each node."""
-    y: NDArray[np.float64]
-    """(N,) height of the real floor, world metres."""
-    sides: NDArray[np.int32]
-    """(N, 4) linked nodes along +u, +v, -u, -v, -1 = none."""
+    cells: Cells
     covered: NDArray[np.bool_]
-    """(N,) whether something is above."""
+    """(N,) whether something is above each node."""
     grid: GridSpec
 
 
@@ -57,7 +50,7 @@ def standing_places(
     height: float,
     both_sides: bool,
 ) -> StandingPlaces:
-    """Places where the centre of a robot fits on a mesh; see `floor_grid_from_mesh`."""
+    """Places where the centre of a robot fits on a mesh, at the real floor's height; see `floor_grid_from_mesh`."""
     low, high = bounds_of(vertices, faces)
     rows, cols = _columns(low, high)
     spans = spans_of(
@@ -75,10 +68,11 @@ def standing_places(
     nodes = np.flatnonzero(fits & (sizes[islands + 1] >= MIN_ISLAND_CELLS))
     number = np.full(len(fits) + 1, -1, np.int32)
     number[nodes] = np.arange(len(nodes))
-    grid = GridSpec((float(low[0]), float(low[2])), CELL, (rows, cols))
     row, col = (column[nodes] // cols).astype(np.int32), (column[nodes] % cols).astype(np.int32)
-    y = low[1] + spans.top[nodes] * VOXEL
-    return StandingPlaces(row, col, y, number[links[nodes]], ceiling[nodes] < _OPEN, grid)
+    h = (low[1] + spans.top[nodes] * VOXEL) / CELL
+    all_links = with_diagonals(number[links[nodes]], h, np.inf)
+    cells = Cells(row, col, h, all_links, first_of_columns(row, col, rows, cols), rows, cols)
+    return StandingPlaces(cells, ceiling[nodes] < _OPEN, GridSpec((float(low[0]), float(low[2])), CELL, (rows, cols)))
 
 
 def _columns(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[int, int]:
@@ -188,3 +182,43 @@ def _wall_distance(walkable, links):
                 if corner >= 0:
                     distance[span] = min(distance[span], distance[corner] + 3)
     return distance
+
+
+@njit(cache=True, nogil=True)
+def ceilings(vertices, faces, x, y, z, cell, clearance):
+    """(N,) height of the lowest face at least `clearance` above each place, inf where there is none.
+
+    Faces steeper than 60 degrees are walls. Places are held in columns of a grid of `cell` metres.
+    """
+    x0, z0 = x.min(), z.min()
+    cols, rows = int((x.max() - x0) / cell) + 1, int((z.max() - z0) / cell) + 1
+    first = np.zeros(rows * cols + 1, np.int64)
+    column = np.empty(len(x), np.int64)
+    for i in range(len(x)):
+        column[i] = int((z[i] - z0) / cell) * cols + int((x[i] - x0) / cell)
+        first[column[i] + 1] += 1
+    first = np.cumsum(first)
+    order = np.argsort(column, kind="mergesort")
+    found = np.full(len(x), np.inf)
+    for f in range(len(faces)):
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        ux, uy, uz = float(b[0] - a[0]), float(b[1] - a[1]), float(b[2] - a[2])
+        vx, vy, vz = float(c[0] - a[0]), float(c[1] - a[1]), float(c[2] - a[2])
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        if ny * ny <= 0.25 * (nx * nx + ny * ny + nz * nz):
+            continue
+        c0 = max(int((min(a[0], b[0], c[0]) - x0) / cell), 0)
+        c1 = min(int((max(a[0], b[0], c[0]) - x0) / cell), cols - 1)
+        r0 = max(int((min(a[2], b[2], c[2]) - z0) / cell), 0)
+        r1 = min(int((max(a[2], b[2], c[2]) - z0) / cell), rows - 1)
+        for r in range(r0, r1 + 1):
+            for k in range(first[r * cols + c0], first[r * cols + c1 + 1]) if c1 >= c0 else range(0):
+                i = order[k]
+                dx, dz = x[i] - a[0], z[i] - a[2]
+                s = (dz * vx - dx * vz) / ny  # barycentric coordinates of the place seen from above
+                t = (dx * uz - dz * ux) / ny
+                if s >= 0 and t >= 0 and s + t <= 1:
+                    height = a[1] + s * uy + t * vy
+                    if height >= y[i] + clearance and height < found[i]:
+                        found[i] = height
+    return found

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from sim.compiled import njit
 from sim.types import STOREY_GAP, GridSpec
 
+from .height_field import ceilings
 from .navigation_map import Points
-from .navmesh_kernels import at, closest_on_polygon, height
+from .navmesh_kernels import closest_on_polygon, height
 from .navmesh_polygons import Polygons, owners, triangle_areas
 
 if TYPE_CHECKING:
@@ -101,23 +102,15 @@ def covered_cells(polygons: Polygons, cells: Cells, mesh: "TriangleMesh | None")
     a plain outline, without walls or furniture in it) over which the navigation mesh has nothing else.
     """
     sampled = (cells.row % _CEILING_STEP == 0) & (cells.col % _CEILING_STEP == 0)
-    row, col, y = cells.row[sampled], cells.col[sampled], cells.y[sampled]
+    row, col, y = cells.row[sampled], cells.col[sampled], cells.y[sampled].astype(np.float64)
     island = polygons.island[cells.polygon[sampled]]
-    rows, cols = -(-cells.grid.shape[0] // _CEILING_STEP), -(-cells.grid.shape[1] // _CEILING_STEP)
-    column = (row // _CEILING_STEP).astype(np.int64) * cols + col // _CEILING_STEP
-    order = np.argsort(column, kind="stable")
-    y, island, column = y[order], island[order], column[order]
-    first = np.searchsorted(column, np.arange(rows * cols + 1))
     if mesh is not None:
-        # The centres of sampled cells are the cell centres of a grid that is _CEILING_STEP times as coarse.
+        xz = cells.grid.xz_from_rc(np.stack([row, col], axis=1))
         step = CELL * _CEILING_STEP
-        corner = np.array(cells.grid.origin_xz) - (step - CELL) / 2
-        covered = _under_faces(mesh.vertices, mesh.faces, first, y, rows, cols, corner[0], corner[1], step)
-    else:
-        top = np.full(rows * cols, -np.inf)
-        np.maximum.at(top, column, y)
-        covered = ~_is_bare(polygons)[island] | (top[column] > y + STOREY_GAP)
-    return y.astype(np.float64), island, covered
+        return y, island, np.isfinite(ceilings(mesh.vertices, mesh.faces, xz[:, 0], y, xz[:, 1], step, _CEILING))
+    top = np.full(cells.grid.shape, -np.inf)
+    np.maximum.at(top, (row, col), y)
+    return y, island, ~_is_bare(polygons)[island] | (top[row, col] > y + STOREY_GAP)
 
 
 def _is_bare(polygons: Polygons) -> NDArray[np.bool_]:
@@ -212,29 +205,3 @@ def _heights_in(mesh, polygons, xz):
     for i in range(len(xz)):
         heights[i] = closest_on_polygon(mesh, polygons[i], (xz[i, 0], mesh.low[polygons[i], 1], xz[i, 1]))[1][1]
     return heights
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _under_faces(vertices, faces, first, heights, rows, cols, x0, z0, cell):
-    """(K,) whether a face is above each sample; samples are at cell centres, `first` (rows * cols + 1,) by column."""
-    covered = np.zeros(len(heights), np.bool_)
-    for f in range(len(faces)):
-        a, b, c = at(vertices, faces[f, 0]), at(vertices, faces[f, 1]), at(vertices, faces[f, 2])
-        whole = (b[0] - a[0]) * (c[2] - a[2]) - (b[2] - a[2]) * (c[0] - a[0])
-        if whole == 0:
-            continue
-        r0 = max(0, int(np.ceil((min(a[2], b[2], c[2]) - z0) / cell - 0.5)))
-        r1 = min(rows - 1, int(np.floor((max(a[2], b[2], c[2]) - z0) / cell - 0.5)))
-        c0 = max(0, int(np.ceil((min(a[0], b[0], c[0]) - x0) / cell - 0.5)))
-        c1 = min(cols - 1, int(np.floor((max(a[0], b[0], c[0]) - x0) / cell - 0.5)))
-        for r in range(r0, r1 + 1):
-            for k in range(c0, c1 + 1):
-                px, pz = x0 + (k + 0.5) * cell - a[0], z0 + (r + 0.5) * cell - a[2]
-                u = (px * (c[2] - a[2]) - pz * (c[0] - a[0])) / whole
-                v = (pz * (b[0] - a[0]) - px * (b[2] - a[2])) / whole
-                if u < 0 or v < 0 or u + v > 1:
-                    continue
-                y = a[1] + u * (b[1] - a[1]) + v * (c[1] - a[1])
-                for i in range(first[r * cols + k], first[r * cols + k + 1]):
-                    covered[i] = covered[i] or y > heights[i] + _CEILING
-    return covered
