@@ -108,3 +108,13 @@ def _copied_study(root: Path, name: str, **choices: Any) -> Path:
 
     shutil.copytree(built_once(cache_dir().parent, f"{name}-study", build), root, dirs_exist_ok=True)
     return root
+
+
+@pytest.fixture(scope="session")
+def small_root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dataset of small homes with captions, only read."""
+    from ..grounding.small_homes import write_small_dataset
+
+    folder = tmp_path_factory.mktemp("small")
+    write_small_dataset(folder)
+    return folder

@@ -13,22 +13,13 @@ from personal_viz.study_app.operator.served import served
 from .program import assert_one_line, personal_viz
 from .wire import enter
 
+SERVE = ("study", "serve", "--scene", "Demo")
+
 
 def test_a_port_in_use_is_one_line(demo_root: Path, tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = str(taken.getsockname()[1])
-        done = personal_viz(
-            "study",
-            "serve",
-            "--dataset",
-            str(demo_root),
-            "--scene",
-            "Demo",
-            "--out",
-            str(tmp_path / "s"),
-            "--port",
-            port,
-        )
+        port = taken.getsockname()[1]
+        done = personal_viz(*SERVE, "--dataset", demo_root, "--out", tmp_path / "s", "--port", port)
     assert_one_line(done, f"port {port} of 127.0.0.1: cannot be used", "--port 8090")
     assert not (tmp_path / "s").exists()
 
@@ -41,11 +32,8 @@ def test_a_port_that_is_no_number_is_one_line(tmp_path: Path) -> None:
 def test_an_unwritable_folder_is_one_line(demo_root: Path, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     out = str(tmp_path / "file" / "study")
-    assert_one_line(
-        personal_viz("study", "serve", "--dataset", str(demo_root), "--scene", "Demo", "--out", out, "--port", "0"),
-        f"{out}: cannot be written",
-        "--out",
-    )
+    done = personal_viz(*SERVE, "--dataset", demo_root, "--out", out, "--port", "0")
+    assert_one_line(done, f"{out}: cannot be written", "--out")
     assert_one_line(personal_viz("demo", "--out", out, "--port", "0"), f"{out}: cannot be written")
 
 
@@ -54,7 +42,7 @@ def test_a_missing_scan_names_the_file(demo_root: Path, tmp_path: Path) -> None:
     scans = tmp_path / "scans"
     scans.mkdir()
     for verb in (
-        ["study", "serve", "--scene", "Demo", "--port", "0", "--out", str(tmp_path / "s")],
+        [*SERVE, "--port", "0", "--out", str(tmp_path / "s")],
         ["run", "--agent", "random", "--out", str(tmp_path / "r")],
     ):
         done = personal_viz(*verb, "--dataset", str(demo_root), "--scenes-dir", str(scans))

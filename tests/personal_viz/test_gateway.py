@@ -218,30 +218,28 @@ def test_the_websocket_opens_only_with_its_own_ticket_cookie_and_origin(
     at = site(tmp_path)
     session_id, ticket_id = at.tickets.issue("p01")
     _, of_another = at.tickets.issue("p02")
-    headers = {"own": {"cookie": f"{SESSION_COOKIE}={session_id}"}, "other": {"cookie": f"{SESSION_COOKIE}=x"}}.get(
-        cookie, {}
-    )
+    cookies = {"own": session_id, "other": "x"}
+    headers = {"cookie": f"{SESSION_COOKIE}={cookies[cookie]}"} if cookie in cookies else {}
     if origin:
         headers["origin"] = "http://127.0.0.1" if origin == "own" else origin
     url = f"ws://127.0.0.1/ws/{ {'own': ticket_id, 'fine': of_another}.get(ticket, 'x') }"
     assert closed_with(at, url, headers) == 1008
 
 
-def test_a_revoked_ticket_opens_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("is_revoked", "version", "code"),
+    [
+        pytest.param(True, "", 1008, id="a revoked ticket opens nothing"),
+        pytest.param(False, f"/{page_version()}", 1013, id="a worker that is gone asks for a later try"),
+    ],
+)
+def test_a_websocket_that_leads_nowhere_is_closed(tmp_path: Path, is_revoked: bool, version: str, code: int) -> None:
     at = site(tmp_path)
     session_id, ticket_id = at.tickets.issue("p01")
-    at.tickets.revoke("p01")
+    if is_revoked:
+        at.tickets.revoke("p01")
     headers = {"cookie": f"{SESSION_COOKIE}={session_id}", **ORIGIN}
-    url = f"ws://127.0.0.1/ws/{ticket_id}"
-    assert closed_with(at, url, headers) == 1008
-
-
-def test_a_worker_that_is_gone_closes_the_websocket_for_a_later_try(tmp_path: Path) -> None:
-    at = site(tmp_path)
-    session_id, ticket_id = at.tickets.issue("p01")
-    headers = {"cookie": f"{SESSION_COOKIE}={session_id}", **ORIGIN}
-    url = f"ws://127.0.0.1/ws/{ticket_id}/{page_version()}"
-    assert closed_with(at, url, headers) == 1013
+    assert closed_with(at, f"ws://127.0.0.1/ws/{ticket_id}{version}", headers) == code
 
 
 def test_measurements_say_what_the_proxy_says_and_are_few(tmp_path: Path) -> None:

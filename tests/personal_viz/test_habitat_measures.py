@@ -54,18 +54,26 @@ def one_step(distances, action, *, success_distance=0.1, moved=1.0):
     )
 
 
-def test_a_distance_equal_to_the_success_distance_is_no_success() -> None:
-    assert one_step([2, 0.1], STOP).success == 0.0
-    assert one_step([2, np.nextafter(0.1, 0)], STOP).success == 1.0
-
-
-def test_without_stop_there_is_no_success_but_a_soft_spl() -> None:
-    found = one_step([2, 0.0], FORWARD)
-    assert (found.success, found.spl, found.soft_spl) == (0.0, 0.0, 1.0)
-
-
-def test_walking_away_gives_a_soft_spl_of_0_and_not_less() -> None:
-    assert one_step([2, 5], FORWARD).soft_spl == 0.0
+@pytest.mark.parametrize(
+    ("distances", "action", "expected"),
+    [
+        pytest.param([2, 0.1], STOP, {"success": 0.0}, id="a distance equal to the success distance is no success"),
+        pytest.param([2, np.nextafter(0.1, 0)], STOP, {"success": 1.0}, id="less than it is one"),
+        pytest.param([2, 0.0], FORWARD, {"success": 0.0, "spl": 0.0, "soft_spl": 1.0}, id="without stop soft SPL only"),
+        pytest.param([2, 5], FORWARD, {"soft_spl": 0.0}, id="walking away gives 0 and not less"),
+        pytest.param(
+            [2, math.inf],
+            STOP,
+            {"distance_to_goal": math.inf, "spl": 0.0, "soft_spl": 0.0},
+            id="unreachable only at the end gives zeros",
+        ),
+    ],
+)
+def test_a_single_step_has_the_measures_of_habitat_lab(
+    distances: list[float], action: Action, expected: dict[str, float]
+) -> None:
+    found = one_step(distances, action)
+    assert {name: getattr(found, name) for name in expected} == expected
 
 
 def test_unreachable_from_the_start_gives_inf_and_nan_as_in_habitat_lab() -> None:
@@ -76,11 +84,6 @@ def test_unreachable_from_the_start_gives_inf_and_nan_as_in_habitat_lab() -> Non
     reached = one_step([math.inf, 0.0], STOP)
     assert reached.success == 1.0
     assert math.isnan(reached.spl)
-
-
-def test_unreachable_only_at_the_end_gives_zeros() -> None:
-    found = one_step([2, math.inf], STOP)
-    assert (found.distance_to_goal, found.spl, found.soft_spl) == (math.inf, 0.0, 0.0)
 
 
 def test_a_start_on_the_goal_fails_as_it_does_in_habitat_lab() -> None:

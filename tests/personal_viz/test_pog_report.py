@@ -18,15 +18,12 @@ from sim.errors import PersonalVizError, RunFileError
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_writer import RunWriter
 
-from ..grounding.small_homes import write_small_dataset
-
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def made(small_root: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A data set, and a folder of runs of four methods on it."""
-    root, runs = tmp_path_factory.mktemp("small"), tmp_path_factory.mktemp("runs")
-    write_small_dataset(root)
-    dataset = PersonalDataset(root)
+    runs = tmp_path_factory.mktemp("runs")
+    dataset = PersonalDataset(small_root)
     methods: tuple[GrounderName, ...] = ("center", "qs", "rpg", "joint")
     for method in methods:
         work = select_jobs(dataset, settings := GroundSettings(method))
@@ -40,7 +37,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
             config={**settings.config, "phrases": "dataset" if method in ("rpg", "joint") else "none"},
         )
         evaluate(work, RunWriter(runs / f"run-{method}", info), processes=1)
-    return root, runs
+    return small_root, runs
 
 
 @pytest.fixture(scope="module")

@@ -15,22 +15,14 @@ from sim.homes.open_home import open_scene
 from sim.mesh import Scene
 from sim.types import Camera
 
-from ..grounding.small_homes import write_small_dataset
 from ..recordings.reading import tables
 
 NAME = "HomeTwo"
 
 
 @pytest.fixture(scope="module")
-def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("small")
-    write_small_dataset(folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def scene(root: Path) -> Scene:
-    return open_scene(PersonalDataset(root), NAME)
+def scene(small_root: Path) -> Scene:
+    return open_scene(PersonalDataset(small_root), NAME)
 
 
 @pytest.fixture(scope="module")
@@ -43,14 +35,14 @@ def exploration(scene: Scene) -> Exploration:
 def test_the_walk_is_shown_with_its_figures(
     exploration: Exploration,
     scene: Scene,
-    root: Path,
+    small_root: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(same_home, "open_scene", lambda *_, **__: scene)
     save_exploration(tmp_path / "a.json", exploration)
-    assert ShowExploration(file=tmp_path / "a.json", dataset=root, out=tmp_path / "a.rrd").run() == 0
+    assert ShowExploration(file=tmp_path / "a.json", dataset=small_root, out=tmp_path / "a.rrd").run() == 0
     read = tables(tmp_path / "a.rrd")
     assert len(read[("/runs/frontier/camera", False)]["EncodedImage:blob"]) == 6
     assert ("/runs/frontier/map/storey_0/occupancy", False) in read
@@ -61,14 +53,14 @@ def test_the_walk_is_shown_with_its_figures(
 
 
 def test_another_version_of_the_home_and_other_files_are_refused(
-    exploration: Exploration, scene: Scene, root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    exploration: Exploration, scene: Scene, small_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(same_home, "open_scene", lambda *_, **__: scene)
     save_exploration(tmp_path / "b.json", exploration.model_copy(update={"scene_digest": "f" * 64}))
     with pytest.raises(RecordingError, match="expected the same version of the home"):
-        ShowExploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.rrd").run()
+        ShowExploration(file=tmp_path / "b.json", dataset=small_root, out=tmp_path / "b.rrd").run()
     with pytest.raises(RecordingError, match=r"ends in \.rrd"):
-        ShowExploration(file=tmp_path / "b.json", dataset=root, out=tmp_path / "b.json").run()
+        ShowExploration(file=tmp_path / "b.json", dataset=small_root, out=tmp_path / "b.json").run()
 
 
 @pytest.mark.slow

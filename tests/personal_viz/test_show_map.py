@@ -16,7 +16,6 @@ from sim.homes.open_home import open_scene
 from sim.tasks.observers import FREE
 from sim.types import GridSpec
 
-from ..grounding.small_homes import write_small_dataset
 from ..recordings.reading import tables
 
 
@@ -34,13 +33,6 @@ def saved(path: Path, *, frame: str = "world", **source: str) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("small")
-    write_small_dataset(folder)
-    return folder
-
-
 def test_a_robots_map_is_written_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = saved(tmp_path / "lab.npz", frame="robot, y up", kind="robot", scene="lab")
     assert ShowMap(file=file, out=tmp_path / "lab.rrd").run() == 0
@@ -51,16 +43,16 @@ def test_a_robots_map_is_written_alone(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 @pytest.mark.slow
-def test_a_map_is_shown_in_the_home_that_it_was_made_in(tmp_path: Path, root: Path) -> None:
-    digest = open_scene(PersonalDataset(root), "HomeOne").digest
+def test_a_map_is_shown_in_the_home_that_it_was_made_in(tmp_path: Path, small_root: Path) -> None:
+    digest = open_scene(PersonalDataset(small_root), "HomeOne").digest
     file = saved(tmp_path / "HomeOne.npz", digest=digest)
-    ShowMap(file=file, out=tmp_path / "a.rrd", dataset=root).run()
+    ShowMap(file=file, out=tmp_path / "a.rrd", dataset=small_root).run()
     read = tables(tmp_path / "a.rrd")
     assert ("/scene/mesh/storey_0", True) in read
     assert ("/memory/HomeOne/home/storey_0/features", True) in read
     other = saved(tmp_path / "other.npz", digest="f" * 64)
     with pytest.raises(RecordingError, match="expected the same version of the home"):
-        ShowMap(file=other, out=tmp_path / "b.rrd", dataset=root).run()
+        ShowMap(file=other, out=tmp_path / "b.rrd", dataset=small_root).run()
 
 
 def test_maps_of_scans_need_leave_and_files_their_ending(tmp_path: Path) -> None:
