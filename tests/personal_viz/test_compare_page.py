@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import pytest
 
@@ -10,25 +9,10 @@ from personal_viz.compare.page import FIRST, Page, page_html, page_markdown, pla
 from personal_viz.compare.rows import Row, Section, means_of
 from sim.types import EpisodeKey
 
+from .html_tags import Tags
 from .test_compare_rows import HOME, trial
 
 EVIL = "<img src=x onerror=alert(1)>|`@@SCRIPT@@`\"'&amp;</td></script>"
-
-
-class Tags(HTMLParser):
-    """All elements with their attributes, and all text."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.found: list[tuple[str, dict[str, str | None]]] = []
-        self.text = ""
-        self.feed(page)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.found.append((tag, dict(attrs)))
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
 
 
 def page(*, num_rows: int = 1, who: str = "agent", query: str = "Find it.", num_people: int = 1) -> Page:

@@ -4,7 +4,6 @@ import base64
 import io
 import json
 import re
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -21,33 +20,19 @@ from personal_viz.study_app.screens.cards import Card, card_html, progress_html
 from personal_viz.study_app.screens.pan import BUTTON_LABELS
 from sim.types import TaskKind
 
+from .html_tags import Tags
+
 
 def config(**choices: object) -> StudyConfig:
     """A study of both tasks."""
     return StudyConfig(study="flow", dataset=StudyDataset(sha256="0" * 64), task=("pan", "pog"), **choices)  # type: ignore[arg-type]
 
 
-class _Tags(HTMLParser):
-    def __init__(self) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.seen: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.seen.append(tag)
-        if tag not in ("img", "br", "input"):
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag, tag
-
-
 def tags_in(text: str) -> list[str]:
     """All tags of a text whose tags are closed in order."""
-    parser = _Tags()
-    parser.feed(text)
-    assert parser.open == []
-    return parser.seen
+    tags = Tags(text)
+    assert tags.is_balanced
+    return [tag for tag, _ in tags.found]
 
 
 def test_markdown_becomes_headings_paragraphs_and_lists() -> None:
@@ -235,16 +220,7 @@ def test_the_script_survives_being_an_attribute() -> None:
     source = page_html(panel_width=400)
     assert tags_in(source) == ["style", "img"]
 
-    class _Attribute(HTMLParser):
-        found = ""
-
-        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-            if tag == "img":
-                self.found = dict(attrs)["onerror"] or ""
-
-    parser = _Attribute()
-    parser.feed(source)
-    assert parser.found == (STATIC / "page.js").read_text(encoding="utf-8")
+    assert dict(Tags(source).found)["img"]["onerror"] == (STATIC / "page.js").read_text(encoding="utf-8")
 
 
 def test_a_screenshot_becomes_a_picture_that_is_small_enough() -> None:

@@ -4,7 +4,6 @@ import html
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,7 @@ from tests.human_study.small_world import CANARY
 from tests.human_study.stores import do_next, started, trials_of
 
 from .gateways import OnePort, admission_for, few_people
+from .html_tags import Tags
 
 CODE, ORIGIN = "p01", "http://127.0.0.1"
 DEVICE = {"webgl2": "1", "width": "1280", "height": "800", "pressed": "1", "choice": "continue"}
@@ -53,7 +53,7 @@ class Taking:
             assert reply.headers["location"].startswith("/view/?websocket=")
             return ""
         assert reply.status_code == 200, reply.text
-        _Balanced().check(reply.text)
+        require_readable(reply.text)
         return html.unescape(reply.text)
 
     def place(self) -> str:
@@ -79,25 +79,15 @@ class Taking:
         return self.store.participant(CODE).stages[-1].detail
 
 
-class _Balanced(HTMLParser):
-    """Every element of a page is closed, and every control has a name to be read aloud."""
-
-    def check(self, text: str) -> None:
-        self.open: list[str] = []
-        self.feed(text)
-        assert self.open == []
-        assert text.count("<h1>") == text.count("<main") == 1
-        assert '<html lang="en">' in text
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        assert not {name for name, _ in attrs} & {"style", "onclick", "onerror"}
-        if tag == "img":
-            assert dict(attrs)["alt"]
-        if tag not in ("img", "br", "input", "meta", "link", "hr"):
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag, tag
+def require_readable(text: str) -> None:
+    """Every element of a page is closed, and every picture has words to be read aloud."""
+    tags = Tags(text)
+    assert tags.is_balanced
+    assert text.count("<h1>") == text.count("<main") == 1
+    assert '<html lang="en">' in text
+    for tag, attributes in tags.found:
+        assert not set(attributes) & {"style", "onclick", "onerror"}
+        assert tag != "img" or attributes["alt"]
 
 
 @pytest.fixture
