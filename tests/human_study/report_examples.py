@@ -10,16 +10,7 @@ from human_study.export.rows import ExclusionRow, ParticipantRow, StageRow
 from human_study.export.runs import run_condition
 from human_study.export.trial_table import TrialRow
 from human_study.journey import Stage
-from sim.tasks.run_files import (
-    EpisodeEnd,
-    EpisodeRun,
-    EpisodeStart,
-    Measures,
-    RuleMeasures,
-    Run,
-    RunInfo,
-    Step,
-)
+from sim.tasks.run_files import EpisodeEnd, EpisodeRun, EpisodeStart, Measures, RuleMeasures, Run, RunInfo, Step
 from sim.tasks.run_writer import RunWriter
 from sim.types import SPLITS, SUCCESS_RULES, Action, EndReason, EpisodeKey
 

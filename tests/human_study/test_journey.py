@@ -24,12 +24,7 @@ from sim.types import EpisodeKey
 
 NOW_NS = 1_800_000_000 * 10**9
 Entered = tuple[Stage, dict[str, Any]]
-READY: tuple[Entered, ...] = (
-    ("device_ok", {}),
-    ("consented", {}),
-    ("instructed", {}),
-    ("quiz_passed", {}),
-)
+READY: tuple[Entered, ...] = (("device_ok", {}), ("consented", {}), ("instructed", {}), ("quiz_passed", {}))
 
 
 def config(**choices: Any) -> StudyConfig:

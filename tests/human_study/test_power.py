@@ -40,8 +40,7 @@ def test_widths_are_those_of_the_design_document(
 
 @pytest.mark.release
 @pytest.mark.parametrize(
-    ("people", "episodes", "expected"),
-    [(5, 50, 0.37), (20, 50, 0.47), (5, 100, 0.62), (5, 200, 0.88), (10, 200, 0.95)],
+    ("people", "episodes", "expected"), [(5, 50, 0.37), (20, 50, 0.47), (5, 100, 0.62), (5, 200, 0.88), (10, 200, 0.95)]
 )
 def test_power_to_tell_splits_apart(people: int, episodes: int, expected: float) -> None:
     row = first_row(PowerDesign("one", people, episodes, people), sd=0.3, simulations=200)
@@ -114,9 +113,7 @@ def test_the_command_prints_the_same_twice_and_reads_the_plan(
     people = [PlannedParticipant(code=f"p0{n}", task="pan", arm=n % 2, trials=tuple(trials)) for n in (1, 2, 3, 4)]
     people.append(PlannedParticipant(code="p05", task="pan", arm=0, trials=()))
     plan = StudyPlan(
-        study_version=config.study_version,
-        scenes=(StudyScene(name="Home0", kind="scan"),),
-        participants=tuple(people),
+        study_version=config.study_version, scenes=(StudyScene(name="Home0", kind="scan"),), participants=tuple(people)
     )
     assert (design_of(config, plan).num_people, design_of(config, plan).episodes_per_split) == (4, 1)
     save_plan(tmp_path, plan)

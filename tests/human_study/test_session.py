@@ -297,10 +297,7 @@ def test_a_newer_pose_takes_the_place_of_one_that_was_held_back() -> None:
 
 def test_no_camera_pose_follows_an_answer() -> None:
     session = begun("pog")
-    driven(
-        session,
-        [(Click(RAY, (-2.0, 0.5, 0.0)), 1.0), (camera(5.0), 1.5), (camera(6.0), 1.5), (Confirm(), 1.6)],
-    )
+    driven(session, [(Click(RAY, (-2.0, 0.5, 0.0)), 1.0), (camera(5.0), 1.5), (camera(6.0), 1.5), (Confirm(), 1.6)])
     assert session.wait_s(1.6) is None
     assert session.handle(Tick(), 9.0).events == ()
 

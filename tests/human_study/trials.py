@@ -23,11 +23,7 @@ def ray_down(x: float, y: float, z: float, *, storey_y: float = 0.0) -> ClickRay
     """A ray straight down, from a camera at its origin."""
     origin, camera_wxyz = (x, y, z), (1.0, 0.0, 0.0, 0.0)
     return ClickRay(
-        origin=origin,
-        direction=(0.0, -1.0, 0.0),
-        camera_position=origin,
-        camera_wxyz=camera_wxyz,
-        storey_y=storey_y,
+        origin=origin, direction=(0.0, -1.0, 0.0), camera_position=origin, camera_wxyz=camera_wxyz, storey_y=storey_y
     )
 
 

@@ -55,12 +55,7 @@ class MemoryLink:
     """The store of one trial."""
 
     def __init__(
-        self,
-        task: TaskKind,
-        condition: Condition | None = None,
-        *,
-        code: str = "p02",
-        key: EpisodeKey | None = None,
+        self, task: TaskKind, condition: Condition | None = None, *, code: str = "p02", key: EpisodeKey | None = None
     ) -> None:
         chosen = condition or ("none" if task == "pan" else "map_open")
         self.trial = Trial("t1", code, 1, "main", task, chosen, key or episode().key, 1, 0, 0.0)

@@ -99,11 +99,7 @@ def bombs() -> dict[str, tuple[str, bytes, str]]:
             "values that do not fit",
         ),
         "objects.json.gz": ("content", content(episodes="[" + "{}," * 60_000 + "{}]"), "found 60005 JSON objects"),
-        "keys.json.gz": (
-            "content",
-            content(**{f"k{k}": "0" for k in range(200_000)}),
-            "values that do not fit",
-        ),
+        "keys.json.gz": ("content", content(**{f"k{k}": "0" for k in range(200_000)}), "values that do not fit"),
         "many.json.gz": ("content", content(episodes="[" + "[]," * 400_000 + "0]"), "more than 250000 values"),
         "deep.json.gz": ("content", gzip.compress(DEEP.encode()), "values"),
         "deeper.json.gz": ("content", gzip.compress(DEEP[:200_000].encode()), "not JSON"),

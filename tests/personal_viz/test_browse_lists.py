@@ -62,8 +62,7 @@ def test_a_long_list_is_shown_fifty_at_a_time() -> None:
 
 
 @pytest.mark.parametrize(
-    ("number", "by", "found"),
-    [(5, 1, 9), (9, 1, 9), (2, -1, 2), (6, 1, 9), (6, -1, 5), (0, -1, 2), (11, 1, 9)],
+    ("number", "by", "found"), [(5, 1, 9), (9, 1, 9), (2, -1, 2), (6, 1, 9), (6, -1, 5), (0, -1, 2), (11, 1, 9)]
 )
 def test_the_neighbour_is_the_nearest_in_the_filtered_list_and_its_ends_hold(number: int, by: int, found: int) -> None:
     assert neighbour((2, 5, 9), number, by) == found

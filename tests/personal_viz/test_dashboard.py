@@ -207,11 +207,7 @@ def test_the_serving_process_tells_of_its_workers_and_open_pages(tmp_path: Path)
         pool.workers[0].codes["p01"] = 2
         with keeper.present("p01"):
             found = serving_of(pool, keeper)
-    assert found.workers == (
-        ShownWorker(1, "serving", 1),
-        ShownWorker(2, "starting", 0),
-        ShownWorker(3, "ended", 0),
-    )
+    assert found.workers == (ShownWorker(1, "serving", 1), ShownWorker(2, "starting", 0), ShownWorker(3, "ended", 0))
     assert found.here == {"p01"}
 
 

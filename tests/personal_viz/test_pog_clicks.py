@@ -48,9 +48,7 @@ class Home:
         self.asked: list[tuple[int, tuple, tuple]] = []
         self.pog_scene = self
         self.copies: Any = SimpleNamespace(
-            maps=MAPS,
-            cuts=(StoreyCut(-0.4, 1.9), StoreyCut(2.6, 4.9)),
-            middle=lambda index: (0.5, 0.25),
+            maps=MAPS, cuts=(StoreyCut(-0.4, 1.9), StoreyCut(2.6, 4.9)), middle=lambda index: (0.5, 0.25)
         )
 
     def hit(self, storey: int, origin: Vector3, direction: Vector3) -> Vector3 | None:

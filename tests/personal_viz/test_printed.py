@@ -47,9 +47,7 @@ def test_prints_and_tables_are_filtered_and_tables_keep_their_own_colours(monkey
     assert "owned" in out.getvalue()
 
 
-def test_names_of_files_and_names_in_files_are_printed_without_control_characters(
-    tmp_path: Path,
-) -> None:
+def test_names_of_files_and_names_in_files_are_printed_without_control_characters(tmp_path: Path) -> None:
     def call(*arguments: str) -> str:
         done = personal_viz(*arguments)
         assert not REFUSED.search(done.stdout + done.stderr)

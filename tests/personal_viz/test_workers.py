@@ -116,9 +116,7 @@ def test_a_worker_that_cannot_start_says_why_and_the_others_end(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("kind", "heartbeat"),
-    [("fragile", None), ("slow", Heartbeat(every_s=0.01, patience_s=0.3))],
-    ids=["dies", "hangs"],
+    ("kind", "heartbeat"), [("fragile", None), ("slow", Heartbeat(every_s=0.01, patience_s=0.3))], ids=["dies", "hangs"]
 )
 def test_a_worker_that_always_dies_or_hangs_is_given_up_and_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, heartbeat: Heartbeat | None
