@@ -80,8 +80,7 @@ def measure(settings: GroundingSettings, progress: Progress) -> Findings:
         Values: `b1` and `b64` on random maps and `all_episodes`. Each holds medians of elapsed
         milliseconds on one thread, with texts encoded before: `literal_ms` of Algorithm 1 as printed, which normalises
         and copies the full grid for each episode; `batch_ms` of `rpg_dense`, on the full grid without a copy;
-        `packed_ms` of `rpg_packed`, filled cells only and each different phrase once per map; `packed_with_names_ms`,
-        the same with the owners' names in the phrases, which gives five times as many different ones; `bound_ms` and
+        `packed_ms` of `rpg_packed`, filled cells only and each different phrase once per map; `bound_ms` and
         `packed_bound_ms` of the product of texts with full grids, or filled cells, alone. By encoder: `cold_s`, seconds
         of a fresh process `ground --method rpg` on oracle maps over `cold_episodes` episodes, with compiled loops on
         disk; `cold_phrase_s` with `--method phrase`, which needs a fifth of the texts; `query_ms` to read a description
@@ -95,11 +94,7 @@ def measure(settings: GroundingSettings, progress: Progress) -> Findings:
         encoder = make_encoder("hashed")
         kind, scenes = scene_inputs(encoder, limit=settings.scenes)
         progress(f"{sum(len(scene.tasks) for scene in scenes)} {kind} episodes on {len(scenes)} maps")
-        every = scenes_case(
-            [scene.batch(encoder, with_names=False) for scene in scenes],
-            [scene.batch(encoder, with_names=True) for scene in scenes],
-            repeats=settings.repeats,
-        )
+        every = scenes_case([scene.batch(encoder) for scene in scenes], repeats=settings.repeats)
     names = [name for name in settings.encoders if name != "minilm" or _has_minilm()]
     cold_s, cold_phrase_s, cold_episodes = {}, {}, 0
     for name in names if settings.cold else ():
@@ -130,7 +125,7 @@ def measure(settings: GroundingSettings, progress: Progress) -> Findings:
     return Findings(values, (note,))
 
 
-def random_case(settings: GroundingSettings, *, batch: int) -> dict[str, float | None]:
+def random_case(settings: GroundingSettings, *, batch: int) -> dict[str, float]:
     """Figures of `batch` episodes, each on its own random map; a batch of one runs on `calls` maps in turn."""
     calls = settings.calls if batch == 1 else 1
     rng = np.random.default_rng(batch)
@@ -164,20 +159,16 @@ def random_case(settings: GroundingSettings, *, batch: int) -> dict[str, float |
         "cells": settings.cells,
         "phrases": settings.phrases,
         "literal_over_packed": ms["literal_ms"] / ms["packed_ms"],
-        "packed_with_names_ms": None,
         **ms,
     }
 
 
-def scenes_case(
-    batches: Sequence[MapBatch], with_names: Sequence[MapBatch], *, repeats: int
-) -> dict[str, float | None]:
+def scenes_case(batches: Sequence[MapBatch], *, repeats: int) -> dict[str, float]:
     """Figures of all episodes on some maps; the literal and the dense form run each episode once, one after another."""
     full = [torch.from_numpy(batch.memory.dense()) for batch in batches]
     texts = [torch.cat([batch.phrases, batch.queries]) for batch in batches]
     work = {
         "packed": lambda _: [solve_batch(batch) for batch in batches],
-        "packed_with_names": lambda _: [solve_batch(batch) for batch in with_names],
         "bound": lambda _: [words @ grid.flatten(0, 1).T for words, grid in zip(texts, full, strict=True)],
         "packed_bound": lambda _: [words @ batch.rows.T for words, batch in zip(texts, batches, strict=True)],
     }

@@ -64,15 +64,9 @@ class SceneInputs:
     phrases: tuple[tuple[str, ...], ...]
     """Phrases of each task, with the owners' names."""
 
-    def batch(self, encoder: TextEncoder, *, with_names: bool) -> MapBatch:
-        """The episodes with each different text encoded once by the map's encoder.
-
-        Without names, phrases that differ only in the owner become one.
-        """
-        texts = [
-            phrases if with_names else tuple(dict.fromkeys(parse_phrase(phrase).text for phrase in phrases))
-            for phrases in self.phrases
-        ]
+    def batch(self, encoder: TextEncoder) -> MapBatch:
+        """The episodes with each different text encoded once by the map's encoder; phrases leave the owners out."""
+        texts = [tuple(dict.fromkeys(parse_phrase(phrase).text for phrase in phrases)) for phrases in self.phrases]
         different = list(dict.fromkeys(phrase for phrases in texts for phrase in phrases))
         uses = [[phrase in phrases for phrase in different] for phrases in texts]
         vectors = torch.from_numpy(encoder.encode_texts([*different, *(task.queries[0] for task in self.tasks)]))

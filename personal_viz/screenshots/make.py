@@ -51,7 +51,7 @@ from ..cli.verbs import parse
 from ..contact_sheet.sheet import contact_sheet_picture
 from ..study_app.operator.served import ServedStudy, serve_command, served
 from ..study_app.page_script import STATIC
-from .rerun_page import screenshot_rrd
+from .rerun_page import picture_at_rest, screenshot_rrd
 
 PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 RELEASE = Path(__file__).resolve().parents[3] / "shared" / "personal-dataset" / "split"
@@ -202,11 +202,7 @@ def picture_browse(folder: Path) -> None:
             page.keyboard.press("ArrowRight")
         expect(picture).to_have_attribute("data-step", "12")
         page.locator(".og .node.object.linked").first.hover()
-        last, now = b"", page.screenshot()
-        while now != last:  # homes are drawn some time after they have arrived
-            page.wait_for_timeout(1000)
-            last, now = now, page.screenshot()
-        (PICTURES / "browse.png").write_bytes(now)
+        (PICTURES / "browse.png").write_bytes(picture_at_rest(page))  # homes are drawn after they have arrived
 
 
 def picture_instructions(folder: Path) -> None:

@@ -1,9 +1,9 @@
-"""Take a picture of a recording as Rerun's web viewer shows it, without a display: for the README, for developers."""
+"""Pictures of a recording as Rerun's web viewer shows it, without a display."""
 
 import io
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
@@ -13,13 +13,15 @@ from sim.errors import RecordingError
 
 from ..browser import open_chromium
 
-_POLL = 1.0
-"""Seconds between two looks at the page."""
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+_WAIT_S = 180.0
+"""Longest wait for a page that comes to rest."""
+_POLL_MS = 1000
 
 
-def screenshot_rrd(
-    rrd: Path, png: Path, *, at_end: bool = False, size: tuple[int, int] = (1600, 900), timeout: float = 180.0
-) -> Path:
+def screenshot_rrd(rrd: Path, png: Path, *, at_end: bool = False, size: tuple[int, int] = (1600, 900)) -> Path:
     """Opens a recording in the web viewer and writes a picture of it once it no longer changes.
 
     Args:
@@ -27,48 +29,47 @@ def screenshot_rrd(
         png: The picture to write.
         at_end: Whether the time cursor stands at the end (whole trails, the goal) or at the start.
         size: (width, height) of the window in pixels.
-        timeout: Seconds after which a viewer that shows nothing, or never comes to rest, is an error.
 
     Returns:
         `png`.
 
     Raises:
-        RecordingError: The recording is missing, or the viewer showed no finished picture in time.
+        RecordingError: The viewer showed no finished picture in time.
         MissingDependencyError: Playwright or Chromium is not installed.
     """
-    if not rrd.is_file():
-        raise RecordingError(f"{rrd}: found no file; expected a recording. Write one with personal-viz replay.")
     with serve_file(rrd) as site, open_chromium(width=size[0], height=size[1]) as browser:
         page = browser.new_page()
-        page.set_default_timeout(timeout * 1000)
+        page.set_default_timeout(1e3 * _WAIT_S)
         page.goto(f"{site.of_file(rrd.name)}&renderer=webgl")
-        picture = _picture_at_rest(page, timeout)
-        if at_end and picture is not None:
+        picture = picture_at_rest(page)
+        if at_end:
             page.keyboard.press("Control+Shift+ArrowRight")  # the viewer's key for the end of the timeline
-            picture = _picture_at_rest(page, timeout, other_than=picture)
-    if picture is None:
-        raise RecordingError(
-            f"{rrd}: the viewer showed no finished picture in {timeout:.0f} s; expected one. "
-            "Give more time, or open the file with: rerun FILE"
-        )
+            picture = picture_at_rest(page, unlike=picture)
     png.write_bytes(picture)
     return png
 
 
-def _picture_at_rest(page: Any, timeout: float, *, other_than: bytes | None = None) -> bytes | None:
-    """The first screenshot that shows something and equals the one before it, None when there is none in time.
+def picture_at_rest(page: "Page", *, unlike: bytes = b"") -> bytes:
+    """The first screenshot that shows more than a loading page and equals the one before it.
 
-    `other_than` is what the page showed before the last key press.
+    Args:
+        page: A page that still changes.
+        unlike: The page before the last key press, which does not count.
+
+    Raises:
+        RecordingError: There is no such picture in time.
     """
-    last: bytes | None = None
-    until = time.monotonic() + timeout
-    while time.monotonic() < until:
-        page.wait_for_timeout(_POLL * 1000)
+    last, deadline_s = b"", time.monotonic() + _WAIT_S
+    while time.monotonic() < deadline_s:
+        page.wait_for_timeout(_POLL_MS)
         picture = page.screenshot()
-        if picture == last and picture != other_than and _shows_something(picture):
+        if picture == last and picture != unlike and _shows_something(picture):
             return picture
         last = picture
-    return None
+    raise RecordingError(
+        f"{page.url}: found no finished picture within {_WAIT_S:g} s; expected one. Free the machine, or look at it in "
+        "a browser."
+    )
 
 
 def _shows_something(png: bytes) -> bool:

@@ -37,7 +37,7 @@ class CrewSettings(BaseModel):
 
 @contextmanager
 def staffed(
-    folder: Path, dataset: Path, crew: CrewSettings, *, spare: int = 0, workers: int | None = None
+    folder: Path, dataset: Path, crew: CrewSettings, *, workers: int | None = None
 ) -> Iterator[tuple[Server, Site, Crowd]]:
     """Yields a served study with its own plan, and its bots, which have not come yet; at the block's end all leave.
 
@@ -45,13 +45,12 @@ def staffed(
         folder: An empty folder.
         dataset: Dataset of one invented home.
         crew: Number of bots, and how they behave.
-        spare: Number of participants without a bot, at the end of the list.
         workers: Number of the server's workers; None = the usual number.
     """
-    make_bot_study(folder, participants=crew.bots + spare, seed=crew.seed, dataset=dataset)
+    make_bot_study(folder, participants=crew.bots, seed=crew.seed, dataset=dataset)
     with Server(folder / "study", dataset, workers=workers) as server:
         site = server.start()
-        with crew.crowd(site, site.people(("pan",))[: crew.bots]) as bots:
+        with crew.crowd(site, site.people(("pan",))) as bots:
             yield server, site, bots
 
 
