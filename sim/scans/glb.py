@@ -1,20 +1,21 @@
 """Reads a GLB or glTF file into a `TriangleMesh` in the world frame."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.frames import T_world_glb_zup
+from sim.frames import Rs_from_quats_xyzw, T_world_glb_zup
 
 from ..mesh import FLAT, VERTEX_COLOURS, TriangleMesh
 from .gltf_file import MAX_ELEMENTS, GltfFile, floats, read_gltf
-from .gltf_nodes import placed_meshes
-from .gltf_schema import Primitive
+from .gltf_schema import Mesh, Node, Primitive
 from .gltf_textures import Look, TextureSet, look_of
 from .scene_files import refused
 
+MAX_NODES = 1 << 16
 MAX_PARTS = 1 << 13
 MAX_EXTENT = 1e5
 """Largest distance from the origin, metres: beyond it float32 cannot hold centimetres, and no home is there."""
@@ -103,10 +104,8 @@ def _parts(file: GltfFile, T_world_glb: NDArray[np.float64]) -> tuple[list[_Part
     known: dict[tuple, slice] = {}
     looks: dict[int | None, Look] = {}
     num_vertices = num_faces = num_seen = 0
-    for node, mesh, T_glb_mesh in placed_meshes(file):
-        with np.errstate(over="ignore", invalid="ignore"):
-            T_world_mesh = T_world_glb @ T_glb_mesh
-        for primitive in file.document.meshes[mesh].primitives:
+    for node, mesh, T_world_mesh in _placed_meshes(file, T_world_glb):
+        for primitive in mesh.primitives:
             num_seen += 1
             if num_seen > MAX_PARTS:
                 raise file.refused(f"shows more than {MAX_PARTS} primitives", "fewer", advice="Join its meshes.")
@@ -131,6 +130,72 @@ def _parts(file: GltfFile, T_world_glb: NDArray[np.float64]) -> tuple[list[_Part
                 raise file.refused(found, f"at most {MAX_ELEMENTS} of each", advice="Split the scene.")
     has_colours = any("COLOR_0" in part.primitive.attributes for part in parts)
     return parts, _Counts(num_vertices, num_faces, has_colours)
+
+
+def _placed_meshes(file: GltfFile, T_world_glb: NDArray[np.float64]) -> list[tuple[int, Mesh, NDArray[np.float64]]]:
+    """(node, its mesh, pose (4, 4) of the mesh) of every mesh that the file's scene shows.
+
+    The scene is the default one, else the first; without scenes all nodes are shown.
+    """
+    nodes = file.document.nodes
+    if len(nodes) > MAX_NODES:
+        raise file.refused(f"has {len(nodes)} nodes", f"at most {MAX_NODES}", advice="Join its meshes.")
+    tops = _top_nodes(file)
+    roots = list(tops)
+    if file.document.scenes:
+        scene = file.get("scenes", file.document.scene or 0, of="scene")
+        roots = list(dict.fromkeys(scene.nodes))
+        for root in roots:
+            file.get("nodes", root, of="the scene")
+            if root not in tops:
+                raise file.refused(f"the scene names node {root}, a child of another", "nodes without parent")
+    with np.errstate(over="ignore", invalid="ignore"):  # a resulting inf or nan is refused later
+        Ts_parent_node = _local_poses(nodes)
+        stack = [(root, np.eye(4)) for root in reversed(roots)]
+        found = []
+        while stack:
+            index, T_glb_parent = stack.pop()
+            node, T_glb_node = nodes[index], T_glb_parent @ Ts_parent_node[index]
+            if node.mesh is not None:
+                mesh = file.get("meshes", node.mesh, of=f"nodes.{index}")
+                found.append((index, mesh, T_world_glb @ T_glb_node))
+            stack += [(child, T_glb_node) for child in reversed(node.children)]
+    return found
+
+
+def _top_nodes(file: GltfFile) -> dict[int, None]:
+    """The nodes without parent, in order; raises SceneError unless they are the roots of trees that hold all nodes."""
+    nodes = file.document.nodes
+    parents: dict[int, int] = {}
+    for index, node in enumerate(nodes):
+        for child in node.children:
+            file.get("nodes", child, of=f"nodes.{index}")
+            if child in parents:
+                raise file.refused(f"node {child} is a child of nodes {parents[child]} and {index}", "one parent")
+            parents[child] = index
+    tops = dict.fromkeys(index for index in range(len(nodes)) if index not in parents)
+    reached, stack = 0, list(tops)
+    while stack:
+        reached += 1
+        stack += nodes[stack.pop()].children
+    if reached < len(nodes):
+        raise file.refused(f"{len(nodes) - reached} nodes are children of each other in a circle", "trees of nodes")
+    return tops
+
+
+def _local_poses(nodes: Sequence[Node]) -> NDArray[np.float64]:
+    """(N, 4, 4) poses of nodes in their parents; quaternions have any length, and all zeros give no rotation."""
+    Ts = np.tile(np.eye(4), (len(nodes), 1, 1))
+    quats_xyzw = np.array([node.rotation for node in nodes]).reshape(-1, 4)
+    lengths = np.array([np.linalg.norm(quat) for quat in quats_xyzw])
+    turned = np.flatnonzero(lengths)
+    Ts[turned, :3, :3] = Rs_from_quats_xyzw(quats_xyzw[turned] / lengths[turned, None])
+    Ts[:, :3, :3] *= np.array([node.scale for node in nodes]).reshape(-1, 1, 3)
+    Ts[:, :3, 3] = np.array([node.translation for node in nodes]).reshape(-1, 3)
+    for index, node in enumerate(nodes):
+        if node.matrix is not None:
+            Ts[index] = np.reshape(node.matrix, (4, 4)).T
+    return Ts
 
 
 def _count(file: GltfFile, accessor: int) -> int:

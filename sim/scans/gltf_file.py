@@ -77,7 +77,7 @@ class GltfFile:
         return items[index]
 
     def refused(self, found: str, expected: str, *, advice: str = COPY_AGAIN) -> SceneError:
-        """The error that says what was found in this file and what was expected."""
+        """The error of this file; see `scene_files.refused`."""
         return refused(self.path, found, expected, advice=advice)
 
     def view(self, index: int, *, of: str) -> Bytes:

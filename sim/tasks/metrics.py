@@ -39,7 +39,7 @@ class FarFromView(BaseModel):
     n: int
     """Successes by `paper` in episodes with a view point that counts."""
     k: int
-    """Of these, successes that end more than 1 m of walking from every view point of a valid target."""
+    """Those that end more than 1 m of walking from every view point of a valid target."""
     share: float | None
     """Percent; in total rows over all splits together; None without any success."""
 
@@ -131,9 +131,9 @@ class PaperTable(NamedTuple):
     """Rows in the paper's layout: a line per row name, and for each split the same columns."""
 
     splits: tuple[str, ...]
-    """Those that have figures, `total` last."""
+    """Splits with figures, `total` last."""
     heads: tuple[str, ...]
-    """Of the columns of one split."""
+    """Heads of the columns of one split."""
     lines: tuple["PaperLine", ...]
     """In the order of the rows."""
 
@@ -144,7 +144,7 @@ class PaperLine(NamedTuple):
     who: str
     condition: str
     cells: tuple[tuple[str, ...], ...]
-    """Of each split: a text per head, all empty where the split has no figures."""
+    """For each split one text per head; all are empty where the split has no figures."""
 
     @property
     def name(self) -> str:
