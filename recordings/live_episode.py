@@ -62,7 +62,10 @@ class _Storey:
 
 
 class LiveEpisode:
-    """Logs one episode or exploration step by step into its own recording."""
+    """Logs one episode or exploration step by step into its own recording.
+
+    Every method raises RecordingError where the recording cannot be written.
+    """
 
     def __init__(
         self,
@@ -81,9 +84,6 @@ class LiveEpisode:
             goal: The truth of the episode: distances to it are shown from the start, the goal itself at the end. None
                 for explorations, which have no goal.
             may_show: Whether geometry, maps and pictures of this home may be shown.
-
-        Raises:
-            RecordingError: The file cannot be written.
         """
         self._start = start
         self._scene = scene
@@ -105,11 +105,7 @@ class LiveEpisode:
         self._encoder = ThreadPoolExecutor(own_cores(), thread_name_prefix="jpeg")
 
     def start(self, observation: Observation) -> None:
-        """Logs the home and the first moment.
-
-        Raises:
-            RecordingError: It cannot be written.
-        """
+        """Logs the home and the first moment."""
         self._has_depth = self._may_show and observation.depth_m is not None
         log_styles(self.stream, self._walker, with_depth=self._has_depth)
         rgb = self._walker.rgb
@@ -125,7 +121,6 @@ class LiveEpisode:
 
         Raises:
             AgentError: Parts of the insight do not fit together.
-            RecordingError: It cannot be written.
         """
         if insight is not None:
             require_fits(insight)
@@ -135,11 +130,7 @@ class LiveEpisode:
             self._send(waits=False)
 
     def end(self) -> None:
-        """Logs the rows not sent yet, the whole way and the goal.
-
-        Raises:
-            RecordingError: It cannot be written.
-        """
+        """Logs the rows not sent yet, the whole way and the goal."""
         if self._storeys:
             self._log_seen(self._storeys[self._last.storey])
         if self._goal is not None:
@@ -180,11 +171,7 @@ class LiveEpisode:
             self._log_seen(storey)
 
     def close(self) -> None:
-        """Logs the rows not sent yet, even of an unfinished episode, and ends the recording.
-
-        Raises:
-            RecordingError: It cannot be written.
-        """
+        """Logs the rows not sent yet, even of an unfinished episode, and ends the recording."""
         self._send()
         self._encoder.shutdown()
         self._recording.close()

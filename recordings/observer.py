@@ -29,7 +29,10 @@ MARK = 0.08
 
 
 class RerunObserver:
-    """An `Observer` (sim/tasks/observers.py) that shows the episodes of one home to the researcher."""
+    """An `Observer` (sim/tasks/observers.py) that shows the episodes of one home to the researcher.
+
+    Every method raises RecordingError where the recording cannot be written, or the viewer is gone.
+    """
 
     def __init__(
         self,
@@ -58,11 +61,7 @@ class RerunObserver:
         self._running: tuple[Episode, LiveEpisode] | None = None
 
     def on_reset(self, episode: Episode, observation: Observation) -> None:
-        """Opens the episode's recording and shows its start; closes the recording of an unfinished episode as it is.
-
-        Raises:
-            RecordingError: The recording cannot be written, or the viewer is gone.
-        """
+        """Opens the episode's recording and shows its start; closes the recording of an unfinished episode as it is."""
         self.close()
         scene, goal = self._scene, goal_region(episode, self._scene.navigation)
         live = LiveEpisode(
@@ -79,17 +78,12 @@ class RerunObserver:
 
         Raises:
             AgentError: Parts of the insight do not fit together.
-            RecordingError: The recording cannot be written, or the viewer is gone.
         """
         assert self._running is not None, "on_reset comes first"
         self._running[1].step(step, observation, insight)
 
     def on_end(self, run: EpisodeRun) -> None:
-        """Shows the goal and the measures, and completes the recording.
-
-        Raises:
-            RecordingError: The recording cannot be written, or the viewer is gone.
-        """
+        """Shows the goal and the measures, and completes the recording."""
         assert self._running is not None, "on_reset comes first"
         episode, live = self._running
         walker = self._walker
@@ -102,11 +96,7 @@ class RerunObserver:
         self.close()
 
     def close(self) -> None:
-        """Ends the recording as it is, if there is one; a person may leave in the middle of an episode.
-
-        Raises:
-            RecordingError: The recording cannot be written, or the viewer is gone.
-        """
+        """Ends the recording as it is, if there is one; a person may leave in the middle of an episode."""
         if self._running is not None:
             _, live = self._running
             self._running = None
@@ -143,6 +133,7 @@ class AnswerObserver:
     """Shows POG trials: the storey that a person looks at, each mark, the answer, then the goal.
 
     Time is seconds since the trial's start, because marks have no steps. The answer has the same step as in replays.
+    Every method raises RecordingError where the recording cannot be written, or the viewer is gone.
     """
 
     def __init__(
@@ -163,11 +154,7 @@ class AnswerObserver:
         self._maps: dict[int, StoreyMap] = {}
 
     def on_reset(self, episode: Episode) -> None:
-        """Opens the trial's recording and shows the lowest storey, which people see first.
-
-        Raises:
-            RecordingError: The recording cannot be written, or the viewer is gone.
-        """
+        """Opens the trial's recording and shows the lowest storey, which people see first."""
         self._running = None  # an unfinished trial ends here
         recording = self._sink.open(episode.key)
         self._running, self._maps = (episode, recording), {}
@@ -177,14 +164,14 @@ class AnswerObserver:
         recording.flush()
 
     def on_storey(self, floor_y: float, t_s: float) -> None:
-        """Shows which storey the person looks at. Raises like `on_reset`."""
+        """Shows which storey the person looks at."""
         index = self._storey_of(floor_y)
         self._show_storey(index)
         self._say(t_s, f"looks at storey {index + 1}")
         self._recording.flush()
 
     def on_click(self, ray: ClickRay, hit: Vector3 | None, t_s: float) -> None:
-        """Shows the new mark and how the person pointed at it. Raises like `on_reset`."""
+        """Shows the new mark and how the person pointed at it."""
         self._say(t_s, "clicks beside the home" if hit is None else "marks ({:.2f}, {:.2f}, {:.2f})".format(*hit))
         if hit is not None:
             index = self._storey_of(ray.storey_y)
@@ -194,7 +181,7 @@ class AnswerObserver:
         self._recording.flush()
 
     def on_end(self, answer: Answer) -> None:
-        """Shows the answer, the goal and the measures, and ends the recording. Raises like `on_reset`."""
+        """Shows the answer, the goal and the measures, and ends the recording."""
         assert self._running is not None, "on_reset comes first"
         episode, recording = self._running
         stream, navigation = recording.stream, self._scene.navigation

@@ -1,4 +1,7 @@
-"""The encoders known by name."""
+"""The encoders known by name.
+
+Every function that takes a name raises AgentError where no encoder has it, or a user's own cannot be built.
+"""
 
 import re
 from functools import lru_cache
@@ -80,11 +83,7 @@ def make_image_encoder(name: EncoderName, *, options: ModelOptions | None = None
 
 
 def parse_encoder_name(name: EncoderName) -> EncoderParts:
-    """The parts of the name; loads nothing.
-
-    Raises:
-        AgentError: The name is unknown.
-    """
+    """The parts of the name; loads nothing."""
     is_oracle = name.endswith(ORACLE_SUFFIX)
     plain = plain_name(name).removesuffix(ORACLE_SUFFIX)
     family, colon, source = plain.partition(":")
@@ -100,21 +99,13 @@ def parse_encoder_name(name: EncoderName) -> EncoderParts:
 
 
 def is_model(name: EncoderName) -> bool:
-    """Whether the name is that of a real model, which encodes pictures and takes `ModelOptions`.
-
-    Raises:
-        AgentError: No encoder has this name.
-    """
+    """Whether the name is that of a real model, which encodes pictures and takes `ModelOptions`."""
     parts = parse_encoder_name(name)
     return parts.family in MODEL_FAMILIES and not parts.is_oracle
 
 
 def sees(name: EncoderName) -> bool:
-    """Whether an encoder also encodes pictures: real models do, a user's own does if it has `encode_images`.
-
-    Raises:
-        AgentError: No encoder has this name, or the plug-in cannot be built.
-    """
+    """Whether an encoder also encodes pictures: real models do, a user's own does if it has `encode_images`."""
     family, source, is_oracle = parse_encoder_name(name)
     if family == PLUGIN and not is_oracle:
         return hasattr(_plugin(source), "encode_images")
@@ -129,22 +120,14 @@ def plain_name(name: EncoderName) -> EncoderName:
 
 
 def encoder_called(name: EncoderName) -> str:
-    """The encoder's name in runs and tables: that of the option, or the `name` of a user's own encoder.
-
-    Raises:
-        AgentError: No encoder has this name, or the plug-in cannot be built.
-    """
+    """The encoder's name in runs and tables: that of the option, or the `name` of a user's own encoder."""
     family, source, is_oracle = parse_encoder_name(name)
     called = own_name(_plugin(source), source) if family == PLUGIN else ":".join(filter(None, (family, source)))
     return called + ORACLE_SUFFIX * is_oracle
 
 
 def encoder_slug(name: EncoderName) -> str:
-    """The name in a form for file and run names: `clip-clip-vit-large-patch14`.
-
-    Raises:
-        AgentError: No encoder has this name, or the plug-in cannot be built.
-    """
+    """The name in a form for file and run names: `clip-clip-vit-large-patch14`."""
     family, source, is_oracle = parse_encoder_name(name)
     last = own_name(_plugin(source), source) if family == PLUGIN else source.rstrip("/").rsplit("/", 1)[-1]
     short = re.sub(r"[^A-Za-z0-9_.-]", "-", last)[:_MAX_SLUG]

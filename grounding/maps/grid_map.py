@@ -30,7 +30,10 @@ _FIRST_CELLS = 64
 
 
 class MapBuilder(Protocol):
-    """Makes a map from views. `grounding.checks.check_map_builder` tests a plug-in."""
+    """Makes a map from views; raises AgentError where an encoder or segmenter breaks its contract.
+
+    `grounding.checks.check_map_builder` tests a plug-in.
+    """
 
     @property
     def name(self) -> str:
@@ -96,19 +99,11 @@ class GridMapBuilder:
         self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
 
     def add(self, frame: Frame) -> None:
-        """Adds a view; some wait until a batch is full or until the robot is off the stairs.
-
-        Raises:
-            AgentError: The encoder broke its contract.
-        """
+        """Adds a view; some wait until a batch is full or until the robot is off the stairs."""
         self._place(self._storeys.take(frame))
 
     def finish(self) -> HomeMemory:
-        """The map of all views since `reset`.
-
-        Raises:
-            AgentError: The encoder broke its contract, or a seen cell is outside the grid.
-        """
+        """The map of all views since `reset`; raises AgentError where a seen cell is outside the grid."""
         self._place(self._storeys.rest())
         centre = _middle(self._low, self._high)
         corner = np.floor(self._views.centre_xz or centre) - GRID_SIZE / 2

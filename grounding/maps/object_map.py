@@ -46,19 +46,11 @@ class ObjectMapBuilder:
         self._things: list[Thing] = []
 
     def add(self, frame: Frame) -> None:
-        """Adds a view; some wait until a batch is full or until the robot is off the stairs.
-
-        Raises:
-            AgentError: The encoder or the segmenter broke its contract.
-        """
+        """Adds a view; some wait until a batch is full or until the robot is off the stairs."""
         self._place(self._storeys.take(frame))
 
     def finish(self) -> HomeMemory:
-        """The map of all views since `reset`; things without any feature are left out.
-
-        Raises:
-            AgentError: The encoder or the segmenter broke its contract.
-        """
+        """The map of all views since `reset`; things without any feature are left out."""
         self._place(self._storeys.rest())
         things = [
             thing

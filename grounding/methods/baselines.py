@@ -69,11 +69,7 @@ class QueryScoring:
         self._encoder = encoder
 
     def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
-        """Ranks the non-empty cells by their cosine with the query.
-
-        Raises:
-            AgentError: The map was made with another encoder, or is no grid.
-        """
+        """Ranks the non-empty cells by their cosine with the query."""
         memory = require_grid(memory, self.name, self._encoder)
         scores = memory.rows @ self._encoder.encode_texts(task.queries[:1])[0]
         best = rank_cells(scores, memory.rc)

@@ -61,6 +61,9 @@ class Grounder(Protocol):
             memory: A map of the kind that it takes.
             task: Description and queries; the first query counts.
             phrases: Phrases of the task's description; may be empty.
+
+        Raises:
+            AgentError: The map is of the other kind, or was made with another encoder.
         """
         ...
 

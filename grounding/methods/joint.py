@@ -77,11 +77,7 @@ class JointMatcher:
         self._background: NDArray[np.float64] | None = None
 
     def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
-        """Weighs all phrases and cells at once.
-
-        Raises:
-            AgentError: The map was made with another encoder, or is no grid.
-        """
+        """Weighs all phrases and cells at once."""
         memory = require_grid(memory, self.name, self._encoder)
         asked = asked_thing(phrases, task.queries[0], self._encoder)
         if asked is None or not len(memory.rows):

@@ -71,11 +71,7 @@ class PhraseMatcher:
         self._options = options
 
     def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
-        """Matches the phrases with the cells.
-
-        Raises:
-            AgentError: The map was made with another encoder, or is no grid.
-        """
+        """Matches the phrases with the cells."""
         memory = require_grid(memory, self.name, self._encoder)
         asked = asked_thing(phrases, task.queries[0], self._encoder)
         if asked is None:
@@ -115,11 +111,7 @@ class ObjectMatcher:
         self._temperature = temperature
 
     def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
-        """Matches the phrases with the things and answers their middles; ties go to the first in the map.
-
-        Raises:
-            AgentError: The map was made with another encoder, or is a grid.
-        """
+        """Matches the phrases with the things and answers their middles; ties go to the first in the map."""
         memory = require_objects(memory, self.name, self._encoder)
         asked = asked_thing(phrases, task.queries[0], self._encoder)
         texts, chosen = (task.queries[:1], 0) if asked is None else (asked.texts, asked.chosen)

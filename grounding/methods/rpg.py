@@ -193,11 +193,7 @@ class RegionGated:
         self._options = options
 
     def ground(self, memory: Memory, task: Task, phrases: Sequence[str]) -> Grounding:
-        """Runs Algorithm 1 with the phrases as they are (owners' names included).
-
-        Raises:
-            AgentError: The map was made with another encoder, or is no grid.
-        """
+        """Runs Algorithm 1 with the phrases as they are (owners' names included)."""
         memory = require_grid(memory, self.name, self._encoder)
         with one_thread():
             return self._ground(memory, task, phrases)

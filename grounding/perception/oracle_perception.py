@@ -66,7 +66,7 @@ class OraclePerception:
     """A `DenseEncoder` for the simulator's frames in the space of a text encoder.
 
     Its name is the text space's name with a suffix, which tells its maps from maps of real pictures. Query such a map
-    with this object, or with `make_encoder("hashed+oracle-perception")`.
+    with this object, or with `make_encoder("hashed+oracle-perception")`. Frames without instance ids raise AgentError.
     """
 
     def __init__(
@@ -117,11 +117,7 @@ class OraclePerception:
         return self.text_encoder.encode_texts(texts)
 
     def encode_images(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
-        """(N, E) unit mean of the visible captioned objects, weighted by pixels; zero where none is in view.
-
-        Raises:
-            AgentError: A frame has no instance ids.
-        """
+        """(N, E) unit mean of the visible captioned objects, weighted by pixels; zero where none is in view."""
         rows = np.zeros((len(frames), self.dim), np.float32)
         for row, frame in zip(rows, frames, strict=True):
             ids, counts = np.unique(_ids(frame), return_counts=True)
@@ -134,7 +130,7 @@ class OraclePerception:
         """(N, h, w, E) unit vectors of the instance with the most pixels in each patch.
 
         Raises:
-            AgentError: A frame has no instance ids, or the frames are of several sizes.
+            AgentError: The frames are of several sizes.
         """
         sizes = {frame.depth_m.shape for frame in frames}
         if len(sizes) > 1:

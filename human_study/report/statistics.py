@@ -340,12 +340,10 @@ def _cluster_variance(share: NDArray[np.float64], group: NDArray[np.intp]) -> tu
 
 @functools.lru_cache(maxsize=4)
 def _draws(sizes: tuple[int, ...], num_resamples: int, seed: int) -> list[tuple[NDArray[np.float64], ...]]:
-    """How often each member is drawn, per block of resamples and for each of `sizes`. Measures of one row share it."""
+    """How often each of n members is drawn when n are drawn with replacement: (block, n) per block and n of `sizes`.
+
+    Measures of one row share it.
+    """
     rng = np.random.default_rng(seed)
     blocks = [min(_BLOCK, num_resamples - first) for first in range(0, num_resamples, _BLOCK)]
-    return [tuple(_drawn_again(size, block, rng) for size in sizes) for block in blocks]
-
-
-def _drawn_again(number: int, num_resamples: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """How often each of `number` members is drawn when `number` are drawn with replacement, (num_resamples, number)."""
-    return rng.multinomial(number, np.full(number, 1 / number), size=num_resamples).astype(np.float64)
+    return [tuple(rng.multinomial(n, np.full(n, 1 / n), size=block).astype(float) for n in sizes) for block in blocks]

@@ -116,7 +116,8 @@ def fill(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, cod
     slot = free_slot(database, config, plan, code)
     if slot is None:
         return False
-    number = _last_order_no(database, code) + 1
+    last = database.execute("SELECT max(order_no) FROM assignment WHERE code = ?", (code,)).fetchone()[0]
+    number = (last or 0) + 1
     assign(database, code, PlannedTrial.of(slot, order_no=number, phase="main"), made_by="fill")
     every = config.checks.every
     if every is not None and _num_main(database, code) % every == 0:
@@ -163,10 +164,6 @@ def free_slot(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan
         return planned.get(slot, math.inf), _num_holders(database, slot), mixed
 
     return min(allowed, key=preference, default=None)
-
-
-def _last_order_no(database: sqlite3.Connection, code: str) -> int:
-    return database.execute("SELECT max(order_no) FROM assignment WHERE code = ?", (code,)).fetchone()[0] or 0
 
 
 def _num_main(database: sqlite3.Connection, code: str) -> int:

@@ -111,8 +111,13 @@ class Layers:
         if "view_points" in layers:
             self._add_view_points(shown.episode.targets, floor_y)
         for index, trace in enumerate(shown.traces):
-            if trace.title not in hidden:
-                self._add_trace(f"/episode/run{index}", trace, floor_y, lift=0.12 + 0.04 * (index % 4))
+            name = f"/episode/run{index}"
+            if trace.title in hidden:
+                continue
+            if isinstance(trace.run, EpisodeRun):
+                self._add_path(name, trace, floor_y, lift=0.12 + 0.04 * (index % 4))
+            else:
+                self._add_answer(name, trace, trace.run, floor_y)
 
     def mark(self, objects: Sequence[Outlined]) -> None:
         """Outlines and names these objects and no others."""
@@ -239,12 +244,6 @@ class Layers:
                 receive_shadow=False,
             )
         )
-
-    def _add_trace(self, name: str, trace: Trace, floor_y: float, *, lift: float) -> None:
-        if isinstance(trace.run, EpisodeRun):
-            self._add_path(name, trace, floor_y, lift=lift)
-        else:
-            self._add_answer(name, trace, trace.run, floor_y)
 
     def _add_path(self, name: str, trace: Trace, floor_y: float, *, lift: float) -> None:
         """A run's path over the floor with a ball at its end; `lift` keeps paths apart."""

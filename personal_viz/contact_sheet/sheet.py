@@ -54,7 +54,10 @@ def contact_sheet_picture(scene: Scene, plan: HomePlan | None) -> Image.Image:
         (storey_picture(scene, plan, floor_y, size=size), f"storey at {floor_y:.1f} m, from above")
         for floor_y in heights
     ]
-    tiles = portraits(plan) if plan is not None else _cropped(scene, renderer)
+    if plan is not None:
+        tiles = portraits(plan)
+    else:
+        tiles = [(Image.fromarray(crop.rgb), crop.item.category) for crop in category_crops(scene, renderer)]
     rows = [storeys, _views(scene, plan, renderer)]
     rows += [tiles[first : first + PER_ROW] for first in range(0, len(tiles), PER_ROW)]
     return _stacked(scene.label, scene_label(scene.kind), scene_terms(scene.kind), [row for row in rows if row])
@@ -116,10 +119,6 @@ def _views(scene: Scene, plan: HomePlan | None, renderer: Renderer) -> list[Tile
         named = ", ".join(view.objects[:_MAX_NAMED])
         tiles.append((Image.fromarray(frame.rgb), f"{view.room}: {named}" if view.room else named))
     return tiles
-
-
-def _cropped(scene: Scene, renderer: Renderer) -> list[Tile]:
-    return [(Image.fromarray(crop.rgb), crop.item.category) for crop in category_crops(scene, renderer)]
 
 
 def _stacked(title: str, label: str, terms: str, rows: Sequence[Sequence[Tile]]) -> Image.Image:
