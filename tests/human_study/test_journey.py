@@ -93,18 +93,12 @@ def test_two_failed_rounds_of_the_quiz_lead_back_to_the_instructions() -> None:
     assert place(*ready, failed, failed, ("instructed", {}), failed, ("quiz_passed", {})) == "trial"
 
 
-def test_practice_comes_before_the_counted_trials_and_is_not_counted() -> None:
+def test_practice_attention_trials_and_what_was_given_back_are_not_counted() -> None:
     others = [trial(2), trial(3)]
     assert journey(*READY, trials=[trial(1, phase="practice"), *others]) == Journey("practice", 0, 2)
     assert journey(*READY, trials=[trial(1, phase="practice", is_over=True), *others]) == Journey("trial", 0, 2)
-
-
-def test_attention_trials_are_not_counted_either() -> None:
     trials = [trial(1, is_over=True), trial(2, phase="check", is_over=True), trial(3)]
     assert journey(*READY, trials=trials) == Journey("trial", 1, 2)
-
-
-def test_what_was_given_back_is_not_counted_and_not_due() -> None:
     given_back = dataclasses.replace(trial(1, is_begun=True), is_released=True)
     assert journey(*READY, trials=[given_back, trial(2)]) == Journey("trial", 0, 1)
     assert place(*READY, trials=[given_back]) == "ending"

@@ -43,15 +43,11 @@ def test_the_size_of_a_page_is_kept_rounded_and_within_bounds() -> None:
     assert kept == [(1350, 650), (0, 100_000)]
 
 
-def test_round_trips_are_kept() -> None:
-    session = new_session("pog", TrialTerms(condition="map_open"))
-    events = driven(session, [(Start(), 0.0), (Measure(41.25), 1.0)])
-    assert isinstance(events[-1], Net)
-    assert events[-1].round_trip_ms == 41.25
-
-
-def test_a_round_trip_that_is_no_number_is_refused() -> None:
+def test_round_trips_are_kept_and_one_that_is_no_number_is_refused() -> None:
     session = begun("pog", TrialTerms(condition="map_open"))
+    (kept,) = session.handle(Measure(41.25), 1.0).events
+    assert isinstance(kept, Net)
+    assert kept.round_trip_ms == 41.25
     with pytest.raises(ValueError, match="finite"):
         session.handle(Measure(float("nan")), 1.0)
 

@@ -234,10 +234,12 @@ def test_a_closed_store_says_so(tmp_path: Path) -> None:
         store.append(trial.trial_id, trial.epoch, KEY)
 
 
-def test_an_unwritable_place_is_one_line(tmp_path: Path) -> None:
+def test_an_unwritable_place_and_a_folder_without_a_study_are_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match="expected a folder that you can write"):
         open_small(tmp_path / "file" / "study")
+    with pytest.raises(StudyError, match="personal-viz study serve first"), read_study(tmp_path):
+        pass
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
@@ -245,11 +247,6 @@ def test_a_read_only_folder_is_one_line(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     with pytest.raises(StudyError, match="expected a folder that you can write"):
         open_small(tmp_path)
-
-
-def test_a_folder_without_a_study_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match="personal-viz study serve first"), read_study(tmp_path):
-        pass
 
 
 def test_the_settings_are_those_of_the_design(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import shutil
 import sqlite3
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -52,12 +53,25 @@ def test_a_database_of_another_program_is_left_alone(tmp_path: Path) -> None:
     assert (tmp_path / "study.db").read_bytes() == before
 
 
-def test_a_newer_version_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("version", "message"),
+    [
+        pytest.param(99, r"has schema version 99; expected at most 2.*newer personal-viz", id="a newer one"),
+        pytest.param(
+            1,
+            r"schema version 1; expected at least 2\..*use the personal-viz that",
+            id="one of before the first release",
+        ),
+    ],
+)
+@pytest.mark.parametrize("use", [open_small, lambda folder: read_study(folder).__enter__(), bring_up_to_date])
+def test_another_schema_version_is_refused(
+    tmp_path: Path, version: int, message: str, use: Callable[[Path], object]
+) -> None:
     filled(tmp_path).close()
-    edit(tmp_path, "PRAGMA user_version = 99")
-    for use in (lambda: open_small(tmp_path), lambda: read_study(tmp_path).__enter__()):
-        with pytest.raises(StudyError, match=r"has schema version 99; expected at most 2.*newer personal-viz"):
-            use()
+    edit(tmp_path, f"PRAGMA user_version = {version}")
+    with pytest.raises(StudyError, match=message):
+        use(tmp_path)
 
 
 def test_another_studys_store_is_refused(tmp_path: Path) -> None:
@@ -93,18 +107,6 @@ def test_an_event_cut_off_the_end_of_a_finished_trial_is_found(tmp_path: Path) -
     edit(tmp_path, "DELETE FROM event WHERE seq = 2")
     with pytest.raises(StudyError, match="ends with another event than when it was finished"):
         open_small(tmp_path)
-
-
-def test_a_database_of_before_the_first_release_is_refused(tmp_path: Path) -> None:
-    filled(tmp_path).close()
-    edit(tmp_path, "PRAGMA user_version = 1")
-    for use in (
-        lambda: open_small(tmp_path),
-        lambda: read_study(tmp_path).__enter__(),
-        lambda: bring_up_to_date(tmp_path),
-    ):
-        with pytest.raises(StudyError, match=r"schema version 1; expected at least 2\..*use the personal-viz that"):
-            use()
 
 
 def test_an_up_to_date_database_needs_no_step(tmp_path: Path) -> None:

@@ -116,16 +116,12 @@ def test_a_damaged_record_is_named(folder: Path) -> None:
         rows_of(folder / "study")
 
 
-def test_the_look_at_a_map_is_told_by_its_end() -> None:
+def test_the_look_at_a_map_is_told_by_its_end_and_one_that_was_cut_off_by_its_last_event() -> None:
     map_on = MapOn(t_s=1.0, what="topdown", min_s=0.0, max_s=60.0)
     off = MapOff(t_s=13.5, what="topdown", reason="left", look_s=12.5)
     assert look(map_on, Moment(kind="looking", t_s=6.0), off, Shown(t_s=13.6, step=0, frame_hash=None)) == 12.5
-    assert look(Shown(t_s=0.1, step=0, frame_hash=None)) is None
-
-
-def test_a_look_that_was_cut_off_counts_until_its_last_event() -> None:
-    map_on = MapOn(t_s=1.0, what="topdown", min_s=0.0, max_s=60.0)
     assert look(map_on, Moment(kind="looking", t_s=6.0), Moment(kind="looking", t_s=11.0)) == 10.0
+    assert look(Shown(t_s=0.1, step=0, frame_hash=None)) is None
 
 
 def test_time_in_the_background_ends_with_the_page_on_screen_or_opened_again() -> None:

@@ -103,17 +103,11 @@ def test_the_texts_come_after_the_home(fake_screens: Fakes) -> None:
     assert trial.link.outcome.candidates == (HIT,)
 
 
-def test_the_time_of_a_walk_runs_out_without_the_browser(fake_screens: Fakes) -> None:
-    trial = played(fake_screens, MemoryLink("pan"), FORWARD, *[PASS] * 9, pan_max_s=6)
-    assert trial.link.outcome.reason == "timeout"
-    assert trial.raised is None
-
-
-def test_the_time_of_an_answer_runs_out_without_the_browser(fake_screens: Fakes) -> None:
-    trial = played(fake_screens, MemoryLink("pog", "map_first"), CloseMap(), RAY, *[PASS] * 9, **HOME_FIRST)
-    assert trial.link.outcome.reason == "timeout"
-    assert trial.link.outcome.candidates == ()
-    assert trial.raised is None
+def test_the_time_runs_out_without_the_browser(fake_screens: Fakes) -> None:
+    walked = played(fake_screens, MemoryLink("pan"), FORWARD, *[PASS] * 9, pan_max_s=6)
+    pointed = played(fake_screens, MemoryLink("pog", "map_first"), CloseMap(), RAY, *[PASS] * 9, **HOME_FIRST)
+    assert [(trial.link.outcome.reason, trial.raised) for trial in (walked, pointed)] == [("timeout", None)] * 2
+    assert pointed.link.outcome.candidates == ()
 
 
 def test_a_click_after_the_time_is_up_is_nothing(fake_screens: Fakes) -> None:
@@ -173,12 +167,6 @@ def test_leaving_for_good_stores_nothing_more(fake_screens: Fakes) -> None:
     assert kinds(trial)[-1] == "shown"
 
 
-def test_a_lost_webgl_context_is_a_failure_of_ours(fake_screens: Fakes) -> None:
-    trial = played(fake_screens, MemoryLink("pog"), PageChanged("context_lost"))
-    assert kinds(trial) == ["open", "context_lost", "error"]
-    assert trial.link.outcome.reason == "technical"
-
-
 def test_a_broken_renderer_ends_the_trial_as_technical(fake_screens: Fakes, capsys: pytest.CaptureFixture[str]) -> None:
     class Broken(RenderedHere):
         def render(self, *arguments: object) -> None:  # type: ignore[override]
@@ -225,9 +213,11 @@ def test_a_trial_that_cannot_be_scored_says_so_in_its_record(
     assert "no way to the target" in capsys.readouterr().err
 
 
-def test_a_lost_picture_is_verified_as_a_failure_of_ours(fake_screens: Fakes) -> None:
+@pytest.mark.parametrize("before", [[], [RAY]], ids=["at once", "after a click"])
+def test_a_lost_webgl_context_is_a_failure_of_ours_that_is_verified(fake_screens: Fakes, before: list) -> None:
     link = MemoryLink("pog")
-    played(fake_screens, link, RAY, PageChanged("context_lost"))
+    trial = played(fake_screens, link, *before, PageChanged("context_lost"))
+    assert kinds(trial) == ["open", *["click" for _ in before], "context_lost", "error"]
     found = verify_trial(link.stored, link.outcome, episode().key, home=room(), participant="p02")
     assert (link.outcome.reason, found.status, found.detail) == ("technical", "verified", "")
 
