@@ -135,6 +135,24 @@ ROOM = StudyScene(name="room", kind="invented")
 """The room as a home of the study."""
 
 
+FILLED = {
+    "ethics": {
+        "irb": "2026-17",
+        "institution": "The University of Anywhere",
+        "contact": "study@anywhere.example",
+        "pay": "You get 12 EUR.",
+        "duration_min": 45,
+    },
+    "privacy": {"retention": "2027-12-31"},
+}
+"""Fields of a study file that leave no place of the texts open."""
+
+
+def paged_study(**changes: object) -> StudyConfig:
+    """A small study with all pages."""
+    return study(**({"flow": ("device", "consent", "instructions", "quiz")} | changes))
+
+
 def study(**changes: object) -> StudyConfig:
     """A small study in the room: everybody does everything, no pages before the trials."""
     values = {

@@ -12,32 +12,17 @@ from human_study.texts.estimate import announced_minutes, estimate_time
 from human_study.texts.participants import instruction_texts
 from human_study.texts.words import filled, filled_text, open_places, words_of, wrapped
 
-from .small_world import plan, study
+from .small_world import FILLED, paged_study, plan
 
-WHOLE = {
-    "ethics": {
-        "irb": "2026-17",
-        "institution": "The University of Anywhere",
-        "contact": "study@anywhere.example",
-        "pay": "12 EUR per hour",
-        "duration_min": 45,
-    },
-    "privacy": {"retention": datetime.date(2027, 12, 31)},
-    "primary": ("human_minus_agent_SR", "memory_effect_SR"),
-}
-FULL_FLOW = ("device", "consent", "instructions", "quiz")
+WHOLE = FILLED | {"primary": ("human_minus_agent_SR", "memory_effect_SR")}
 
 
 def consent_text(config: StudyConfig) -> str:
     return filled("consent.md", words_of(config))
 
 
-def config_of(**changes: object) -> StudyConfig:
-    return study(**({"flow": FULL_FLOW} | changes))
-
-
 def test_a_complete_study_file_leaves_nothing_open() -> None:
-    config = config_of(**WHOLE)
+    config = paged_study(**WHOLE)
     documents = ethics_documents(config, plan(config))
     assert list(documents) == [
         "protocol.md",
@@ -56,7 +41,7 @@ def test_a_complete_study_file_leaves_nothing_open() -> None:
 
 
 def test_empty_fields_are_marked_and_named() -> None:
-    config = config_of()
+    config = paged_study()
     assert set(open_places(consent_text(config))) == {
         "ethics.institution",
         "ethics.duration_min",
@@ -78,7 +63,7 @@ def test_a_mark_that_a_line_break_cuts_is_found() -> None:
 
 
 def test_what_remains_after_a_withdrawal_is_what_the_consent_form_says() -> None:
-    deleted, kept = consent_text(config_of()), consent_text(config_of(privacy={"on_withdraw": "keep"}))
+    deleted, kept = consent_text(paged_study()), consent_text(paged_study(privacy={"on_withdraw": "keep"}))
     flat = " ".join(deleted.split())
     assert "We then delete the key that your records are encrypted with" in flat
     for what in (
@@ -88,7 +73,7 @@ def test_what_remains_after_a_withdrawal_is_what_the_consent_form_says() -> None
     ):
         assert what in flat
     assert "recruiting platform remains" not in flat
-    prolific = consent_text(config_of(recruit={"kind": "prolific"}, privacy={"platform_id": "hmac"}))
+    prolific = consent_text(paged_study(recruit={"kind": "prolific"}, privacy={"platform_id": "hmac"}))
     assert "A code made of your id on the recruiting platform remains too" in " ".join(prolific.split())
     assert "that it took place, how it ended, how many events of which kind" in flat
     assert "never their content" in flat
@@ -108,7 +93,7 @@ def test_what_remains_after_a_withdrawal_is_what_the_consent_form_says() -> None
     ],
 )
 def test_the_consent_form_tells_what_is_not_stored(kind: str, platform_id: str, is_hashed: bool, is_kept: bool) -> None:
-    config = config_of(privacy={"platform_id": platform_id}, recruit={"kind": kind})
+    config = paged_study(privacy={"platform_id": platform_id}, recruit={"kind": kind})
     text = " ".join(consent_text(config).split())
     assert "We do **not** store your name, your e-mail address, your internet (IP) address" in text
     assert ("your id on the recruiting platform into a code" in text) == is_hashed
@@ -117,12 +102,12 @@ def test_the_consent_form_tells_what_is_not_stored(kind: str, platform_id: str, 
 
 
 def test_confidence_is_listed_where_the_study_asks_for_it() -> None:
-    assert "how sure you say you are" in consent_text(config_of(confidence=True))
-    assert "how sure you say you are" not in consent_text(config_of())
+    assert "how sure you say you are" in consent_text(paged_study(confidence=True))
+    assert "how sure you say you are" not in consent_text(paged_study())
 
 
 def test_instructions_fit_the_study_file() -> None:
-    config = config_of(
+    config = paged_study(
         actions="paper6",
         steps=300,
         pan_max_s=240.0,
@@ -150,11 +135,11 @@ def test_instructions_fit_the_study_file() -> None:
     ):
         assert part in text_of(config), part
     for part in ("Look up", "map of the home", "easy on purpose", "questions about these rules"):
-        assert part not in text_of(config_of(flow=("instructions",))), part
+        assert part not in text_of(paged_study(flow=("instructions",))), part
 
 
 def test_the_time_is_the_sum_of_its_stated_parts() -> None:
-    config = config_of(
+    config = paged_study(
         task=("pan",),
         memory={"arms": ("none", "topdown"), "max_s": 20.0},
         practice={"pan": 2, "pog": 0},
@@ -169,21 +154,21 @@ def test_the_time_is_the_sum_of_its_stated_parts() -> None:
 
 
 def test_the_announced_time_is_the_stated_one_or_the_longest_share() -> None:
-    config = config_of()
+    config = paged_study()
     assert announced_minutes(config) is None
     assert announced_minutes(config, plan(config)) == 15  # 3 PAN trials: 6 min, reading: 8 min
-    assert announced_minutes(config_of(design={"kind": "house-once", "trials_per_person": 30})) == 75
-    assert announced_minutes(config_of(ethics={"duration_min": 20}), plan(config)) == 20
+    assert announced_minutes(paged_study(design={"kind": "house-once", "trials_per_person": 30})) == 75
+    assert announced_minutes(paged_study(ethics={"duration_min": 20}), plan(config)) == 20
 
 
 def test_a_stated_time_that_is_too_short_is_called_out() -> None:
-    config = config_of(ethics={"duration_min": 5})
+    config = paged_study(ethics={"duration_min": 5})
     assert "are less than the estimate of 15" in ethics_documents(config, plan(config))["time_and_pay.md"]
-    assert "The stated 45 minutes cover" in ethics_documents(config_of(**WHOLE), plan(config))["time_and_pay.md"]
+    assert "The stated 45 minutes cover" in ethics_documents(paged_study(**WHOLE), plan(config))["time_and_pay.md"]
 
 
 def test_the_sample_is_counted_from_the_plan() -> None:
-    config = config_of(task=("pan",), memory={"arms": ("none", "topdown")})
+    config = paged_study(task=("pan",), memory={"arms": ("none", "topdown")})
     sample = sample_of(config, plan(config))
     assert (sample.num_people, sample.num_trials, sample.num_episodes, sample.most_visits) == (2, 6, 3, 3)
     assert (sample.by_split, sample.by_kind, sample.num_spare) == ({"easy": 3}, {"invented": 1}, 0)
@@ -203,7 +188,7 @@ def test_hypotheses_are_sentences() -> None:
 
 
 def test_the_preregistration_names_study_plan_rules_and_analysis() -> None:
-    config = config_of(**WHOLE, aggregate={"total": "pooled", "weight": "participants"})
+    config = paged_study(**WHOLE, aggregate={"total": "pooled", "weight": "participants"})
     drawn = plan(config)
     text = ethics_documents(config, drawn)["preregistration.md"]
     flat = " ".join(text.split())
@@ -211,7 +196,7 @@ def test_the_preregistration_names_study_plan_rules_and_analysis() -> None:
     assert drawn.plan_version in flat
     assert "| `disturbed` | The person reported having been disturbed" in text
     assert "`attention`" not in text
-    checked = ethics_documents(config_of(checks={"every": 15}), None)["preregistration.md"]
+    checked = ethics_documents(paged_study(checks={"every": 15}), None)["preregistration.md"]
     assert "| `attention` | The person failed more than one attention trial" in checked
     assert "the mean over all trials, whatever their split. Within a split every participant counts the same." in flat
     assert "a 95% interval that takes participants and episodes for random" in flat
@@ -219,7 +204,7 @@ def test_the_preregistration_names_study_plan_rules_and_analysis() -> None:
 
 
 def test_the_data_flow_lists_everything_with_its_end() -> None:
-    config = config_of(**WHOLE, recruit={"kind": "prolific"}).model_copy(
+    config = paged_study(**WHOLE, recruit={"kind": "prolific"}).model_copy(
         update={"privacy": StudyPrivacy(platform_id="hmac", retention=datetime.date(2027, 12, 31))}
     )
     text = ethics_documents(config, None)["data_flow.md"]
@@ -243,8 +228,8 @@ def test_the_data_flow_lists_everything_with_its_end() -> None:
 
 
 def test_marks_of_an_earlier_version_are_filled_in_and_own_words_stay(tmp_path: Path) -> None:
-    text = consent_text(config_of()) + "\nOur own sentence. [to be filled in: lunch]\n"
-    config = config_of(**(WHOLE | {"ethics": WHOLE["ethics"] | {"pay": ""}}))  # type: ignore[operator]
+    text = consent_text(paged_study()) + "\nOur own sentence. [to be filled in: lunch]\n"
+    config = paged_study(**(WHOLE | {"ethics": WHOLE["ethics"] | {"pay": ""}}))  # type: ignore[operator]
     filled_in = filled_text(text, words_of(config), where=tmp_path)
     assert "Our own sentence." in filled_in
     assert "study@anywhere.example" in filled_in

@@ -30,28 +30,13 @@ from sim.tasks.rules import score_answer, score_run
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun
 from sim.types import SUCCESS_RULES, Action, Pose, SuccessRule, TaskKind
 
-from .small_world import SCENE_DIGEST, SquareRoom, episode, plan, study
+from .small_world import FILLED, SCENE_DIGEST, SquareRoom, episode, paged_study, plan
 
-FLOW = ("device", "consent", "instructions", "quiz")
-FILLED = {
-    "ethics": {
-        "irb": "2026-17",
-        "institution": "The University of Anywhere",
-        "contact": "study@anywhere.example",
-        "pay": "You get 12 EUR.",
-        "duration_min": 45,
-    },
-    "privacy": {"retention": "2027-12-31"},
-}
 STEP_M = 0.25
 PAN_ARMS: tuple[tuple[PanCondition, ...], ...] = (("none",), ("topdown",), ("none", "topdown", "glb"))
 POG_ARMS: tuple[tuple[PogCondition, ...], ...] = (("map_open",), ("map_2d",), ("map_first", "map_open", "map_2d"))
 NEAR_M = 0.02
 """How far on either side of a told limit an answer is scored."""
-
-
-def config_of(**changes: object) -> StudyConfig:
-    return study(**({"flow": FLOW} | changes))
 
 
 def lengths_m(text: str) -> set[float]:
@@ -135,7 +120,7 @@ def test_every_text_tells_the_limits_that_are_scored_and_no_others(task: TaskKin
     arms = PAN_ARMS if task == "pan" else POG_ARMS
     for keys, conditions in itertools.product(("paper4", "paper6"), arms):
         field = {"memory": {"arms": conditions}} if task == "pan" else {"pog": {"conditions": conditions}}
-        config = config_of(task=(task,), success=rule, actions=keys, **field)
+        config = paged_study(task=(task,), success=rule, actions=keys, **field)
         limits = set(limits_m(config, task))
         for name, text in texts_that_tell_the_rule(config, task, conditions).items():
             said = lengths_m(text)
@@ -148,7 +133,7 @@ def test_every_text_tells_the_limits_that_are_scored_and_no_others(task: TaskKin
 @pytest.mark.parametrize("rule", SUCCESS_RULES)
 def test_no_wrong_answer_of_the_quiz_is_right_and_the_right_one_is_first(rule: SuccessRule) -> None:
     for task in get_args(TaskKind):
-        config = config_of(task=(task,), success=rule)
+        config = paged_study(task=(task,), success=rule)
         for question in questions_for(config, task, config.conditions(task)):
             assert len(question.answers) == len(set(question.answers)) == 3
             assert all(not lengths_m(wrong) for wrong in question.answers[1:])
@@ -157,7 +142,7 @@ def test_no_wrong_answer_of_the_quiz_is_right_and_the_right_one_is_first(rule: S
 
 @pytest.mark.parametrize("rule", SUCCESS_RULES)
 def test_practice_is_judged_by_the_rule_of_the_study(rule: SuccessRule) -> None:
-    config = config_of(success=rule)
+    config = paged_study(success=rule)
     for task in get_args(TaskKind):
         right, wrong = (
             practice_text(config, task, ended(task, config=config, is_right=is_right)) for is_right in (True, False)
@@ -173,7 +158,7 @@ def test_only_the_rule_that_scores_a_run_without_stop_says_that_stop_is_not_need
         episode(), poses, stopped=False, navigation=SquareRoom(), collisions=0, scene_digest=SCENE_DIGEST
     )
     for rule in SUCCESS_RULES:
-        config = config_of(task=("pan",), success=rule)
+        config = paged_study(task=("pan",), success=rule)
         figures = measures.rules[rule]
         pages = " ".join("".join(instruction_texts(config, "pan", ("none",))).split())
         quiz = " ".join(question.because for question in questions_for(config, "pan", ("none",)))
@@ -184,7 +169,7 @@ def test_only_the_rule_that_scores_a_run_without_stop_says_that_stop_is_not_need
 
 
 def test_a_large_object_is_clicked_in_its_middle() -> None:
-    config = config_of(task=("pog",))
+    config = paged_study(task=("pog",))
     end_of_a_bed = (episode().targets[0].position[0] + 1.1, 0.4, 0.0)
     assert not score_answer(episode(), [end_of_a_bed], storeys=[(0.0, 0.0)]).success
     pages = " ".join("".join(instruction_texts(config, "pog", ("map_open",))).split())
@@ -196,7 +181,7 @@ def test_a_large_object_is_clicked_in_its_middle() -> None:
 
 @pytest.mark.parametrize("keys", ["paper4", "paper6"])
 def test_keys_and_limits_of_a_trial_are_those_of_the_study_file(keys: str) -> None:
-    config = config_of(
+    config = paged_study(
         actions=keys,
         steps=120,
         pan_max_s=240.0,
@@ -218,7 +203,7 @@ def test_keys_and_limits_of_a_trial_are_those_of_the_study_file(keys: str) -> No
 
 
 def test_each_participant_is_told_the_own_task_only(tmp_path: Path) -> None:
-    config = config_of(task=("pan", "pog"), success="habitat", **FILLED)
+    config = paged_study(task=("pan", "pog"), success="habitat", **FILLED)
     names = freeze_texts(tmp_path, config, plan(config))
     texts = {name: (tmp_path / name).read_text(encoding="utf-8") for name in names}
     walking, pointing = (
@@ -247,18 +232,18 @@ def frozen(folder: Path, config: StudyConfig, *, is_pilot: bool = False) -> tupl
 
 def test_a_study_whose_file_is_not_filled_in_cannot_be_planned(tmp_path: Path) -> None:
     with pytest.raises(StudyError) as caught:
-        frozen(tmp_path, config_of())
+        frozen(tmp_path, paged_study())
     line = str(caught.value)
     assert "\n" not in line
     fields = "ethics.institution, ethics.pay, privacy.retention, ethics.contact, ethics.irb"
     assert f"consent.md: {fields} to be filled in" in line
     assert not (tmp_path / "told").exists()
-    frozen(tmp_path, config_of(**FILLED))
-    frozen(tmp_path, config_of(flow=("instructions",)))  # nobody is shown the consent form
+    frozen(tmp_path, paged_study(**FILLED))
+    frozen(tmp_path, paged_study(flow=("instructions",)))  # nobody is shown the consent form
 
 
 def test_people_of_a_pilot_read_plain_words_where_the_file_is_empty(tmp_path: Path) -> None:
-    names, _ = frozen(tmp_path, config_of(), is_pilot=True)
+    names, _ = frozen(tmp_path, paged_study(), is_pilot=True)
     assert set(names) >= {"consent.md", told_name("consent.md", "pan"), told_name("instructions.md", "pog")}
     for name in names:
         text = (tmp_path / name).read_text(encoding="utf-8")
@@ -269,11 +254,11 @@ def test_people_of_a_pilot_read_plain_words_where_the_file_is_empty(tmp_path: Pa
     assert "No pay is stated for this pilot study." in consent
     (tmp_path / "consent.md").write_text("Bring [to be filled in: lunch].")
     with pytest.raises(StudyError, match="lunch to be filled in"):
-        frozen(tmp_path, config_of(), is_pilot=True)
+        frozen(tmp_path, paged_study(), is_pilot=True)
 
 
 def test_a_text_changed_by_hand_must_say_what_the_study_file_says(tmp_path: Path) -> None:
-    config = config_of(steps=300, **FILLED)
+    config = paged_study(steps=300, **FILLED)
     write_texts(tmp_path)
     (tmp_path / "consent.md").write_text("It takes about 20 minutes. You get 15 EUR. It takes {{ minutes }} minutes.")
     (tmp_path / "instructions.md").write_text("# Ours\n\nYou have 500 steps. Stop within two metres of it.")
@@ -322,23 +307,23 @@ def test_a_text_changed_by_hand_must_say_what_the_study_file_says(tmp_path: Path
     ],
 )
 def test_numbers_are_compared_where_words_name_them(text: str, is_said_otherwise: bool) -> None:
-    config = config_of(task=("pan",), **FILLED)
+    config = paged_study(task=("pan",), **FILLED)
     assert bool(disagreements(text, config, plan=plan(config), task="pan")) == is_said_otherwise, text
 
 
 def test_a_field_that_no_study_has_is_refused_with_its_name(tmp_path: Path) -> None:
     (tmp_path / "consent.md").write_text("Hello {{ salary }}.")
     with pytest.raises(StudyError, match=r"consent\.md: cannot be filled in \('salary' is undefined\)"):
-        frozen(tmp_path, config_of(**FILLED))
+        frozen(tmp_path, paged_study(**FILLED))
     (tmp_path / "consent.md").write_text("Hello\n{{ pay")
     with pytest.raises(StudyError, match=r"consent\.md, line 2: cannot be filled in"):
-        frozen(tmp_path, config_of(**FILLED))
+        frozen(tmp_path, paged_study(**FILLED))
 
 
 @pytest.mark.parametrize("rule", SUCCESS_RULES)
 def test_our_own_texts_agree_with_every_study_file(rule: SuccessRule, tmp_path: Path) -> None:
     for task in (("pan",), ("pog",), ("pan", "pog")):
-        config = config_of(
+        config = paged_study(
             task=task, success=rule, memory={"arms": ("none", "glb")}, breaks={"every": None}, confidence=True, **FILLED
         )
         frozen(tmp_path / rule / "-".join(task), config)

@@ -18,7 +18,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.homes.open_home import open_scene
 from sim.mesh import Scene
 from sim.tasks.run_files import Answer
-from sim.types import Action
+from sim.types import Action, TaskKind
 from sim.walk.storeys import storey_of
 
 from .flow_steps import (
@@ -39,6 +39,15 @@ from .flow_studies import Line, PlannedStudy
 pytestmark = pytest.mark.browser
 
 
+def arrived(study: PlannedStudy, browser: BrowserContext, task: TaskKind = "pan") -> tuple[Page, str]:
+    """The page of a newcomer whose first trial has begun, and the newcomer's code."""
+    code, page = study.newcomer(task), browser.new_page()
+    start(page, study.links[code])
+    if task == "pan":
+        see_step(page, 0)
+    return page, code
+
+
 def actions(study: PlannedStudy, code: str) -> list[Action]:
     """Actions of the stored steps of a participant's first trial."""
     return [act.action for act in acts(study.folder, code)]
@@ -47,10 +56,7 @@ def actions(study: PlannedStudy, code: str) -> list[Action]:
 def test_a_held_key_is_one_step_and_a_reload_resumes_at_the_same_step(
     quick_study: PlannedStudy, browser: BrowserContext
 ) -> None:
-    code = quick_study.newcomer("pan")
-    page = browser.new_page()
-    start(page, quick_study.links[code])
-    see_step(page, 0)
+    page, code = arrived(quick_study, browser)
     for _ in range(6):  # Playwright marks all but the first as repeats until keyup
         page.keyboard.down("a")
     page.keyboard.up("a")
@@ -115,10 +121,7 @@ def ray_meets(scene: Scene, floor_y: float, clicked: Clicked) -> NDArray[np.floa
 def test_leaving_in_the_middle_of_a_trial_deletes_what_was_done(
     quick_study: PlannedStudy, browser: BrowserContext
 ) -> None:
-    code = quick_study.newcomer("pan")
-    page = browser.new_page()
-    start(page, quick_study.links[code])
-    see_step(page, 0)
+    page, code = arrived(quick_study, browser)
     take_step(page, 1)
     page.get_by_role("button", name="Leave the study").click()
     expect(page.get_by_text("will be deleted and cannot be brought back")).to_be_visible()
@@ -145,10 +148,7 @@ def press_place(page: Page, code: str, key: str) -> None:
 
 
 def test_keys_are_places_on_the_keyboard_and_can_be_chosen(quick_study: PlannedStudy, browser: BrowserContext) -> None:
-    code = quick_study.newcomer("pan")
-    page = browser.new_page()
-    start(page, quick_study.links[code])
-    see_step(page, 0)
+    page, code = arrived(quick_study, browser)
     press_place(page, "KeyQ", "a")  # AZERTY: the letter A stands where Q is on other keyboards
     press_place(page, "KeyA", "q")
     see_step(page, 1)
@@ -235,9 +235,7 @@ def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
 def test_a_lost_3d_picture_ends_the_trial_as_technical_and_it_comes_again(
     quick_study: PlannedStudy, browser: BrowserContext
 ) -> None:
-    code = quick_study.newcomer("pog")
-    page = browser.new_page()
-    start(page, quick_study.links[code])
+    page, code = arrived(quick_study, browser, "pog")
     expect(page.get_by_text("Click the middle of the object")).to_be_visible()
     expect(page.locator("canvas").last).to_be_visible()
     page.evaluate(
