@@ -1,7 +1,9 @@
 """A researcher watches a study: nothing that is stored or shown changes, whatever the observer does."""
 
 import threading
-from typing import get_type_hints
+from collections.abc import Callable
+from functools import partial
+from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
@@ -14,8 +16,7 @@ from human_study.trial.views import LookView, PanView, PogView, RateView
 from personal_viz.study_app.watch import MAX_WAITING, Watches
 from sim.episodes.schema import Episode
 from sim.errors import RecordingError
-from sim.tasks.observers import Insight
-from sim.tasks.run_files import Answer, ClickRay, EpisodeRun, Step, Vector3
+from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import Action, Observation, Task
 
 from ..human_study.small_world import episode
@@ -28,60 +29,27 @@ Fakes = tuple[list, list[str]]
 
 
 class Notes:
-    """Observers of both tasks that keep what they are told."""
+    """An observer of walks and answers that keeps what it is told: the name without `on_`, and the arguments."""
 
     def __init__(self, *, fails_at: str = "", waits_for: threading.Event | None = None) -> None:
         self.told: list[tuple] = []
         self._fails_at, self._waits_for = fails_at, waits_for
 
-    def of_walk(self, trial: Trial) -> "Walk":
-        return Walk(self)
+    def of_walk(self, trial: Trial) -> Any:
+        return self
 
-    def of_answer(self, trial: Trial) -> "Pointing":
-        return Pointing(self)
+    def of_answer(self, trial: Trial) -> Any:
+        return self
 
-    def note(self, name: str, *what: object) -> None:
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        return partial(self._note, name.removeprefix("on_"))
+
+    def _note(self, name: str, *what: object) -> None:
         if self._waits_for is not None:
             self._waits_for.wait(30)
         if name == self._fails_at:
             raise RecordingError("x.rrd: the disk is full; expected space. Free some.")
         self.told.append((name, *what))
-
-
-class Walk:
-    """An `Observer`."""
-
-    def __init__(self, notes: Notes) -> None:
-        self._note = notes.note
-
-    def on_reset(self, episode: Episode, observation: Observation) -> None:
-        self._note("reset", str(episode.key), observation)
-
-    def on_step(self, step: Step, observation: Observation, insight: Insight | None) -> None:
-        assert insight is None
-        self._note("step", step, observation)
-
-    def on_end(self, run: EpisodeRun) -> None:
-        self._note("end", run)
-
-
-class Pointing:
-    """An `AnswerObserver`."""
-
-    def __init__(self, notes: Notes) -> None:
-        self._note = notes.note
-
-    def on_reset(self, episode: Episode) -> None:
-        self._note("reset", str(episode.key))
-
-    def on_storey(self, floor_y: float, t_s: float) -> None:
-        self._note("storey", floor_y, round(t_s, 3))
-
-    def on_click(self, ray: ClickRay, hit: Vector3 | None, t_s: float) -> None:
-        self._note("click", ray, hit, round(t_s, 3))
-
-    def on_end(self, answer: Answer) -> None:
-        self._note("end", answer)
 
 
 def looks(view: object) -> tuple:
@@ -101,6 +69,7 @@ def test_a_watched_walk_is_stored_and_shown_as_an_unwatched_one(fake_screens: Fa
     assert [looks(view) for view in watched.shown] == [looks(view) for view in alone.shown]
     assert [name for name, *_ in notes.told] == ["reset", "step", "step", "step", "step", "end"]
     steps = [step for name, step, *_ in notes.told if name == "step"]
+    assert {insight for name, *_, insight in notes.told if name == "step"} == {None}
     assert steps == [event.step for event in watched.link.stored if isinstance(event, Act)]
     run = notes.told[-1][1]
     assert run.end == watched.link.outcome
@@ -111,7 +80,7 @@ def test_an_observer_sees_what_the_participant_saw(fake_screens: Fakes) -> None:
     notes = Notes()
     trial = played(fake_screens, MemoryLink("pan"), FORWARD, LEFT, GiveUp(), GiveUp(), observers=notes)
     trial.watches.close()
-    seen = [observation.rgb for name, _, observation in notes.told[:3]]
+    seen = [observation.rgb for _, _, observation, *_ in notes.told[:3]]
     shown = {view.step: view.rgb for view in trial.shown if isinstance(view, PanView) and view.rgb is not None}
     for rgb, step in zip(seen, range(3), strict=True):
         np.testing.assert_array_equal(rgb, shown[step])
@@ -125,7 +94,7 @@ def test_a_resumed_walk_is_told_from_its_start(fake_screens: Fakes) -> None:
     assert [name for name, *_ in first.told] == ["reset", "step", "step", "step"]
     played(fake_screens, link, FORWARD, GiveUp(), GiveUp(), observers=second).watches.close()
     assert [name for name, *_ in second.told] == ["reset", "step", "step", "step", "step", "end"]
-    for (_, _, old), (_, _, new) in zip(first.told, second.told, strict=False):
+    for (_, _, old, *_), (_, _, new, *_) in zip(first.told, second.told, strict=False):
         np.testing.assert_array_equal(old.rgb, new.rgb)
         assert old.step == new.step
         assert old.gps == new.gps
@@ -152,9 +121,9 @@ def test_a_watched_answer_is_stored_as_an_unwatched_one(fake_screens: Fakes) -> 
     assert watched.link.lines() == alone.link.lines()
     assert watched.link.outcome == alone.link.outcome
     clicks = [event for event in watched.link.stored if isinstance(event, Clicked)]
-    times = [round(event.t_s or 0.0, 3) for event in clicks]
     assert [name for name, *_ in notes.told] == ["reset", "click", "storey", "click", "end"]
-    assert [what for what in notes.told if what[0] == "click"] == [("click", RAY, HIT, t_s) for t_s in times]
+    told = [what for what in notes.told if what[0] == "click"]
+    assert told == [("click", RAY, HIT, pytest.approx(event.t_s)) for event in clicks]
     assert notes.told[-1][1] == watched.link.outcome
 
 
