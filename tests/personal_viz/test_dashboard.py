@@ -8,6 +8,7 @@ import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import pytest
 from playwright.sync_api import BrowserContext, expect
@@ -191,19 +192,12 @@ def test_the_gateway_does_not_know_the_page(tmp_path: Path) -> None:
 
 
 def test_the_serving_process_tells_of_its_workers_and_open_pages(tmp_path: Path) -> None:
-    class Process:
-        def __init__(self, code: int | None) -> None:
-            self._code = code
-
-        def poll(self) -> int | None:
-            return self._code
-
     with busy_study(tmp_path) as store:
         keeper = LeaseKeeper(store, tell=print)
         pool = WorkerPool.__new__(WorkerPool)
         pool.workers = [Worker(number) for number in (1, 2, 3)]
         for worker, code, door in zip(pool.workers, (None, None, 1), (WorkerDoor(9001, "s"), None, None), strict=True):
-            worker.process, worker.door = Process(code), door  # type: ignore[assignment]
+            worker.process, worker.door = MagicMock(poll=lambda code=code: code), door
         pool.workers[0].codes["p01"] = 2
         with keeper.present("p01"):
             found = serving_of(pool, keeper)

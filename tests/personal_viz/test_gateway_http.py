@@ -2,6 +2,7 @@
 
 import asyncio
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 from starlette.applications import Starlette
@@ -96,25 +97,6 @@ async def _nothing(*_: Any) -> Any:
     return None
 
 
-class OpenTransport:
-    """A connection from an address."""
-
-    def __init__(self, peer: str) -> None:
-        """Open."""
-        self.peer, self.is_aborted = peer, False
-
-    def get_extra_info(self, name: str) -> Any:
-        """Only whose it is."""
-        return (self.peer, 5000) if name == "peername" else None
-
-    def abort(self) -> None:
-        """Closed at once."""
-        self.is_aborted = True
-
-    def set_write_buffer_limits(self, *_: Any) -> None:
-        """Nothing to limit."""
-
-
 def aborted(options: ServeOptions, peers: list[str]) -> list[bool]:
     """Which of these connections are closed at once when they come in this order."""
 
@@ -125,9 +107,10 @@ def aborted(options: ServeOptions, peers: list[str]) -> list[bool]:
         for peer in peers:
             protocol: Any = config.http_protocol_class(config=config, server_state=state, app_state={})
             assert isinstance(protocol, PromptProtocol)
-            made.append(OpenTransport(peer))
-            protocol.connection_made(made[-1])  # type: ignore[arg-type]
-        return [transport.is_aborted for transport in made]
+            made.append(MagicMock())
+            made[-1].get_extra_info = {"peername": (peer, 5000)}.get
+            protocol.connection_made(made[-1])
+        return [transport.abort.called for transport in made]
 
     return asyncio.run(run())
 
