@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from sim.compiled import njit
-from sim.walk.heap import pop, push
+from sim.walk.grid_kernels import pop, push
 
 _DIAGONAL = math.sqrt(2.0)
 FREE, OCCUPIED = 1, 2

@@ -13,6 +13,7 @@ from sim.homes.furniture.appearance import finish_from_text
 from sim.homes.plan import Finish, Furniture, HomePlan, Room
 from sim.words.finishes import Rgb
 
+from ..copies.glb_writer import linear_from_srgb
 from ..episodes.described import Described, content_words, names_category
 
 DELTA_E = 15.0
@@ -134,9 +135,7 @@ def _kind(room: Room) -> frozenset[str]:
 
 def _lab(rgb: Rgb) -> NDArray[np.float64]:
     """CIE L*a*b* (D65) of an sRGB colour."""
-    share = np.array(rgb) / 255
-    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-    xyz = _XYZ_FROM_RGB @ linear / _WHITE
+    xyz = _XYZ_FROM_RGB @ linear_from_srgb(np.array(rgb)) / _WHITE
     root = np.where(xyz > 216 / 24389, np.cbrt(xyz), (xyz * 24389 / 27 + 16) / 116)
     return np.array([116 * root[1] - 16, 500 * (root[0] - root[1]), 200 * (root[1] - root[2])])
 

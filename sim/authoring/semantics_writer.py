@@ -12,9 +12,8 @@ from sim.frames import glb_zup_from_world
 from ..copies.glb_writer import glb_from_mesh
 from ..homes.plan import HomePlan
 from ..mesh import FLAT, SceneObject, TriangleMesh
-from ..scans.semantic_txt import MAX_ID
+from ..scans.semantic_txt import HEADER, MAX_ID
 
-_HEADER = "HM3D Semantic Annotations"
 _STEP = 0x9E3779
 """Odd, so that its multiples are different colours, far apart for neighbouring ids; 0 is black, no object."""
 
@@ -44,7 +43,7 @@ def semantic_files(
     for item in objects:
         assert item.name == f"{item.category}_{item.instance_id}", item.name
         assert 0 < item.instance_id <= MAX_ID, item.instance_id
-    lines = [_HEADER]
+    lines = [HEADER]
     lines += [
         f'{item.instance_id},{_colour(item.instance_id):06X},"{item.category}",{region_of.get(item.instance_id, -1)}'
         for item in objects

@@ -94,16 +94,14 @@ def atlased(mesh: TriangleMesh) -> TriangleMesh:
 
 
 def _unwrapped(mesh: TriangleMesh) -> NDArray[np.float64]:
-    """Texture coordinates (F, 3, 2) moved by whole images so that each face begins in 0-1."""
+    """Texture coordinates (F, 3, 2) moved by whole images so that each face begins in 0-1.
+
+    Coordinates up to half a texel outside the image are rounding errors, not a repetition.
+    """
     uv = mesh.face_uv.astype(float)
-    slack = _slack(mesh)
-    return uv - np.floor(uv.min(axis=1) + slack)[:, None]
-
-
-def _slack(mesh: TriangleMesh) -> NDArray[np.float64]:
-    """(F, 2) half a texel: coordinates this little outside the image are rounding errors, not a repetition."""
     sizes = np.array([image.shape[1::-1] for image in mesh.textures] or [(1, 1)], float)
-    return 0.5 / sizes[np.maximum(mesh.face_texture, 0)]
+    slack = 0.5 / sizes[np.maximum(mesh.face_texture, 0)]
+    return uv - np.floor(uv.min(axis=1) + slack)[:, None]
 
 
 def _use_of(mesh: TriangleMesh, face_uv: NDArray[np.float64], texture: int) -> _Use:

@@ -56,12 +56,12 @@ def described_object(record: EpisodeRecord, *, caption: str, category: str, owne
     None where the description does not mention the object.
     """
     edges = [edge for edge in _edges(record.extracted_summary) if owner in (None, edge.owner)]
-    wanted = _content(caption)
-    shares = [len(wanted & _content(f"{edge.phrase} {edge.room or ''}")) / max(1, len(wanted)) for edge in edges]
+    wanted = content_words(caption)
+    shares = [len(wanted & content_words(f"{edge.phrase} {edge.room or ''}")) / max(1, len(wanted)) for edge in edges]
     if not edges or (owner is None and max(shares) < _SAME):
         return None
     edge = edges[shares.index(max(shares))]
-    said = _said_words(record, _content(f"{caption} {edge.phrase} {category}"), {edge.owner.lower()})
+    said = _said_words(record, content_words(f"{caption} {edge.phrase} {category}"), {edge.owner.lower()})
     own, beside, upon = _parts(f"{caption}. {edge.phrase}", category)
     own += [_normal(word) for word in _furniture_words(caption, category)]
     own = [word for word in own if word in said]
@@ -71,7 +71,7 @@ def described_object(record: EpisodeRecord, *, caption: str, category: str, owne
         patterns=tuple(name for name in get_args(Pattern) if name in own),
         sizes=tuple(name for name in get_args(Size) if name in own),
         shapes=tuple(name for name in get_args(Shape) if name in own),
-        room=edge.room if edge.room and _content(edge.room) & _content(record.summary) else None,
+        room=edge.room if edge.room and content_words(edge.room) & content_words(record.summary) else None,
         beside=frozenset(beside & said),
         upon=frozenset(upon & said),
     )
@@ -86,7 +86,7 @@ def names_category(words: Iterable[str], category: str) -> bool:
 
 def content_words(text: str) -> frozenset[str]:
     """The normalised words of a text that carry meaning."""
-    return frozenset(_content(text))
+    return frozenset(_words(text)) - _STOP
 
 
 def _edges(sentences: Iterable[str]) -> list[OwnershipEdge]:
@@ -94,7 +94,7 @@ def _edges(sentences: Iterable[str]) -> list[OwnershipEdge]:
     return [parse_ownership(sentence) for sentence in sentences if re.search(r"\S owns \S", sentence)]
 
 
-def _said_words(record: EpisodeRecord, wanted: set[str], names: set[str]) -> set[str]:
+def _said_words(record: EpisodeRecord, wanted: frozenset[str], names: set[str]) -> set[str]:
     """Words of the description's sentences about the object: the most similar ones, those that name its owner, and the
     sentences that continue them ("It is ...")."""
     sentences = [_words(sentence) for sentence in re.split(r"(?<=[.!?;])\s+", record.summary)]
@@ -146,10 +146,6 @@ def _colours(own: list[str]) -> tuple[str, ...]:
         if word in COLOUR_NAMES:
             found.append(f"{before} {word}" if before in ("dark", "light") else word)
     return tuple(dict.fromkeys(found))
-
-
-def _content(text: str) -> set[str]:
-    return set(_words(text)) - _STOP
 
 
 def _words(text: str) -> list[str]:

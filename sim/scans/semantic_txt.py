@@ -9,7 +9,7 @@ from sim.errors import SceneError, short
 from .scene_files import mapped
 
 MAX_ID = 0xFFFF
-_HEADER = "HM3D Semantic Annotations"
+HEADER = "HM3D Semantic Annotations"
 _MAX_BYTES = 1 << 24
 _LINE = re.compile(r'([0-9]{1,9}),([0-9A-Fa-f]{6}),"(.*)",(-?[0-9]{1,9})')
 
@@ -42,8 +42,8 @@ def read_semantic_txt(path: Path) -> tuple[SemanticLabel, ...]:
     except UnicodeDecodeError as error:
         line = bytes(data[: error.start]).count(b"\n") + 1
         raise _refused(path, line, f"byte {error.start} is no UTF-8", "UTF-8 text") from None
-    if _HEADER not in lines[0]:
-        raise _refused(path, 1, short(lines[0]), repr(_HEADER))
+    if HEADER not in lines[0]:
+        raise _refused(path, 1, short(lines[0]), repr(HEADER))
     labels: list[SemanticLabel] = []
     line_of_id: dict[int, int] = {}
     for number, line in enumerate(lines[1:], start=2):

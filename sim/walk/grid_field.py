@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from sim.compiled import njit
 
-from .grid_kernels import INSET, length, walk
-from .heap import pop, push
+from .grid_kernels import INSET, length, pop, push, walk
 
 
 class Field(NamedTuple):

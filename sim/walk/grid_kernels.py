@@ -1,4 +1,4 @@
-"""Compiled loops over the cells of a floor grid: links, straight walks, snapping and sliding.
+"""Compiled loops over the cells of a floor grid: links, straight walks, snapping, sliding, and a heap for searches.
 
 Coordinates here are grid units: u = column axis, v = row axis (cell (r, c) covers [c, c+1) x [r, r+1)), h = height; all
 three are metres divided by the cell size. `FloorGrid` converts. A *node* is one place to stand: a cell on one layer.
@@ -238,3 +238,38 @@ def slide_end(cells, u, v, node, end_u, end_v):
             if (near_u - mid_u) ** 2 + (near_v - mid_v) ** 2 <= radius_sq:
                 queue.append(other)
     return best_u, best_v, found
+
+
+@njit(cache=True, nogil=True)
+def push(keys, values, size, key, value):
+    """Adds to a binary heap that has room."""
+    at = size
+    while at > 0:
+        up = (at - 1) // 2
+        if keys[up] <= key:
+            break
+        keys[at], values[at] = keys[up], values[up]
+        at = up
+    keys[at], values[at] = key, value
+    return size + 1
+
+
+@njit(cache=True, nogil=True)
+def pop(keys, values, size):
+    """Removes the least entry of a binary heap; (value, new size)."""
+    least = values[0]
+    size -= 1
+    key, value = keys[size], values[size]
+    at = 0
+    while True:
+        down = 2 * at + 1
+        if down >= size:
+            break
+        if down + 1 < size and keys[down + 1] < keys[down]:
+            down += 1
+        if keys[down] >= key:
+            break
+        keys[at], values[at] = keys[down], values[down]
+        at = down
+    keys[at], values[at] = key, value
+    return least, size

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from sim.compiled import njit
 
-from .grid_kernels import Cells, length
-from .heap import pop, push
+from .grid_kernels import Cells, length, pop, push
 
 _TIE = 1e-9
 _SAME_HEIGHT = 5.0
