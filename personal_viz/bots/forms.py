@@ -3,14 +3,13 @@
 Cards between trials have buttons with the same labels.
 """
 
+import contextlib
 import http.client
-import http.cookies
 import json
 import re
-import urllib.request
-from collections.abc import Mapping
 from dataclasses import dataclass
 from html.parser import HTMLParser
+from typing import NamedTuple
 from urllib.parse import urlencode, urlsplit
 
 from human_study.design.study import StudyConfig
@@ -41,6 +40,17 @@ class Session:
     """Address of viser's page."""
 
 
+class Reply(NamedTuple):
+    """The gateway's reply to a request."""
+
+    status: int
+    where: str
+    """Path and query to which it leads; empty if it does not lead elsewhere."""
+    text: str
+    cookie: str
+    """Its cookies, as a browser sends them back."""
+
+
 @dataclass(frozen=True, slots=True)
 class LastPage:
     """A page at which a bot stops."""
@@ -62,19 +72,14 @@ def open_session(link: str) -> Session:
         StudyError: The gateway does not let the bot in, or cannot be reached.
     """
     origin, _, token = link.partition("/#")
-    body = json.dumps({"token": token}).encode()
-    headers = {"Content-Type": "application/json", "Origin": origin}
+    reply = ask(origin, "/enter", body=json.dumps({"token": token}), kind="application/json")
     try:
-        with urllib.request.urlopen(urllib.request.Request(f"{origin}/enter", body, headers), timeout=ENTER_S) as reply:
-            told = json.load(reply)
-            cookie = http.cookies.SimpleCookie()
-            for line in reply.headers.get_all("Set-Cookie") or []:
-                cookie.load(line)
-        pair = "; ".join(f"{name}={morsel.value}" for name, morsel in cookie.items())
-        return Session(origin, pair, told["page"], told["view"])
-    except (OSError, http.client.HTTPException, ValueError, KeyError) as error:
+        told = json.loads(reply.text)
+        return Session(origin, reply.cookie, told["page"], told["view"])
+    except (ValueError, KeyError):
         raise StudyError(
-            f"{origin}/enter: {error}; expected a session for a personal link. Check that the study is being served."
+            f"{origin}/enter: answered {reply.status} {reply.text[:200]!r}; expected a session for a personal link. "
+            "Check that the study is being served."
         ) from None
 
 
@@ -93,43 +98,52 @@ def answer_pages(session: Session, answers: frozenset[str] = frozenset()) -> Las
     """
     path, fields = session.page, None
     for _ in range(MOST_PAGES):
-        status, where, text = _ask(session, path, fields)
-        if where.startswith("/view/"):
+        body = None if fields is None else urlencode(fields)
+        reply = ask(session.origin, path, cookie=session.cookie, body=body)
+        if reply.where.startswith("/view/"):
             return None
-        if where:
-            path, fields = where, None
+        if reply.where:
+            path, fields = reply.where, None
             continue
-        form = _Page(text)
+        form = _Page(reply.text)
         pressed = form.press(answers)
-        if status != 200 or not form.place:
-            raise StudyError(f"{session.origin}: a page answered with {status}; expected one that a bot can read.")
+        if reply.status != 200 or not form.place:
+            raise StudyError(
+                f"{session.origin}: a page answered with {reply.status}; expected one that a bot can read."
+            )
         if pressed is None:
-            code = _COMPLETION_CODE.search(text)
+            code = _COMPLETION_CODE.search(reply.text)
             return LastPage(form.place, code.group(1) if code else None)
         path, fields = pressed
     raise StudyError(f"{session.origin}: {MOST_PAGES} pages came one after the other; expected an end of them.")
 
 
-def _ask(session: Session, path: str, fields: Mapping[str, str] | None) -> tuple[int, str, str]:
-    """(status, address to which it leads, text) of a page; fields are posted."""
-    parts = urlsplit(session.origin)
-    kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
-    connection = kind(parts.netloc, timeout=ENTER_S)
-    headers = {"Cookie": session.cookie, "Origin": session.origin}
+def ask(
+    origin: str,
+    path: str,
+    *,
+    cookie: str = "",
+    body: str | None = None,
+    kind: str = "application/x-www-form-urlencoded",
+) -> Reply:
+    """The reply to a GET, or to a POST if there is a body of this kind; redirects are not followed.
+
+    Raises:
+        StudyError: The address does not answer in time.
+    """
+    parts = urlsplit(origin)
+    make = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
+    headers = {"Cookie": cookie, "Origin": origin} | ({} if body is None else {"Content-Type": kind})
     try:
-        if fields is None:
-            connection.request("GET", path, headers=headers)
-        else:
-            headers["Content-Type"] = "application/x-www-form-urlencoded"
-            connection.request("POST", path, urlencode(fields), headers)
-        reply = connection.getresponse()
-        text = reply.read().decode()
+        with contextlib.closing(make(parts.netloc, timeout=ENTER_S)) as connection:
+            connection.request("GET" if body is None else "POST", path, body, headers)
+            found = connection.getresponse()
+            text = found.read().decode()
     except (OSError, http.client.HTTPException, ValueError) as error:
-        raise StudyError(f"{session.origin}: {error}; expected a page. Check that the study is being served.") from None
-    finally:
-        connection.close()
-    where = urlsplit(reply.headers.get("Location", ""))
-    return reply.status, where.path + (f"?{where.query}" if where.query else ""), text
+        raise StudyError(f"{origin}: {error}; expected a page. Check that the study is being served.") from None
+    where = urlsplit(found.headers.get("Location", ""))
+    given = (line.partition(";")[0] for line in found.headers.get_all("Set-Cookie") or ())
+    return Reply(found.status, where._replace(scheme="", netloc="", fragment="").geturl(), text, "; ".join(given))
 
 
 class _Page(HTMLParser):

@@ -197,15 +197,15 @@ def test_no_page_practice_or_answer_over_http_names_home_or_object(
         take(page, data)
 
     pages: list[str] = []
-    ask = forms._ask
+    ask = forms.ask
 
-    def keep_page(*asked: Any) -> tuple[int, str, str]:
-        answer = ask(*asked)
-        pages.append(answer[2])
-        return answer
+    def keep_page(*asked: Any, **options: Any) -> forms.Reply:
+        reply = ask(*asked, **options)
+        pages.append(reply.text)
+        return reply
 
     monkeypatch.setattr(BotPage, "apply", keep)
-    monkeypatch.setattr(forms, "_ask", keep_page)
+    monkeypatch.setattr(forms, "ask", keep_page)
     with Server(plan_marked(tmp_path, marked_dataset), marked_dataset, workers=1) as server:
         site = server.start()
         figures = run_bots(site, participants=2, seconds=40, rate=10, kinds=["shortest"], seed=1, tasks=("pan", "pog"))

@@ -15,7 +15,7 @@ from human_study.journey import Stage
 from human_study.store.store import StudyStore
 from human_study.store.writer import StoreFullError
 from human_study.texts.quiz import questions_for
-from personal_viz.bots.forms import LastPage, Session, answer_pages, right_answers
+from personal_viz.bots.forms import LastPage, Reply, Session, answer_pages, right_answers
 from personal_viz.study_app.gateway.admission import Tickets
 from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.device import device_report
@@ -368,14 +368,13 @@ def test_a_bot_answers_all_pages_and_stops_at_the_last(
 ) -> None:
     who = taking()
 
-    def ask(session: Session, path: str, fields: dict[str, str] | None) -> tuple[int, str, str]:
-        if fields is None:
-            reply = who.client.get(path, follow_redirects=False)
-        else:
-            reply = who.client.post(path, data=fields, headers={"origin": ORIGIN}, follow_redirects=False)
-        return reply.status_code, reply.headers.get("location", ""), reply.text
+    def ask(origin: str, path: str, *, cookie: str, body: str | None) -> Reply:
+        headers = {"origin": origin, "content-type": "application/x-www-form-urlencoded"}
+        method = "GET" if body is None else "POST"
+        reply = who.client.request(method, path, content=body, headers=headers, follow_redirects=False)
+        return Reply(reply.status_code, reply.headers.get("location", ""), reply.text, "")
 
-    monkeypatch.setattr("personal_viz.bots.forms._ask", ask)
+    monkeypatch.setattr("personal_viz.bots.forms.ask", ask)
     session = Session(ORIGIN, "", who.address, "")
     assert answer_pages(session, right_answers(who.store.config)) is None
     assert who.stages() == ["arrived", "device_ok", "consented", "instructed", "quiz_passed"]

@@ -1,11 +1,10 @@
 """Measures whether the server's resources grow over minutes with bots that come and go, too fast or too slow."""
 
-import http.client
 import json
 import time
 from pathlib import Path
-from urllib.parse import urlsplit
 
+from ...bots.forms import ask
 from ...bots.records import BotKind, count_bots
 from ...bots.server import Server
 from ..harness import Progress, Values, held_by
@@ -95,14 +94,7 @@ def _settled(server: Server, people: int) -> dict[str, float]:
 
 def _people_here(dashboard: str) -> int:
     """Number of participants present, according to the researcher's page: those whose leases do not run."""
-    parts = urlsplit(dashboard)
-    origin = f"{parts.scheme}://{parts.netloc}"
-    connection = http.client.HTTPConnection(parts.netloc, timeout=30)
-    connection.request("POST", "/enter", body=parts.fragment, headers={"Origin": origin})
-    reply = connection.getresponse()
-    reply.read()
-    cookie = (reply.getheader("Set-Cookie") or "").partition(";")[0]
-    connection.request("GET", "/progress", headers={"Cookie": cookie})
-    people = json.loads(connection.getresponse().read())["people"]
-    connection.close()
+    origin, _, token = dashboard.partition("/#")
+    cookie = ask(origin, "/enter", body=token).cookie
+    people = json.loads(ask(origin, "/progress", cookie=cookie).text)["people"]
     return sum(bool(person["here"]) for person in people)
