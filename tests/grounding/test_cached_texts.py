@@ -44,13 +44,18 @@ def test_each_text_is_encoded_once_and_a_full_cache_still_answers_right() -> Non
     assert np.array_equal(cached.encode_texts(texts), WORDS.encode_texts(texts))
 
 
-def test_a_text_is_encoded_once_for_all_processes(tmp_path: Path) -> None:
+def test_many_texts_and_odd_ones_come_back_and_are_encoded_once_for_all_processes(tmp_path: Path) -> None:
     first, second = Counting(), Counting()
     kept(tmp_path, first).encode_texts(["red chair", "oak table", "red chair"])
     texts = ["oak table", "grey sofa", "red chair"]
     assert np.array_equal(kept(tmp_path, second).encode_texts(texts), WORDS.encode_texts(texts))
     assert first.asked == [["red chair", "oak table"]]
     assert second.asked == [["grey sofa"]]
+    texts = [f"thing number{i}" for i in range(1200)] + ["", 'it\'s "odd"; -- ümlaut 桌子']
+    kept(tmp_path, Counting()).encode_texts(texts)
+    counting = Counting()
+    assert np.array_equal(kept(tmp_path, counting).encode_texts(texts), WORDS.encode_texts(texts))
+    assert counting.asked == []
 
 
 def test_few_new_vectors_are_written_in_the_end_and_many_at_once(tmp_path: Path) -> None:
@@ -77,14 +82,6 @@ kept.encode_texts(["red chair"])
     subprocess.run([sys.executable, "-c", program], check=True)
     counting = Counting()
     kept(tmp_path, counting).encode_texts(["red chair"])
-    assert counting.asked == []
-
-
-def test_many_texts_and_odd_ones_come_back(tmp_path: Path) -> None:
-    texts = [f"thing number{i}" for i in range(1200)] + ["", 'it\'s "odd"; -- ümlaut 桌子']
-    kept(tmp_path, Counting()).encode_texts(texts)
-    counting = Counting()
-    assert np.array_equal(kept(tmp_path, counting).encode_texts(texts), WORDS.encode_texts(texts))
     assert counting.asked == []
 
 

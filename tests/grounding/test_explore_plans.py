@@ -70,7 +70,7 @@ def test_costs_beyond_a_limit_are_left_out_and_those_within_are_the_same() -> No
     assert np.isinf(until[whole > whole[20, 20] + 3]).all()
 
 
-def test_a_collision_makes_ways_around_dearer_the_nearer_the_more() -> None:
+def test_a_collision_makes_ways_dearer_the_nearer_but_not_the_one_that_the_robot_came() -> None:
     free, touched = seen((0.0, 0.0)), seen((0.0, 0.0), (0.0, -0.01), collided=True)
     places = [(0.0, -0.22), (0.17, -0.22), (0.0, 0.12), (0.6, -0.22)]
     more = [weight_at(touched, place) - weight_at(free, place) for place in places]
@@ -78,9 +78,6 @@ def test_a_collision_makes_ways_around_dearer_the_nearer_the_more() -> None:
     assert more[0] > 5 * FLOOR > more[2]
     assert more[3] == pytest.approx(0.0, abs=1e-3)
     assert np.isnan(weight_at(touched, (0.0, -0.06)))
-
-
-def test_the_way_that_the_robot_came_stays_open_and_cheap_whatever_it_touched() -> None:
     memory = seen((0.02, 0.6), (0.02, 0.35), (0.02, 0.1), (0.02, 0.0), collided=True)
     assert [weight_at(memory, (0.02, z)) for z in (0.58, 0.47, 0.22, 0.03)] == pytest.approx([FLOOR] * 4)
     assert weight_at(memory, (0.02, -0.22)) > 3 * FLOOR
@@ -108,7 +105,7 @@ def test_a_turn_that_is_begun_is_ended_with_a_forward() -> None:
     assert not seeker.is_turning
 
 
-def test_exploring_ends_later_without_news_where_more_is_left() -> None:
+def test_exploring_ends_later_where_more_is_left_or_after_squeezing() -> None:
     seeker = Seeker(CAMERA)
     here = Pose((0.0, 0.0, 0.0), 0.0)
     found = []
@@ -116,9 +113,6 @@ def test_exploring_ends_later_without_news_where_more_is_left() -> None:
         seeker.see(observation(here, depth=20.0, step=step))
         found.append(seeker.is_dull())
     assert found == [False, False, False, True]
-
-
-def test_squeezing_gives_the_robot_time_again() -> None:
     seeker = Seeker(CAMERA)
     for step in (0, 1000):
         seeker.see(observation(Pose((0.0, 0.0, 0.0), 0.0), depth=20.0, step=step))

@@ -71,13 +71,14 @@ def test_of_two_frontiers_of_equal_length_the_nearer_is_first(near_first: bool) 
     assert found[0].cost < found[1].cost < math.inf
 
 
-def test_a_short_frontier_counts_farther_than_it_is_up_to_a_point() -> None:
+def test_a_short_frontier_counts_farther_up_to_a_point_and_one_too_narrow_not() -> None:
     short, long, far_off = (68, 6), (150, 30), (190, 20)
     found = frontiers_of(corridor(short, long))
     assert first_rows(found) == [long[0], short[0]]
     assert found[1].cost < found[0].cost < 2 * found[1].cost, "it is the nearer one, but less lies behind it"
     found = frontiers_of(corridor(short, far_off))
     assert first_rows(found) == [short[0], far_off[0]]
+    assert first_rows(frontiers_of(corridor((64, 4), (125, 16)))) == [125]
 
 
 def test_what_was_spent_on_a_frontier_counts() -> None:
@@ -110,10 +111,6 @@ def test_a_seeker_keeps_in_mind_what_it_spent_on_a_goal() -> None:
     assert after.keys() == before.keys()
     for place, item in after.items():
         assert item.cost == pytest.approx(before[place].cost + (10.0 if place == goal.middle_xz else 0.0))
-
-
-def test_a_frontier_too_narrow_to_lead_anywhere_is_none() -> None:
-    assert first_rows(frontiers_of(corridor((64, 4), (125, 16)))) == [125]
 
 
 def test_the_explorer_looks_around_at_the_start_and_never_again() -> None:

@@ -90,13 +90,19 @@ def test_the_layout_is_that_of_the_files(name: str, method: str, small_root: Pat
     assert len(run.answers) == 6
 
 
-def test_a_map_of_other_cells_says_so(small_root: Path, maps: Path, tmp_path: Path, capsys) -> None:
+def test_a_map_of_other_cells_says_so_and_is_not_of_the_same_run(
+    small_root: Path, maps: Path, tmp_path: Path, capsys
+) -> None:
     assert call(small_root, maps / "half", tmp_path) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["config"]["cell"] == 0.5
     expected = "files map, hashed+oracle-perception encoder, cells of 0.5 m, phrases none, storey given"
     assert found["condition"] == expected
     assert found["encoder"] == SPACE
+    write_map(tmp_path / "maps", small_root, "HomeOne", cell=None)
+    write_map(tmp_path / "maps", small_root, "HomeTwo", cell=1.0)
+    with pytest.raises(RunFileError, match=r"HomeTwo\.npz: has cells of 1 m, HomeOne\.npz has objects; expected the"):
+        call(small_root, tmp_path / "maps", tmp_path / "runs", scene=())
 
 
 @pytest.mark.parametrize(
@@ -113,13 +119,6 @@ def test_a_layout_that_is_not_the_files_is_refused(
     with pytest.raises(AgentError, match=message):
         call(small_root, maps / name, tmp_path / "runs", **options)
     assert not (tmp_path / "runs").exists()
-
-
-def test_maps_of_different_cells_are_not_one_run(small_root: Path, tmp_path: Path) -> None:
-    write_map(tmp_path / "maps", small_root, "HomeOne", cell=None)
-    write_map(tmp_path / "maps", small_root, "HomeTwo", cell=1.0)
-    with pytest.raises(RunFileError, match=r"HomeTwo\.npz: has cells of 1 m, HomeOne\.npz has objects; expected the"):
-        call(small_root, tmp_path / "maps", tmp_path / "runs", scene=())
 
 
 @pytest.mark.parametrize(

@@ -45,12 +45,18 @@ def test_a_walked_home_answers_most_queries_and_its_run_says_how(runs: Path) -> 
     assert len(right) >= 18  # perfect perception: what is left is the map's resolution and what was not seen
 
 
-def test_the_map_names_its_encoder_home_and_kind(runs: Path) -> None:
+def test_maps_name_encoder_home_and_kind_and_are_refused_for_others(
+    runs: Path, small_home_root: Path, tmp_path: Path
+) -> None:
     header = read_map_header(folders(runs).map_file("Small"))
     assert header.encoder.endswith("+oracle-perception")
     assert (header.source.scene, header.source.kind) == ("Small", "invented")
     assert "oracle-perception" in header.source.builder
     assert [storey.grid.cell for storey in header.storeys if storey.grid] == [1.0]
+    with pytest.raises(AgentError, match=r"Small\.npz: holds 768-d vectors of encoder .*the query is 384-d"):
+        Ground(dataset=small_home_root, method="qs", map=str(folders(runs).maps), encoder="minilm", out=tmp_path).run()
+    with pytest.raises(RunFileError, match=r"Small\.npz: found no file"):
+        Ground(dataset=small_home_root, method="qs", map=str(tmp_path), out=tmp_path / "out").run()
 
 
 def test_a_folder_of_maps_gives_the_same_answers(
@@ -86,10 +92,3 @@ def test_all_storeys_are_one_map(runs: Path, small_home_root: Path) -> None:
     assert isinstance(one, FeatureMap)
     assert isinstance(merged, FeatureMap)
     np.testing.assert_allclose(merged.rows, one.rows, atol=1e-6)
-
-
-def test_a_map_of_another_encoder_or_home_is_refused(runs: Path, small_home_root: Path, tmp_path: Path) -> None:
-    with pytest.raises(AgentError, match=r"Small\.npz: holds 768-d vectors of encoder .*the query is 384-d"):
-        Ground(dataset=small_home_root, method="qs", map=str(folders(runs).maps), encoder="minilm", out=tmp_path).run()
-    with pytest.raises(RunFileError, match=r"Small\.npz: found no file"):
-        Ground(dataset=small_home_root, method="qs", map=str(tmp_path), out=tmp_path / "out").run()

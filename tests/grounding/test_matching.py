@@ -33,16 +33,13 @@ def test_the_phrase_that_names_the_thing_wins_over_the_querys_word() -> None:
         assert answer.candidates[0].position[1] == 0.5
 
 
-def test_dual_gives_a_cell_that_two_phrases_want_to_the_one_that_has_no_other() -> None:
+def test_dual_scores_are_two_softmaxes_and_give_a_cell_to_the_phrase_that_has_no_other() -> None:
     # the lamp's phrase likes cell 0 a little more than cell 1; cell 0 is the sofa's only one
     cells = {(0, 0): {"sofa": 1.0, "lamp": 0.72}, (0, 4): {"lamp": 0.55, "other": 1.0}}
     phrases = ("Mira owns a lamp", "Tom owns a sofa with a lamp")
     memory, task = toy_map(cells), asks("Find Mira's lamp")
     assert spots(make_grounder("phrase", ENCODER).ground(memory, task, phrases))[0] == xz(0, 0)
     assert spots(make_grounder("dual", ENCODER).ground(memory, task, phrases))[0] == xz(0, 4)
-
-
-def test_dual_scores_are_the_logarithm_of_the_two_softmaxes() -> None:
     cosines = np.array([[np.log(2.0), 0.0], [0.0, np.log(3.0)]])
     # exp: [[2, 1], [1, 3]]; over cells [[2/3, 1/3], [1/4, 3/4]], over phrases [[2/3, 1/4], [1/3, 3/4]]
     expected = np.array([[4 / 9, 1 / 12], [1 / 12, 9 / 16]])

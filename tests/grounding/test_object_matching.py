@@ -79,16 +79,13 @@ def test_a_map_without_things_has_no_answer(name) -> None:
     assert make_grounder(name, ENCODER).ground(object_map(), asks("Find Mira's chair"), PHRASES).candidates == ()
 
 
-def test_each_grounder_refuses_the_other_kind_of_map() -> None:
+def test_maps_of_the_other_kind_or_of_another_encoder_are_refused() -> None:
     grid, objects, task = toy_map({(1, 1): {"chair": 1.0}}), object_map(CHAIR), asks("Find Mira's chair")
     with pytest.raises(AgentError, match="'object-dual': got a grid map of 1 cells; expected a map of objects"):
         make_grounder("object-dual", ENCODER).ground(grid, task, PHRASES)
     for name in ("random", "center", "qs", "rpg", "dual", "joint"):
         with pytest.raises(AgentError, match=f"'{name}': got a map of 1 objects; expected a grid map"):
             make_grounder(name, ENCODER).ground(objects, task, PHRASES)
-
-
-def test_a_map_of_another_encoder_is_refused() -> None:
     with pytest.raises(AgentError, match="holds 6-d vectors of encoder 'strange'"):
         make_grounder("object-dual", ENCODER).ground(
             object_map(CHAIR, encoder="strange"), asks("Find Mira's chair"), PHRASES

@@ -27,7 +27,7 @@ def room(wall_z: float, *, floor_y: float = 0.0, hole: tuple[float, float] | Non
     return np.repeat(depth[:, None], CAMERA.width, axis=1).astype(np.float32)
 
 
-def test_floor_is_free_a_wall_is_blocked_and_behind_it_nothing_is_known() -> None:
+def test_floor_is_free_without_gaps_but_not_holes_walls_and_what_lies_behind() -> None:
     mapper = OccupancyMapper()
     mapper.add(room(3.0), T, INTRINSICS)
     assert mapper.cell_at((0.02, -2.0)) == FREE
@@ -35,17 +35,11 @@ def test_floor_is_free_a_wall_is_blocked_and_behind_it_nothing_is_known() -> Non
     assert OCCUPIED in {mapper.cell_at((0.02, -3.01)), mapper.cell_at((0.02, -2.99))}
     assert mapper.cell_at((0.02, -3.3)) == UNKNOWN
     assert mapper.cell_at((0.02, -0.5)) == UNKNOWN, "below the picture"
-
-
-def test_far_floor_has_no_gaps_between_rows_of_pixels() -> None:
     mapper = OccupancyMapper()
     mapper.add(room(20.0), T, INTRINSICS)
     cells = [mapper.cell_at((0.02, -z)) for z in np.arange(1.5, 4.4, 0.05)]
     assert set(cells) == {FREE}
     assert mapper.cell_at((0.02, -5.5)) == UNKNOWN, "beyond the sensor"
-
-
-def test_a_hole_in_the_floor_is_not_free() -> None:
     mapper = OccupancyMapper()
     mapper.add(room(5.0, hole=(2.0, 3.5)), T, INTRINSICS)
     cells = [mapper.cell_at((0.02, -z)) for z in np.arange(2.1, 2.9, 0.05)]

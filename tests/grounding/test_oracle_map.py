@@ -41,14 +41,11 @@ def test_the_grids_corner_its_rows_and_columns_and_the_texts_of_its_cells_are_as
     assert ground.encoder == "hashed-words-768"
 
 
-def test_a_storeys_map_holds_its_objects_only_on_its_floor(home: OracleHome) -> None:
+def test_a_storeys_map_holds_its_objects_and_the_merged_one_remembers_each_cells_floor(home: OracleHome) -> None:
     upper = objects_map(home, WORDS, floor_id="1")
     assert upper.rc.tolist() == [[23, 25], [28, 21]]
     assert upper.floor_y == 3.0
     assert upper.points_from_rc(upper.rc)[:, 1].tolist() == [3.0, 3.0]
-
-
-def test_all_storeys_merge_into_one_map_that_remembers_each_cells_floor(home: OracleHome) -> None:
     merged = objects_map(home, WORDS, floor_id=None)
     assert merged.rc.tolist() == [[23, 25], [23, 28], [28, 21], [28, 24]]
     # the table (ground floor) and the bed (upper floor) share a cell; the lower one counts at a tie

@@ -21,11 +21,18 @@ def homes(small_root: Path) -> tuple[OracleHome, OracleHome]:
     return oracle_home(dataset, "HomeOne"), oracle_home(dataset, "HomeTwo")
 
 
-def test_no_change_gives_the_objects_map(homes) -> None:
+def test_no_change_gives_the_objects_map_other_storeys_are_unseen_and_clutter_needs_other_homes(homes) -> None:
     plain = objects_map(homes[1], WORDS, floor_id="0")
     same = variant_map(homes[1], WORDS, floor_id="0", variant=OracleVariant())
     np.testing.assert_array_equal(plain.rows, same.rows)
     np.testing.assert_array_equal(plain.weights, same.weights)
+    home = homes[0]
+    assert {label for label, _ in home.stands} == {"0", "1"}
+    assert all(place[1] == {"0": 0.0, "1": 3.0}[label] for label, place in home.stands)
+    upper = variant_map(home, WORDS, floor_id="1", variant=OracleVariant(blur=0.5))
+    assert set(upper.cell_y.tolist()) == {3.0}
+    with pytest.raises(SceneError, match="HomeTwo: found no object of another home; expected some"):
+        variant_map(homes[1], WORDS, floor_id="0", variant=OracleVariant(clutter=True))
 
 
 def test_blur_of_any_width_fills_the_cells_that_hold_an_object_or_a_view_point(homes) -> None:
@@ -49,14 +56,6 @@ def test_a_blurred_cell_is_the_unit_sum_with_gaussian_weights(homes) -> None:
     weights = [np.exp(-((x - 1.5) ** 2 + (z + 1.5) ** 2) / 8) for x, z in places]
     expected = weights @ vectors
     np.testing.assert_allclose(blurred.rows[index], expected / np.linalg.norm(expected), atol=1e-5)
-
-
-def test_view_points_on_other_storeys_are_not_observed(homes) -> None:
-    home = homes[0]
-    assert {label for label, _ in home.stands} == {"0", "1"}
-    assert all(place[1] == {"0": 0.0, "1": 3.0}[label] for label, place in home.stands)
-    upper = variant_map(home, WORDS, floor_id="1", variant=OracleVariant(blur=0.5))
-    assert set(upper.cell_y.tolist()) == {3.0}
 
 
 def test_noise_has_the_stated_deviation_of_the_cosine() -> None:
@@ -84,11 +83,6 @@ def test_clutter_fills_every_observed_cell_without_an_object_from_other_homes(ho
     np.testing.assert_allclose(cluttered.rows[own], plain.rows, atol=1e-6)
     cosines = np.delete(cluttered.rows, own, axis=0) @ WORDS.encode_texts(texts).T
     np.testing.assert_allclose(cosines.max(axis=1), 1, atol=1e-5)
-
-
-def test_clutter_without_other_homes_is_refused(homes) -> None:
-    with pytest.raises(SceneError, match="HomeTwo: found no object of another home; expected some"):
-        variant_map(homes[1], WORDS, floor_id="0", variant=OracleVariant(clutter=True))
 
 
 def test_seeds_name_the_map(homes) -> None:

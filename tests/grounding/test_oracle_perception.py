@@ -49,14 +49,11 @@ def test_patches_are_the_captions_of_the_instances_in_them() -> None:
     assert not patches[1, 0].any()  # an instance without a caption
 
 
-def test_the_picture_is_the_mean_weighted_by_pixels() -> None:
+def test_a_picture_is_the_mean_by_pixels_and_a_patch_the_id_with_most_or_the_lowest() -> None:
     seen = perception().encode_images([frame([[1, 1, 1], [2, 0, 9]]), frame([[0, 9, 0]])])
     expected = 3 * text("red wooden chair") + text("large white sofa")
     assert np.allclose(seen[0], expected / np.linalg.norm(expected), atol=1e-6)
     assert not seen[1].any()
-
-
-def test_the_id_with_most_pixels_wins_a_patch_and_ties_go_to_the_lowest() -> None:
     ids = np.array([[1, 1, 5, 5], [1, 5, 2, 2], [0, 0, 3, 3], [0, 4, 3, 9]])
     assert winning_ids(ids, patch=2).tolist() == [[1, 2], [0, 3]]
     # 5 columns in patches of about 2: columns 0-2 and 3-4
@@ -107,13 +104,17 @@ def test_view_noise_is_the_deviation_of_the_cosine_and_new_in_each_view_and_patc
     assert np.abs((errors @ errors.T)[~np.eye(4, dtype=bool)]).max() < 0.2
 
 
-def test_view_noise_averages_out_and_object_noise_stays() -> None:
+def test_view_noise_averages_out_and_seeds_homes_and_options_draw_apart() -> None:
     views = [frame([[1]], x=float(x)) for x in range(100)]
     of_views = perception(view_noise=0.1).encode_patches(views)[:, 0, 0].mean(axis=0)
     of_objects = perception(object_noise=0.1).encode_patches(views)[:, 0, 0]
     assert float(of_views @ text("red wooden chair") / np.linalg.norm(of_views)) > 0.95
     assert np.array_equal(of_objects[0], of_objects[99])
     assert float(of_objects[0] @ text("red wooden chair")) < 0.5
+    one = perception(object_noise=0.1).encode_patches([frame([[1]])])
+    assert not np.array_equal(one, perception(object_noise=0.1, seed=1).encode_patches([frame([[1]])]))
+    assert not np.array_equal(one, perception(object_noise=0.1, home="HomeTwo").encode_patches([frame([[1]])]))
+    assert np.array_equal(one, perception(object_noise=0.1, background="clutter").encode_patches([frame([[1]])]))
 
 
 def test_confused_instances_take_another_text_of_the_home_if_there_is_one_and_keep_it() -> None:
@@ -129,13 +130,6 @@ def test_confused_instances_take_another_text_of_the_home_if_there_is_one_and_ke
     everything = perception(captions, confusion=1.0).perceived
     assert all(words != captions[i] for i, words in everything.items())
     assert perception({1: "bed", 2: "bed"}, confusion=1.0).perceived == {1: "bed", 2: "bed"}
-
-
-def test_seeds_and_homes_draw_apart_and_options_do_not_disturb_each_other() -> None:
-    one = perception(object_noise=0.1).encode_patches([frame([[1]])])
-    assert not np.array_equal(one, perception(object_noise=0.1, seed=1).encode_patches([frame([[1]])]))
-    assert not np.array_equal(one, perception(object_noise=0.1, home="HomeTwo").encode_patches([frame([[1]])]))
-    assert np.array_equal(one, perception(object_noise=0.1, background="clutter").encode_patches([frame([[1]])]))
 
 
 def test_clutter_is_lasting_per_instance_and_per_place_and_needs_depth() -> None:

@@ -49,7 +49,7 @@ def chosen(query: str, *phrases: str) -> int | None:
     return None if asked is None else asked.chosen
 
 
-def test_only_the_owners_phrases_are_looked_at_and_the_category_decides() -> None:
+def test_only_the_owners_phrases_are_looked_at_and_the_categorys_word_decides() -> None:
     phrases = ("Bo owns a chair", "Mira owns a lamp with a chain", "Mira owns two wooden chairs in the hall")
     assert chosen("Find Mira's chair", *phrases) == 2
     assert chosen("Find mira's lamp", *phrases) == 1
@@ -57,9 +57,6 @@ def test_only_the_owners_phrases_are_looked_at_and_the_category_decides() -> Non
     assert chosen("Find Mira's chair", "Mira owns a red chair", "Mira owns a red chair") == 0
     assert chosen("Find Zoe's chair", "Mira owns a red chair") is None
     assert chosen("Find a chair", "Mira owns a red chair") is None
-
-
-def test_the_categorys_word_counts_more_than_its_likeness() -> None:
     # the first phrase is nothing but the category's second word; the second holds the category among many words
     phrases = ("Mira owns a table", "Mira owns a low grey stone coffee table beside the big green velvet couch")
     assert chosen("Find Mira's coffee table", *phrases) == 1

@@ -92,6 +92,13 @@ def test_fences_and_thoughts_around_the_json_are_read_over(stub: ChatStub) -> No
     assert Source(stub).ask() == PHRASES
 
 
+def test_a_server_that_does_not_answer_in_time_is_read_by_rules(stub: ChatStub) -> None:
+    stub.is_stuck = True
+    source = Source(stub, timeout_s=0.1)
+    assert source.ask() == RulePhrases().phrases(TASK)
+    assert "timed out" in source.warnings[0]
+
+
 @pytest.mark.parametrize(
     "content", ["I cannot say.", '{"ownership": "Ada"}', '{"owners": []}', '{"ownership": [', None]
 )
@@ -141,13 +148,6 @@ def test_a_failing_server_is_read_by_rules_and_no_longer_asked_after_five_failur
     assert len(stub.requests) == 5
     assert "HTTP 500" in source.warnings[0]
     assert "no longer asked after 5 failures" in source.warnings[-1]
-
-
-def test_a_server_that_does_not_answer_in_time_is_read_by_rules(stub: ChatStub) -> None:
-    stub.is_stuck = True
-    source = Source(stub, timeout_s=0.1)
-    assert source.ask() == RulePhrases().phrases(TASK)
-    assert "timed out" in source.warnings[0]
 
 
 @pytest.mark.parametrize("status", [401, 404])

@@ -96,12 +96,15 @@ def test_rpg_shows_its_layers_on_the_maps_cells() -> None:
     assert [candidate.col for candidate in grounding.candidates] == [2, 0]
 
 
-def test_the_literal_form_shows_its_layers_on_all_cells() -> None:
+def test_the_literal_form_shows_its_layers_on_all_cells_and_an_empty_map_has_no_answer() -> None:
     grounder = RegionGated(WORDS, options=RpgOptions(top_k=1, nhood=0, literal=True))
     grounding = grounder.ground(small_map("oak table", "grey sofa"), TASK, ("Bo owns the grey sofa",))
     assert grounding.layers is not None
     assert grounding.layers.final.shape == (24,)
     assert grounding.candidates[0].position == (11.25, 3.0, -1.25)
+    for options in (RpgOptions(), RpgOptions(literal=True)):
+        assert RegionGated(WORDS, options=options).ground(small_map(), TASK, ("Bo owns the sofa",)).candidates == ()
+    assert QueryScoring(WORDS).ground(small_map(), TASK, ()).candidates == ()
 
 
 def test_rpg_and_query_scoring_refuse_a_map_of_another_encoder() -> None:
@@ -113,12 +116,6 @@ def test_rpg_and_query_scoring_refuse_a_map_of_another_encoder() -> None:
             "map: holds 768-d vectors of encoder 'blip2-hidden768', the query is 768-d from 'hashed-words-768'; "
             "expected one encoder. Encode the query with 'blip2-hidden768', or build the map with 'hashed-words-768'."
         )
-
-
-def test_an_empty_map_has_no_answer() -> None:
-    for options in (RpgOptions(), RpgOptions(literal=True)):
-        assert RegionGated(WORDS, options=options).ground(small_map(), TASK, ("Bo owns the sofa",)).candidates == ()
-    assert QueryScoring(WORDS).ground(small_map(), TASK, ()).candidates == ()
 
 
 def test_phrases_of_the_data_set_are_found_by_task(small_root: Path) -> None:

@@ -50,11 +50,17 @@ def test_splits_and_their_plain_mean_are_counted_by_hand_beside_the_papers_figur
     assert cells["easy"].num_homes == 6
 
 
-def test_the_curve_rises_where_answers_lie_and_meets_the_success_rate(table: PogTable) -> None:
+def test_the_curve_rises_where_answers_lie_and_needs_the_distances_of_three(table: PogTable) -> None:
     curve = {point.metres: point.sr for point in row(table, "qs").curve}
     assert len(curve) == 41
     assert (curve[0.0], curve[0.25], curve[0.5], curve[1.0], curve[1.5], curve[1.75]) == (0, 0, 25, 25, 25, 50)
     assert curve[10.0] == 50
+    assert {point.top3 for point in row(table, "qs").curve} == {None}
+    resumed = [answer_to(EASY[0], 0.4, others=(2.0,)), answer_to(EASY[1], 0.4)]
+    assert row(only(pog_report([run_of("qs", resumed)])), "qs").curve[-1].top3 is None
+    clicks = [answer_to(EASY[0], 0.4, others=(), participant="P01")]
+    people = run_of("human", clicks, config={}, who_kind="human", scene_kind="invented", seed=None)
+    assert only(pog_report([people])).rows[0].curve[-1].top3 is None
 
 
 def test_the_curve_of_three_takes_the_nearest_and_meets_top3() -> None:
@@ -69,15 +75,6 @@ def test_the_curve_of_three_takes_the_nearest_and_meets_top3() -> None:
     assert (curve[0.25], curve[0.5], curve[1.0], curve[2.0], curve[5.75], curve[6.0]) == (25, 50, 50, 75, 75, 100)
     assert curve[1.0] == found.cells[-1].top3
     assert [point.sr for point in found.curve if point.metres in (1.0, 3.0, 10.0)] == [25, 75, 75]
-
-
-def test_runs_without_the_distances_of_three_have_no_curve_of_three(table: PogTable) -> None:
-    assert {point.top3 for point in row(table, "qs").curve} == {None}
-    resumed = [answer_to(EASY[0], 0.4, others=(2.0,)), answer_to(EASY[1], 0.4)]
-    assert row(only(pog_report([run_of("qs", resumed)])), "qs").curve[-1].top3 is None
-    clicks = [answer_to(EASY[0], 0.4, others=(), participant="P01")]
-    people = run_of("human", clicks, config={}, who_kind="human", scene_kind="invented", seed=None)
-    assert only(pog_report([people])).rows[0].curve[-1].top3 is None
 
 
 def test_intervals_by_home_stand_on_the_curve_of_three() -> None:
@@ -102,19 +99,18 @@ def test_differences_are_paired_on_common_episodes(table: PogTable) -> None:
     assert difference.first_minus_second == 0.0
 
 
-def test_answers_with_phrases_by_rules_are_counted() -> None:
+def test_answers_by_rules_are_counted_seeds_averaged_and_older_defaults_make_no_other_table() -> None:
     shown = answers(9)
     shown[0] = shown[0].model_copy(update={"phrases_fell_back": True})
     assert row(only(pog_report([run_of("rpg", shown)])), "rpg").num_fallbacks == 1
-
-
-def test_seeds_are_averaged_by_episode() -> None:
     runs = [run_of("random", answers(12), seed=0), run_of("random", answers(0), seed=1)]
     found = row(only(pog_report(runs)), "random")
     assert found.seeds == (0, 1)
     assert found.num_trials == 36
     cells = {cell.split: cell for cell in found.cells}
     assert (cells["easy"].n, cells["easy"].k, cells["easy"].sr) == (12, 6.0, 50.0)
+    newer = run_of("rpg", answers(9), config={"cell_noise": 0.0, "layout": "grid", "features": "patches"})
+    assert len(only(pog_report([run_of("qs", answers(6)), newer])).rows) == 2
 
 
 def test_kinds_of_homes_encoders_and_noise_never_share_a_table() -> None:
@@ -132,11 +128,6 @@ def test_kinds_of_homes_encoders_and_noise_never_share_a_table() -> None:
     assert [table.scene_kind for table in report.tables] == ["oracle-map"] * 4 + ["schematic", "invented"]
     assert len({table.title for table in report.tables}) == 6
     assert not [table for table in report.tables if table.differences]
-
-
-def test_defaults_that_an_older_run_did_not_store_make_no_other_table() -> None:
-    newer = run_of("rpg", answers(9), config={"cell_noise": 0.0, "layout": "grid", "features": "patches"})
-    assert len(only(pog_report([run_of("qs", answers(6)), newer])).rows) == 2
 
 
 def test_an_object_map_is_a_row_beside_the_grid_of_the_same_homes() -> None:

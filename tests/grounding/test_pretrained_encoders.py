@@ -160,8 +160,12 @@ def test_vectors_are_those_that_transformers_computes(kind: str, folder, load) -
     assert np.allclose(load(kind).encode_images([frame]), image, atol=1e-5)
 
 
-def test_siglip_reads_texts_in_lower_case(load) -> None:
+def test_siglip_reads_lower_case_long_texts_are_cut_and_naflex_takes_one_size_of_picture(load) -> None:
     assert np.allclose(*load("siglip").encode_texts(["Red CHAIR", "red chair"]), atol=1e-6)
+    with pytest.raises(AgentError, match="frames of several sizes; expected one"):
+        load("naflex").encode_patches([picture(30, 220), picture(30, 220, width=64)])
+    first, second = load("clip").encode_texts(["lamp " * 30 + "sofa", "lamp " * 30 + "chair"])
+    assert np.allclose(first, second, atol=1e-6)
 
 
 def test_clips_patches_are_the_usual_ones_where_looking_around_brings_nothing(folder, tmp_path: Path) -> None:
@@ -191,11 +195,6 @@ def test_blip2s_hidden_space_is_what_the_model_projects(folder, load) -> None:
     assert np.allclose(load("hidden768").encode_texts(["red chair"]), first, atol=1e-5)
 
 
-def test_naflex_refuses_pictures_of_several_sizes(load) -> None:
-    with pytest.raises(AgentError, match="frames of several sizes; expected one"):
-        load("naflex").encode_patches([picture(30, 220), picture(30, 220, width=64)])
-
-
 def test_a_text_encoder_by_name_is_the_model_behind_a_cache(folder, load) -> None:
     encoder = make_encoder(f"clip:{folder('clip')}")
     assert encoder.name == load("clip").name
@@ -211,11 +210,6 @@ def test_one_model_serves_queries_and_pictures_until_other_options_come(folder, 
     assert np.allclose(make_encoder(name, options=options).encode_texts(["sofa"]), eye.encode_texts(["sofa"]))
     with pytest.raises(AgentError, match="found no such folder"):
         make_image_encoder(name, options=ModelOptions(batch_size=3))
-
-
-def test_long_texts_are_cut_at_the_models_length(load) -> None:
-    first, second = load("clip").encode_texts(["lamp " * 30 + "sofa", "lamp " * 30 + "chair"])
-    assert np.allclose(first, second, atol=1e-6)
 
 
 @pytest.mark.parametrize(

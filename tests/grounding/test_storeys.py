@@ -57,10 +57,22 @@ def test_a_robot_that_goes_down_opens_a_storey_below() -> None:
     assert storeys.index_of(np.array([-1.0, -2.9, 0.1, -4.3])).tolist() == [1, 1, 0, -1]
 
 
-def test_points_belong_to_the_nearest_floor_below_with_some_slack() -> None:
+def test_pixels_become_points_of_the_floor_below_with_the_weights_of_onemap_and_vlfm() -> None:
     storeys = Storeys(ViewOptions(floors=(2.8, 0.0)))
     heights = np.array([-1.6, -1.4, 0.0, 2.4, 2.49, 2.51, 2.8, 9.0])
     assert storeys.index_of(heights).tolist() == [-1, 0, 0, 0, 0, 1, 1, 1]
+    points = points_at(frame(1.0, 0.5, 3.0), np.array([[29, 39], [30, 40], [0, 0]]))
+    middle = points[:2].mean(axis=0)
+    assert middle == pytest.approx([1.0, 0.5 + 0.88, 1.0])
+    assert points[2, 0] < 0  # left
+    assert points[2, 1] > 1.38  # above
+    assert points[2, 2] == pytest.approx(1.0)
+    assert distance_weight(np.array([0.5, 1, 2, 3, 4, 5])) == pytest.approx(
+        [0.964, 1, 0.862, 0.553, 0.264, 0.093], abs=6e-4
+    )
+    half = np.arctan(40 / CAMERA.focal)
+    columns = 40 + CAMERA.focal * np.tan(np.array([0, 0.25, 0.5, 1]) * half)
+    assert bearing_weight(columns, CAMERA) == pytest.approx([1, 0.8902, 0.625, 0.25], abs=1e-4)
 
 
 def test_each_view_grows_the_occupancy_of_its_own_storey_and_missing_returns_block_nothing() -> None:
@@ -73,15 +85,6 @@ def test_each_view_grows_the_occupancy_of_its_own_storey_and_missing_returns_blo
     storeys.take(frame(0.0, 0.0, depth=0.0))
     storeys.rest()
     assert not storeys.occupancy(0).cells.any()
-
-
-def test_pixels_become_points_where_the_camera_looks() -> None:
-    points = points_at(frame(1.0, 0.5, 3.0), np.array([[29, 39], [30, 40], [0, 0]]))
-    middle = points[:2].mean(axis=0)
-    assert middle == pytest.approx([1.0, 0.5 + 0.88, 1.0])
-    assert points[2, 0] < 0  # left
-    assert points[2, 1] > 1.38  # above
-    assert points[2, 2] == pytest.approx(1.0)
 
 
 def test_a_patch_lies_on_the_surface_that_has_its_median_depth() -> None:
@@ -98,12 +101,3 @@ def test_a_patch_lies_on_the_surface_that_has_its_median_depth() -> None:
     assert np.isnan(points[:, 6:]).all()
     assert weights[0, 1] == pytest.approx(0.862, abs=0.001)
     assert weights[0, 0] == pytest.approx(0.862 * 0.6, abs=0.08)
-
-
-def test_weights_are_those_of_onemap_and_vlfm() -> None:
-    assert distance_weight(np.array([0.5, 1, 2, 3, 4, 5])) == pytest.approx(
-        [0.964, 1, 0.862, 0.553, 0.264, 0.093], abs=6e-4
-    )
-    half = np.arctan(40 / CAMERA.focal)
-    columns = 40 + CAMERA.focal * np.tan(np.array([0, 0.25, 0.5, 1]) * half)
-    assert bearing_weight(columns, CAMERA) == pytest.approx([1, 0.8902, 0.625, 0.25], abs=1e-4)

@@ -21,14 +21,11 @@ def line(*corners: tuple[float, float, float], step: float = 0.5) -> NDArray[np.
     return np.concatenate(points)
 
 
-def test_the_deviation_is_the_planar_distance_to_the_nearest_place_of_any_path() -> None:
+def test_the_deviation_is_the_planar_distance_to_the_nearest_path_of_the_storey() -> None:
     feet = np.array([[0, 0, 0], [2, 0, 0.7], [5.5, 0.2, 1], [4, 0, 4], [-3, 0, -4], [4.3, 0, -0.4]], float)
     assert path_deviation(feet, CORNER) == pytest.approx([0, 0.7, 1.5, 1, 5, 0.5])
     assert path_deviation(np.array([[3.0, 0.0, 4.0]]), np.zeros((1, 3))) == pytest.approx([5.0])
     assert path_deviation(np.array([[3.0, 0.0, 4.0]]), np.zeros((2, 3))) == pytest.approx([5.0])
-
-
-def test_below_another_storeys_path_only_the_stairs_lower_part_counts() -> None:
     stairs = np.array([[0.0, 0.0, 0.0], [6.0, 3.0, 0.0]])  # reaches 1.5 m at x = 3
     (under,) = path_deviation(np.array([[5.0, 0.0, 0.0]]), stairs)
     assert 2.0 <= under < 2.25
@@ -46,20 +43,21 @@ def test_a_run_leaves_the_path_with_the_first_pose_more_than_a_metre_off_if_ever
     assert departure(feet, path_deviation(feet, CORNER)) is None
 
 
-def test_ways_part_where_one_turns_off_or_at_once() -> None:
+def test_ways_part_where_one_turns_off_at_once_or_on_another_storey_but_not_by_pauses_or_speeds() -> None:
     straight, turned = line((0, 0, 0), (6, 0, 0)), line((0, 0, 0), (2, 0, 0), (2, 0, -3))
     parted = parting(straight, turned)
     # the walker at (2, -1) is 1 m from (2, 0); the one at (3, 0) is 1 m from (2, 0)
     assert parted == (Departure(7, 3.5), Departure(7, 3.5))
     assert parting(line((0, 0, 0), (2, 0, 0)), line((0, 0, 5), (2, 0, 5))) == (Departure(0, 0.0), Departure(0, 0.0))
-
-
-def test_pauses_turns_speeds_and_ends_on_the_others_way_part_nobody() -> None:
     slow, fast = line((0, 0, 0), (6, 0, 0), step=0.25), line((0, 0, 0.8), (6, 0, 0.8))
     waiting = np.concatenate([np.repeat(slow[:4], 9, axis=0), slow[4:]])
     assert parting(waiting, fast) is None
     assert parting(fast, waiting) is None
     assert parting(line((0, 0, 0), (2, 0, 0)), line((0, 0, 0), (6, 0, 0))) is None
+    level, up = line((0, 0, 0), (8, 0, 0)), line((0, 0, 0), (2, 0, 0), (8, 3, 0))
+    parted = parting(level, up)
+    assert parted is not None
+    assert 1.5 <= up[parted[1].row, 1] < 1.9
 
 
 def test_a_detour_parts_where_it_begins_and_turning_back_where_the_other_cannot_be_waiting() -> None:
@@ -73,13 +71,6 @@ def test_a_detour_parts_where_it_begins_and_turning_back_where_the_other_cannot_
     assert parted is not None
     # going along to x = 4 the other waits at x = 3 at least, 1 m from x = 2; at x = 1.5 it is too far
     assert parted[1] == Departure(13, 6.5)
-
-
-def test_one_place_on_two_storeys_parts() -> None:
-    level, up = line((0, 0, 0), (8, 0, 0)), line((0, 0, 0), (2, 0, 0), (8, 3, 0))
-    parted = parting(level, up)
-    assert parted is not None
-    assert 1.5 <= up[parted[1].row, 1] < 1.9
 
 
 def test_runs_that_do_not_walk_and_goals_out_of_reach_have_no_divergence() -> None:

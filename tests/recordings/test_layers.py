@@ -94,7 +94,7 @@ def test_the_carpet_has_a_square_per_cell_facing_up(found: Tables) -> None:
     assert {tuple(point) for point in points[yellow][:, [0, 2]].tolist()} == {(2, 7), (3, 7), (2, 8), (3, 8)}
 
 
-def test_the_first_peak_of_a_phrase_is_its_object_and_the_answer_is_in_the_gate(found: Tables) -> None:
+def test_each_phrase_has_its_peak_a_line_of_the_document_and_a_map_that_shows_the_answer(found: Tables) -> None:
     peaks = found[("/runs/ground-rpg/layers/peaks_0/storey_0", False)]["Points3D:positions"][0]
     assert peaks[0] == pytest.approx([2.5, 0.15, 7.5])
     best = found[("/runs/ground-rpg/candidates", False)]["Points3D:positions"][0][0]
@@ -102,15 +102,9 @@ def test_the_first_peak_of_a_phrase_is_its_object_and_the_answer_is_in_the_gate(
     gate = found[("/runs/ground-rpg/layers/gate/storey_0", False)]["LineStrips3D:strips"][0]
     around = {tuple(point) for piece in gate for point in np.round(np.array(piece)[:, [0, 2]], 3).tolist()}
     assert {(2.0, 7.0), (3.0, 7.0), (2.0, 8.0), (3.0, 8.0)} <= around
-
-
-def test_the_document_lists_the_phrases(found: Tables) -> None:
     text = found[("/task", True)]["TextDocument:text"][0][0]
     assert "| rpg's phrase | least and most alike |" in text
     assert "| 1. Ada owns a low oak table with a green bowl in the room |" in text
-
-
-def test_the_blueprint_has_a_map_per_phrase_and_hides_what_covers_the_answer(found: Tables) -> None:
     views = found[("blueprint", True)]["views"]
     names = {row[0] for c in views for row in c.get("ViewBlueprint:display_name", []) if row}
     assert {f"{number}. " for number in range(1, 6)} <= {name[:3] for name in names}
@@ -158,16 +152,13 @@ def test_settings_of_other_programs_are_not_guessed(change: dict[str, Any]) -> N
     assert settings_of(info("a", who="rpg", config=CONFIG)) is None
 
 
-def test_values_reach_the_pixels_of_their_cells() -> None:
+def test_values_reach_the_pixels_of_their_cells_and_two_cells_have_six_sides() -> None:
     grid = GridSpec((-1.0, -1.0), 1.0, (2, 3))
     storey = StoreyMap(0, 0.0, np.ones((4, 8), bool), GridSpec((-0.5, -1.0), 0.5, (4, 8)))
     found = on_map(np.array([[0, 1, 2], [3, 4, 5]], np.float32), grid, storey)
     nan = np.nan
     assert np.array_equal(found[0], [0, 1, 1, 2, 2, nan, nan, nan], equal_nan=True)
     assert np.array_equal(found[3], [3, 4, 4, 5, 5, nan, nan, nan], equal_nan=True)
-
-
-def test_the_outline_of_two_cells_has_six_sides() -> None:
     inside = np.zeros((3, 3), bool)
     inside[1, 1:] = True
     edges = outline(inside, GridSpec((10.0, 20.0), 2.0, (3, 3)))

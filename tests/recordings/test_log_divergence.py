@@ -67,11 +67,16 @@ def test_diamonds_mark_on_both_ways_where_they_part(found: Tables, agent_run: Ru
     assert f"(step {places['study-P07']}), straight.agent after" in text
 
 
-def test_every_run_that_strays_has_a_cross_and_only_the_shown_pair_a_diamond(found: Tables) -> None:
+def test_every_run_that_strays_has_a_cross_and_only_the_shown_pair_a_diamond_and_large_pictures(found: Tables) -> None:
     crosses = [found[(f"/runs/{label}/departure", False)] for label in ("straight.agent", "copy")]
     assert crosses[0]["step"] == crosses[1]["step"]
     assert [columns["LineStrips3D:show_labels"] for columns in crosses] == [[[False]]] * 2
     assert ("/runs/copy/parting", False) not in found
+    sizes = {
+        label: found[(f"/runs/{label}/camera", True)]["Pinhole:resolution"][0][0]
+        for label in ("straight.agent", "study-P07", "copy")
+    }
+    assert sizes == {"straight.agent": [64, 48], "study-P07": [64, 48], "copy": [32, 24]}
 
 
 def test_the_last_picture_says_that_it_is_the_last_and_that_there_was_no_clock(found: Tables) -> None:
@@ -88,11 +93,3 @@ def test_the_last_picture_says_that_it_is_the_last_and_that_there_was_no_clock(f
         ["measured no time: choose the timeline step or path_m"],
     )
     assert ("/runs/study-P07/camera/no_clock", False) not in found
-
-
-def test_the_pictures_of_runs_that_are_not_shown_are_half_as_large(found: Tables) -> None:
-    sizes = {
-        label: found[(f"/runs/{label}/camera", True)]["Pinhole:resolution"][0][0]
-        for label in ("straight.agent", "study-P07", "copy")
-    }
-    assert sizes == {"straight.agent": [64, 48], "study-P07": [64, 48], "copy": [32, 24]}

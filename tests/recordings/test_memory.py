@@ -61,16 +61,13 @@ def picture(found: Tables, layer: str, *, of: str = "box\\ map", storey: int = 0
     return np.asarray(Image.open(io.BytesIO(bytes(blob))).convert("RGBA"))
 
 
-def test_a_map_of_cells_has_four_layers_on_the_map_and_its_features_in_the_home(found: Tables) -> None:
+def test_a_map_of_cells_has_four_layers_its_features_and_cells_where_they_were_seen(found: Tables, home: Scene) -> None:
     ours = {entity for entity, _ in found if entity.startswith("/memory/")}
     base = "/memory/box\\ map"
     layers = ("coverage", "occupancy", "features", "evidence")
     assert ours == {f"{base}/map/storey_0/{layer}" for layer in layers} | {f"{base}/home/storey_0/features"}
     assert len({picture(found, layer).shape for layer in layers}) == 1
     assert not [entity for entity, _ in found if entity.startswith("/goal")]
-
-
-def test_occupied_and_unknown_cells_lie_where_they_were_seen(found: Tables, home: Scene) -> None:
     shown = picture(found, "occupancy")
     assert (shown[..., 3] > 0).any(axis=0).nonzero()[0][0] > shown.shape[1] / 2 - 2, "the left room is unknown"
     brown = (shown[..., :3] == (176, 96, 60)).all(axis=-1)
@@ -113,13 +110,12 @@ def test_a_robots_map_is_shown_without_a_home(tmp_path: Path, home: Scene) -> No
         record_memory(memory, name="lab", out=tmp_path / "x.rrd", scene=home, with_pixels=False)
 
 
-def test_maps_of_scans_need_leave(tmp_path: Path, home: Scene) -> None:
+def test_maps_of_scans_need_leave_empty_ones_are_refused_and_other_storeys_left_out(
+    tmp_path: Path, home: Scene
+) -> None:
     scan = replace(home, kind="scan")
     with pytest.raises(RecordingError, match="--with-pixels"):
         record_memory(cells_memory(), name="m", out=tmp_path / "x.rrd", scene=scan, with_pixels=False)
-
-
-def test_an_empty_map_is_refused_and_a_layer_of_another_storey_left_out(tmp_path: Path, home: Scene) -> None:
     with pytest.raises(RecordingError, match="without storeys"):
         record_memory(HomeMemory((), "world", 0), name="m", out=tmp_path / "x.rrd", scene=None, with_pixels=False)
     (storey,) = cells_memory().storeys

@@ -96,7 +96,9 @@ def test_the_finished_file_is_whole(rrd: tuple[Path, EpisodeRun]) -> None:
     assert [path.name for path in rrd[0].parent.iterdir()] == ["box.rrd"]
 
 
-def test_rows_stand_at_their_steps_and_metres_and_pictures_are_what_the_camera_saw(found: Tables) -> None:
+def test_rows_stand_at_their_steps_pictures_are_the_cameras_and_goal_and_measures_come_at_the_end(
+    found: Tables,
+) -> None:
     assert sorted(found[(f"{RUN}/camera", False)]["step"]) == list(range(41))
     metres = np.array(column(found, f"{RUN}/camera", "path_m")) / 1e9
     assert metres[[0, 3, 4, 27, 30, 40]] == pytest.approx([0, 0, 0.25, 6, 6, 8.25])
@@ -104,6 +106,12 @@ def test_rows_stand_at_their_steps_and_metres_and_pictures_are_what_the_camera_s
     last = np.asarray(Image.open(io.BytesIO(bytes(column(found, f"{RUN}/camera", "EncodedImage:blob")[40][0]))))
     assert last.shape == (48, 64, 3)
     assert (np.abs(last - np.array([150, 60, 40])).max(axis=-1) < 30).mean() > 0.2  # the red table
+    assert found[("/goal/centre", False)]["step"] == [40]
+    assert found[("/goal/region", False)]["step"] == [40]
+    texts = [text[0] for text in found[("/task", True)]["TextDocument:text"]]
+    assert ["| straight.agent | yes |" in text for text in texts] == [False, True]
+    assert all("**Query:** Find Nell's table." in text for text in texts)
+    assert "Nell keeps the red table" in texts[0]
 
 
 def test_depth_is_a_quarter_as_large_and_in_millimetres(
@@ -137,15 +145,6 @@ def test_the_seen_map_grows_and_ends_with_both_rooms(found: Tables, home: Scene)
     assert 0.05 < shares[0] < 0.5
     assert shares[-1] > 0.7
     assert np.unique(pictures[0][free], axis=0).tolist() == sorted(SEEN_PALETTE[[1, 3]].tolist())
-
-
-def test_the_goal_and_the_measures_come_with_the_end_only(found: Tables) -> None:
-    assert found[("/goal/centre", False)]["step"] == [40]
-    assert found[("/goal/region", False)]["step"] == [40]
-    texts = [text[0] for text in found[("/task", True)]["TextDocument:text"]]
-    assert ["| straight.agent | yes |" in text for text in texts] == [False, True]
-    assert all("**Query:** Find Nell's table." in text for text in texts)
-    assert "Nell keeps the red table" in texts[0]
 
 
 def test_the_record_holds_the_run_files_own_lines(found: Tables, rrd: tuple[Path, EpisodeRun]) -> None:

@@ -137,13 +137,20 @@ def test_pictures_are_what_the_camera_sees_at_each_step(found: Tables) -> None:
     assert shares[40][1] == 0
 
 
-def test_the_camera_stands_88_cm_above_the_feet_and_looks_along_minus_z(found: Tables) -> None:
+def test_the_camera_stands_88_cm_above_the_feet_and_the_text_holds_task_and_results(found: Tables) -> None:
     camera = found[("/runs/study-P07/camera", False)]
     assert camera["Transform3D:translation"][0][0] == pytest.approx([-3.0, 0.88, 1.1])
     columns = np.array(camera["Transform3D:mat3x3"][0][0]).reshape(3, 3)
     assert columns[2] == pytest.approx([0, 0, -1])
     tilted = np.array(camera["Transform3D:mat3x3"][1][0]).reshape(3, 3)
     assert tilted[2] == pytest.approx([0, -0.5, -np.sqrt(0.75)], abs=1e-6)
+    text = found[("/task", True)]["TextDocument:text"][0][0]
+    assert "Find Nell's table." in text
+    assert "red table \\| Ivo" in text
+    assert "| straight.agent | yes | 0.75 | 0.75 | 0.00 m | stop | 40 | 8.2 m | 0 |" in text
+    assert "| human-P07 | no | 0.00 |" in text
+    assert "| grounder | no | yes | 6.00 m | - |" in text
+    assert "BoxHouse (invented home)" in text
 
 
 def test_the_ways_on_map_and_floor_are_the_runs_positions(found: Tables, agent_run: Run) -> None:
@@ -156,16 +163,6 @@ def test_the_ways_on_map_and_floor_are_the_runs_positions(found: Tables, agent_r
     pixels = np.asarray(Image.open(io.BytesIO(bytes(picture))))
     cols, rows = np.floor(robot).astype(int).T
     assert (pixels[rows, cols] == 236).any(axis=-1).all()
-
-
-def test_the_text_holds_task_and_results_and_no_markup_of_its_own(found: Tables) -> None:
-    text = found[("/task", True)]["TextDocument:text"][0][0]
-    assert "Find Nell's table." in text
-    assert "red table \\| Ivo" in text
-    assert "| straight.agent | yes | 0.75 | 0.75 | 0.00 m | stop | 40 | 8.2 m | 0 |" in text
-    assert "| human-P07 | no | 0.00 |" in text
-    assert "| grounder | no | yes | 6.00 m | - |" in text
-    assert "BoxHouse (invented home)" in text
 
 
 def test_the_blueprint_shows_both_best_cameras_home_map_plots_text_and_actions(rrd: Path) -> None:

@@ -117,7 +117,7 @@ def test_the_map_that_was_asked_is_there_once_at_all_times(found: Tables) -> Non
     assert "**Map map-hashed-invented** of 40 views, frame world." in text
 
 
-def test_similarity_gate_and_answers_lie_on_the_same_map_when_the_answers_appear(found: Tables) -> None:
+def test_similarity_gate_and_answers_lie_on_one_map_and_nothing_of_the_goal_comes_before(found: Tables) -> None:
     rpg = {entity.rsplit("/", 1)[1] for entity, _ in found if "/ground-rpg/map/storey_0/layers/" in entity}
     assert {"similarity_0", "similarity_4", "peaks_0", "gate", "final"} <= rpg
     for entity in ("/runs/ground-rpg/map/storey_0/layers/gate", "/runs/ground-rpg/map/storey_0/candidates"):
@@ -125,9 +125,6 @@ def test_similarity_gate_and_answers_lie_on_the_same_map_when_the_answers_appear
     assert found[("/runs/study-P01/map/storey_0/click_ray", False)]["step"] == [1]
     best = found[("/runs/ground-rpg/candidates", False)]["Points3D:positions"][0][0]
     assert best == pytest.approx([2.5, 0.0, 7.5])
-
-
-def test_nothing_of_the_goal_comes_before_all_answers(found: Tables) -> None:
     goal = {entity: columns for (entity, _), columns in found.items() if entity.startswith("/goal")}
     assert len(goal) >= 4
     assert not [entity for entity, is_static in found if is_static and entity.startswith("/goal")]

@@ -63,13 +63,17 @@ def test_a_file_grows_with_each_flush_and_is_whole_when_closed(tmp_path: Path) -
     assert (store.application_id, store.recording_id) == ("personal-viz", "personal/easy/Box/1")
 
 
-def test_closing_twice_is_closing_once(tmp_path: Path) -> None:
+def test_a_folder_gets_one_file_per_episode_and_closing_twice_is_closing_once(tmp_path: Path) -> None:
     recording = LiveSink("file", str(tmp_path / "a.rrd")).open(KEYS[0])
     log_steps(recording.stream, range(2))
     recording.close()
     before = (tmp_path / "a.rrd").read_bytes()
     recording.close()
     assert (tmp_path / "a.rrd").read_bytes() == before
+    with live_sink(str(tmp_path / "live"), KEYS) as sink:
+        for key in KEYS:
+            sink.open(key).close()
+    assert sorted(path.name for path in (tmp_path / "live").iterdir()) == ["easy-Box-1.rrd", "easy-Box-2.rrd"]
 
 
 def test_a_file_of_many_small_parts_is_joined_at_its_end(tmp_path: Path) -> None:
@@ -85,13 +89,6 @@ def test_a_file_of_many_small_parts_is_joined_at_its_end(tmp_path: Path) -> None
     assert verifies(tmp_path / "a.rrd")
     assert [path.name for path in tmp_path.iterdir()] == ["a.rrd"]
     assert [store.application_id for store in RrdReader(str(tmp_path / "a.rrd")).blueprints()] == ["personal-viz"]
-
-
-def test_a_folder_gets_one_file_per_episode(tmp_path: Path) -> None:
-    with live_sink(str(tmp_path / "live"), KEYS) as sink:
-        for key in KEYS:
-            sink.open(key).close()
-    assert sorted(path.name for path in (tmp_path / "live").iterdir()) == ["easy-Box-1.rrd", "easy-Box-2.rrd"]
 
 
 def test_one_file_for_several_episodes_and_a_file_that_is_no_recording_are_refused(tmp_path: Path) -> None:

@@ -57,13 +57,12 @@ def test_the_best_person_and_the_best_agent_are_shown(agent_run: Run, answer_run
     assert [trace.label for trace in best_two(select_traces(runs, KEY))] == ["near", "direct"]
 
 
-def test_without_people_the_two_best_agents_are_shown(agent_run: Run) -> None:
+def test_without_people_the_two_best_agents_are_shown_runs_without_measures_last(
+    agent_run: Run, answer_run: Run
+) -> None:
     first, second = measured(agent_run, "long", spl=0.9), measured(agent_run, "short", spl=0.9, steps=20)
     third = measured(agent_run, "third", spl=0.8)
     assert [trace.label for trace in best_two(select_traces([third, first, second], KEY))] == ["short", "long"]
-
-
-def test_runs_without_measures_come_last_and_answers_are_not_shown(agent_run: Run, answer_run: Run) -> None:
     (walk,) = agent_run.episodes
     unmeasured = EpisodeRun(start=walk.start, steps=walk.steps, end=walk.end.model_copy(update={"measures": None}))
     runs = [Run(info=info("import"), episodes=(unmeasured,)), agent_run]

@@ -123,14 +123,11 @@ def test_one_file_is_served_without_its_neighbours(folder: Path) -> None:
         assert "green%20picture.rrd&hide_welcome_screen=1" in headers["location"]
 
 
-def test_a_link_to_a_recording_opens_the_viewer_with_it(site: WebViewer) -> None:
+def test_a_link_to_a_recording_opens_the_viewer_which_may_contact_us_and_one_stream_only(site: WebViewer) -> None:
     status, _, headers = ask(site, "/green%20picture.rrd", Sec_Fetch_Dest="document")
     assert (status, headers["location"]) == (302, site.of_file("green picture.rrd"))
     assert ask(site, "/green%20picture.rrd", Sec_Fetch_Dest="empty")[0] == 200
     assert ask(site, "/none.rrd", Sec_Fetch_Dest="document")[0] == 404
-
-
-def test_the_viewer_may_contact_us_and_one_stream_only(site: WebViewer) -> None:
     policy = ask(site, "/viewer/")[2]["content-security-policy"]
     assert policy == viewer_policy()
     assert "connect-src 'self';" in policy

@@ -77,14 +77,11 @@ def test_a_pattern_has_both_its_colours_and_a_painting_not_that_of_its_frame() -
     assert finish_from_text("picture with golden frame", "picture").rgb != COLOURS["golden"]
 
 
-def test_what_nobody_says_is_usual_and_always_the_same() -> None:
+def test_what_nobody_says_is_usual_and_own_words_leave_out_the_surroundings() -> None:
     assert finish_from_text("", "toilet") == finish_from_text("", "toilet")
     assert finish_from_text("", "toilet").material == "ceramic"
     assert finish_from_text("", "fire extinguisher").rgb == RED
     assert len({finish_from_text(f"number {k}", "chair").rgb for k in range(30)}) >= 5
-
-
-def test_own_words_leave_out_the_surroundings() -> None:
     words = own_words("the round wooden table next to the L-shaped couch. it has drawers", "table").all
     assert {"round", "wooden"} <= words
     assert "couch" not in words

@@ -80,13 +80,18 @@ def test_a_few_small_textures_keep_every_texel_also_where_coordinates_are_a_whol
     np.testing.assert_allclose(atlased(moved).face_uv, atlased(mesh).face_uv, atol=1e-5)
 
 
-def test_texels_are_shared_by_surface() -> None:
+def test_texels_are_shared_by_surface_and_many_repeating_textures_keep_the_same_number() -> None:
     small, large = squares(*[plain((5, 5, 5), 2048, 2048)] * 2), squares(*[plain((9, 9, 9), 2048, 2048)] * 6, side=3.0)
     atlas = atlased(joined(small, large))
     sizes = np.array([atlas.textures[texture].shape[1] for texture in atlas.face_texture])
     pixels = np.ptp(atlas.face_uv[..., 0], axis=1) * sizes
     np.testing.assert_allclose(pixels[4:], 504, atol=1.5)
     np.testing.assert_allclose(pixels[:4], 504 / 3, atol=1.5)
+    mesh = squares(*(plain((k, k, k), 1024, 1024) for k in range(20)))
+    atlas = atlased(replace(mesh, face_uv=mesh.face_uv * 3))
+    assert len(atlas.textures) == 20
+    assert sum(image.shape[0] * image.shape[1] for image in atlas.textures) <= NUM_SHEETS * SHEET_SIDE**2
+    assert min(image.shape[0] for image in atlas.textures) > 400
 
 
 def test_what_no_face_shows_does_not_mix_into_its_neighbours() -> None:
@@ -113,14 +118,6 @@ def test_a_texture_that_repeats_stays_alone_and_light_stays_on_its_corners() -> 
     np.testing.assert_array_equal(atlas.faces, mesh.faces)
     np.testing.assert_array_equal(atlas.vertices, mesh.vertices)
     np.testing.assert_array_equal(atlas.vertex_rgb, light)
-
-
-def test_many_large_textures_that_repeat_stay_within_the_same_number_of_pixels() -> None:
-    mesh = squares(*(plain((k, k, k), 1024, 1024) for k in range(20)))
-    atlas = atlased(replace(mesh, face_uv=mesh.face_uv * 3))
-    assert len(atlas.textures) == 20
-    assert sum(image.shape[0] * image.shape[1] for image in atlas.textures) <= NUM_SHEETS * SHEET_SIDE**2
-    assert min(image.shape[0] for image in atlas.textures) > 400
 
 
 def test_faces_without_texture_and_textures_without_faces_cost_nothing() -> None:

@@ -17,7 +17,6 @@ from personal_viz.bench.sim.scenes import bench_mesh
 from sim.cache import VARIABLE
 from sim.copies.browser_glb import MAX_BYTES, MAX_FACES, browser_glb, glb_from_mesh
 from sim.copies.cut import storey_mesh
-from sim.errors import SceneError
 from sim.frames import T_world_camera
 from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import scene_from_plan
@@ -276,10 +275,3 @@ def test_more_colours_than_a_palette_holds_are_thinned() -> None:
     colours = np.arange(count, dtype=np.int64)[:, None] >> np.array([16, 8, 0]) & 0xFF
     many = triangles(np.tile(np.eye(3), (count, 1, 1)), face_rgb=colours.astype(np.uint8))
     assert triangles_of(glb_from_mesh(many)).shape == (count, 3, 3)
-
-
-def test_a_height_without_faces_is_refused_with_the_heights_there_are(scene: Scene) -> None:
-    with pytest.raises(
-        SceneError, match=r"no face on a storey at 90.0 m; expected a height near one of \[0.00, 2.80\]"
-    ):
-        browser_glb(scene, 90.0)

@@ -34,7 +34,7 @@ def test_the_random_agent_passes() -> None:
     assert check_agent(RandomAgent(), **QUICK) == []
 
 
-def test_the_shortest_path_agent_passes() -> None:
+def test_agents_that_follow_the_shortest_path_or_stop_at_once_pass() -> None:
     scene = check_home()
     start = check_trials(scene)[0].start
     places = scene.navigation.points_within(np.array([start.position]), 4.0, max_dy=1.0)
@@ -42,8 +42,6 @@ def test_the_shortest_path_agent_passes() -> None:
     search = episode(goal((x, y + 0.5, z), (view_point((x, y, z)),)), start=start.position, yaw=start.yaw)
     assert check_agent(lambda: ShortestPathAgent(search, scene.navigation), **QUICK) == []
 
-
-def test_an_agent_that_stops_at_once_passes() -> None:
     class Stopper(Walker):
         def act(self, observation):
             return Action.STOP
@@ -154,7 +152,7 @@ def test_an_instance_that_repeats_itself_badly_is_named_without_guessing_why() -
         assert "expected determinism, and nothing kept without keep_memory" in problems[0]
 
 
-def test_missing_methods_and_broken_factories_are_named() -> None:
+def test_missing_methods_and_factories_that_are_broken_or_work_once_are_named() -> None:
     assert check_agent(object()) == [
         "agent: found no method reset(); expected one, as the contract needs. Correct the plug-in."
     ]
@@ -162,9 +160,6 @@ def test_missing_methods_and_broken_factories_are_named() -> None:
     assert "agent is 'walker'; expected your own as package.module:factory" in check_agent("walker")[0]
     (problem,) = check_agent("no_such_package.agent:make")
     assert "ModuleNotFoundError" in problem
-
-
-def test_a_factory_that_works_only_once_is_named() -> None:
     made = [Walker()]
     (problem,) = check_agent(made.pop, **QUICK)
     assert "a second agent: list.pop() raised IndexError: pop from empty list. Correct the agent." in problem

@@ -39,12 +39,19 @@ def from_above(mesh: TriangleMesh, *, num: int = 4000) -> tuple[NDArray[np.float
     return hits.positions[:, 1], hits.face_ids
 
 
-def test_a_flat_sheet_keeps_its_outline_and_coordinates_and_little_else() -> None:
+def test_a_flat_sheet_keeps_its_outline_and_coordinates_and_a_sphere_its_silhouette() -> None:
     few = decimated(sheet(30), max_faces=10_000)
     assert len(few.faces) < 60
     assert area(few).sum() == pytest.approx(1.0, abs=1e-6)
     np.testing.assert_allclose(few.face_uv, few.vertices[few.faces][..., [0, 2]])
     assert {(0, 0), (0, 1), (1, 0), (1, 1)} <= {(float(x), float(z)) for x, _, z in few.vertices}
+    ball = sheet(100)
+    u, v = ball.vertices[:, 0] * np.pi, ball.vertices[:, 2] * 2 * np.pi
+    ball = replace(ball, vertices=np.stack([np.sin(u) * np.cos(v), np.cos(u), np.sin(u) * np.sin(v)], 1).astype("f4"))
+    few = decimated(ball, max_faces=2000)
+    radius = np.linalg.norm(few.vertices[few.faces].mean(axis=1), axis=1)
+    assert len(few.faces) <= 2000
+    assert radius.min() > 0.98
 
 
 def test_a_wavy_sheet_stays_within_the_tolerance_and_the_limit_wins_over_it() -> None:
@@ -107,23 +114,17 @@ def seen_light(mesh: TriangleMesh) -> NDArray[np.float64]:
     return frame.rgb[..., 0].astype(float)
 
 
-def test_light_that_grows_evenly_costs_no_triangles() -> None:
+def test_even_light_costs_no_triangles_soft_shadows_stay_and_textures_stay_as_bright() -> None:
     even = lit_sheet(lambda x: 0.2 + 0.8 * x)
     few = decimated(even, max_faces=10_000)
     assert len(few.faces) < 200
     assert np.abs(seen_light(few) - seen_light(even)).max() <= 2
-
-
-def test_soft_shadows_stay_where_they_are() -> None:
     even = lit_sheet(lambda x: 1 - 0.6 * np.exp(-((x - 0.5) ** 2) / 0.005))
     few = decimated(even, max_faces=10_000)
     apart = np.abs(seen_light(few) - seen_light(even))
     assert len(few.faces) < 0.7 * len(even.faces)
     assert apart.mean() < 2
     assert apart.max() < 12
-
-
-def test_textures_stay_as_bright_as_they_are_in_a_mesh_with_vertex_colours() -> None:
     mixed = sheet(20, texture=lambda x, z: np.where(x > 0.5, VERTEX_COLOURS, 0))
     few = decimated(replace(mixed, vertex_rgb=np.full((len(mixed.vertices), 3), 255, np.uint8)), max_faces=10_000)
     assert few.vertex_rgb is not None
@@ -150,16 +151,6 @@ def test_loose_triangles_are_dropped_the_smallest_first() -> None:
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1]]) * sizes[:, None, None] + rng.uniform(0, 90, (400, 1, 3))
     left = decimated(triangles(corners, face_instance=np.arange(400, dtype=np.int32)), max_faces=100)
     assert set(left.face_instance) == set(np.argsort(-sizes)[:100])
-
-
-def test_a_sphere_keeps_its_silhouette() -> None:
-    ball = sheet(100)
-    u, v = ball.vertices[:, 0] * np.pi, ball.vertices[:, 2] * 2 * np.pi
-    ball = replace(ball, vertices=np.stack([np.sin(u) * np.cos(v), np.cos(u), np.sin(u) * np.sin(v)], 1).astype("f4"))
-    few = decimated(ball, max_faces=2000)
-    radius = np.linalg.norm(few.vertices[few.faces].mean(axis=1), axis=1)
-    assert len(few.faces) <= 2000
-    assert radius.min() > 0.98
 
 
 meshes = st.builds(

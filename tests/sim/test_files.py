@@ -21,21 +21,16 @@ def files_up_to(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, allowed)
 
 
-def test_a_whole_file_replaces_the_old_one_and_leaves_nothing_beside(tmp_path: Path) -> None:
+def test_a_whole_file_replaces_the_old_one_or_leaves_it_where_it_cannot_be_written(tmp_path: Path) -> None:
     path = tmp_path / "new" / "a.json"
     write_whole(path, "one\n")
     write_whole(path, "zwölf\n")
     assert path.read_text(encoding="utf-8") == "zwölf\n"
     assert [item.name for item in path.parent.iterdir()] == ["a.json"]
-
-
-def test_a_whole_file_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> None:
-    path = tmp_path / "a.json"
-    write_whole(path, "one\n")
     with files_up_to(1000), pytest.raises(OSError, match="too large"):
         write_whole(path, "x" * 2000)
-    assert path.read_text() == "one\n"
-    assert [item.name for item in tmp_path.iterdir()] == ["a.json"]
+    assert path.read_text(encoding="utf-8") == "zwölf\n"
+    assert [item.name for item in path.parent.iterdir()] == ["a.json"]
 
 
 def test_a_block_that_does_not_fit_is_cut_off_again(tmp_path: Path) -> None:

@@ -93,16 +93,13 @@ def test_solids_are_closed_and_face_outwards(shape: Shape, expected: float) -> N
     assert volume(shape) == pytest.approx(expected, rel=0.03)
 
 
-def test_a_rounded_box_is_a_box_less_its_edges() -> None:
+def test_a_rounded_box_is_a_box_less_its_edges_and_curved_skins_are_lit_smoothly() -> None:
     shape = rounded_box((1, 1, 1), (2, 2, 2), 0.1)
     assert len(triangles(shape)) == 44
     assert volume(shape) == pytest.approx(8 - 12 * 2 * 0.1**2 / 2, rel=0.01)
     away = (shape.corners.mean(axis=1) - 1) / np.linalg.norm(shape.corners.mean(axis=1) - 1, axis=1, keepdims=True)
     assert ((shape.normals.mean(axis=1) * away).sum(axis=1) > 0).all()
     assert volume(cushion((0, 0, 0), (0.5, 0.2, 0.4))) > 0.35 * 0.5 * 0.2 * 0.4
-
-
-def test_curved_skins_are_lit_smoothly_and_edges_are_not() -> None:
     shape = lathe([(1.0, 0.0), (1.0, 1.0), (0.5, 1.0)], sides=12)
     side, lid = shape.normals[:12], shape.normals[12:]
     outwards = shape.corners[:12] * [1, 0, 1]
@@ -110,15 +107,12 @@ def test_curved_skins_are_lit_smoothly_and_edges_are_not() -> None:
     np.testing.assert_allclose(lid, np.broadcast_to([0, 1, 0], lid.shape), atol=1e-9)
 
 
-def test_texture_places_are_in_metres() -> None:
+def test_texture_places_are_in_metres_and_stretching_keeps_normals_upright() -> None:
     flat = box((0, 0, 0), (2.0, 0.5, 1.0))
     np.testing.assert_allclose(np.ptp(flat.uv, axis=1).max(axis=0), [2.0, 1.0])
     hung = sheet([[(0, 1, 0), (1, 1, 0)], [(0, 0, 0), (1, 0, 0)]])
     np.testing.assert_allclose(hung.normals, np.broadcast_to([0, 0, 1.0], (1, 4, 3)))
     np.testing.assert_allclose(np.ptp(hung.uv, axis=1)[0], [1.0, 1.0])
-
-
-def test_stretching_keeps_normals_upright_on_the_surface() -> None:
     shape = ball((0, 0, 0), (1, 1, 1), sides=32, rings=24).scaled((4.0, 1.0, 1.0))
     flat = np.cross(shape.corners[:, 2] - shape.corners[:, 0], shape.corners[:, 3] - shape.corners[:, 1])
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)

@@ -93,15 +93,12 @@ def test_every_piece_is_a_goal_with_places_that_see_it(root: Path) -> None:
             assert 0 < point.iou <= 1
 
 
-def test_ownership_keeps_the_rule_of_the_split(episodes: list[Episode]) -> None:
+def test_ownership_keeps_the_rule_of_the_split_and_right_objects_are_the_asked_persons(episodes: list[Episode]) -> None:
     for episode in episodes:
         graph = ownership_graph(episode)
         shared, several = max(graph.num_owners_of.values()) > 1, max(graph.num_objects_of.values()) > 1
         expected = {"easy": (False, False), "medium": (False, True), "hard": (True, True)}[episode.key.split]
         assert (shared, several) == expected, episode.key
-
-
-def test_the_asked_person_owns_every_right_object_and_no_other_of_the_category(episodes: list[Episode]) -> None:
     for episode in episodes:
         captions = [slots[0] for slots in episode.record.captions_per_object]
         owned = [e.phrase for e in ownership_graph(episode).edges if e.owner == episode.record.owner]

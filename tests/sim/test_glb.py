@@ -57,7 +57,7 @@ def textured(image: Image.Image, **material) -> TextureVisuals:
     return TextureVisuals(uv=uv, material=PBRMaterial(baseColorTexture=image, **material))
 
 
-def test_a_z_up_file_becomes_y_up_and_a_y_up_file_keeps_its_axes_and_transforms(tmp_path):
+def test_a_z_up_file_becomes_y_up_and_transforms_and_mirrored_nodes_are_followed(tmp_path):
     mesh = load_glb(write(tmp_path / "a.glb"))
     np.testing.assert_allclose(mesh.vertices, [[0, 0, 0], [2, 0, 0], [2, 0, -3], [0, 0, -3]], atol=1e-6)
     np.testing.assert_array_equal(mesh.faces, TRIANGLES)
@@ -65,9 +65,6 @@ def test_a_z_up_file_becomes_y_up_and_a_y_up_file_keeps_its_axes_and_transforms(
     T = trimesh.transformations.translation_matrix([10, 20, 30])
     mesh = load_glb(write(tmp_path / "a.glb", T=T), up="y")
     np.testing.assert_allclose(mesh.vertices, SQUARE + np.array([10, 20, 30]))
-
-
-def test_a_mirrored_node_keeps_floors_facing_up(tmp_path):
     lying = SQUARE[:, [0, 2, 1]] * [1, 1, -1]
     T = np.diag([-1.0, 1, 1, 1])
     mesh = load_glb(write(tmp_path / "a.glb", T=T, vertices=lying), up="y")

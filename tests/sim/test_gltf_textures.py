@@ -49,7 +49,7 @@ def test_texture_transforms_scale_then_turn_then_shift(tmp_path, transform, expe
     np.testing.assert_allclose(drawn(tmp_path, square).face_uv[0], expected, atol=1e-6)
 
 
-def test_one_image_in_two_tints_is_two_textures_and_in_one_tint_one(tmp_path):
+def test_one_image_in_two_tints_is_two_textures_and_images_at_one_place_of_the_file_are_one(tmp_path):
     writer = GltfWriter()
     texture = writer.image(png(four_colours()))
     materials = [writer.material(texture, factor) for factor in (None, [1, 1, 1, 0.5], [0.5, 0.5, 0.5, 1])]
@@ -57,9 +57,6 @@ def test_one_image_in_two_tints_is_two_textures_and_in_one_tint_one(tmp_path):
     mesh = loaded(writer, tmp_path)
     assert mesh.face_texture.tolist() == [0, 0, 0, 0, 1, 1]
     assert mesh.textures[1][0, 0].tolist() == [100, 20, 20]
-
-
-def test_images_that_lie_at_one_place_of_the_file_are_one_texture(tmp_path):
     writer = GltfWriter()
     first = writer.image(png(four_colours()))
     second = writer.add("textures", {"source": writer.add("images", dict(writer.json["images"][0]))})
@@ -114,14 +111,11 @@ def test_images_are_clamped_or_mirrored_where_faces_show_more_than_them(tmp_path
     assert shown(mesh) == corners
 
 
-def test_a_clamped_image_that_is_shown_within_its_edges_is_kept_as_it_is(tmp_path):
+def test_a_clamped_image_shown_within_its_edges_is_kept_and_coordinates_that_are_no_place_become_zero(tmp_path):
     wrap = {"wrapS": CLAMP, "wrapT": CLAMP}
     mesh = drawn(tmp_path, lambda w: pictured(w, uv=UV * 1.01 - 0.005, sampler=wrap))
     assert mesh.textures[0].shape == (8, 8, 3)
     np.testing.assert_allclose(mesh.face_uv[0], UV[:3] * 1.01 - 0.005, atol=1e-6)
-
-
-def test_texture_coordinates_that_are_no_place_become_zero(tmp_path):
     uv = np.array([[np.nan, 1], [np.inf, 0.5], [1e30, -np.inf], [0.25, 3]], np.float32)
     mesh = drawn(tmp_path, lambda w: pictured(w, uv=uv))
     np.testing.assert_array_equal(mesh.face_uv[1], [[0, 1], [0, 0], [0.25, 3]])

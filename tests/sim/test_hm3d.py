@@ -116,13 +116,15 @@ def test_vertex_colours_give_each_face_the_id_of_most_of_its_corners_in_either_l
     assert result.mesh.face_instance.tolist() == [301, 301]
 
 
-def test_objects_have_names_of_category_and_id_and_boxes_in_world_axes(tmp_path):
+def test_objects_have_names_and_boxes_in_world_axes_and_files_of_different_releases_are_refused(tmp_path):
     result = semantics(tmp_path, squares(flat(WALL), flat(SHELF)), scan(tmp_path))
     assert [item.name for item in result.objects] == ["wall_1", "shelf, low_7"]
     shelf = result.objects[1]
     assert (shelf.instance_id, shelf.category) == (7, "shelf, low")
     assert shelf.centre == pytest.approx((1.0, 2.0, -1.5))  # the file's (1, 1.5, 2)
     assert shelf.size == pytest.approx((2.0, 0.0, 3.0))
+    with pytest.raises(SceneError, match=r"found no colour that a\.semantic\.txt names; expected the colours of its 4"):
+        semantics(tmp_path, squares(flat(UNKNOWN)), scan(tmp_path))
 
 
 def test_the_box_of_an_object_is_that_of_its_connected_part_with_the_largest_box(tmp_path):
@@ -139,11 +141,6 @@ def test_the_box_of_an_object_is_that_of_its_connected_part_with_the_largest_box
     (bed,) = semantics(tmp_path, writer, scan(tmp_path)).objects
     assert bed.centre == pytest.approx((1, 0.5, -1.5))
     assert bed.size == pytest.approx((2, 1, 3))
-
-
-def test_files_of_different_releases_are_refused(tmp_path):
-    with pytest.raises(SceneError, match=r"found no colour that a\.semantic\.txt names; expected the colours of its 4"):
-        semantics(tmp_path, squares(flat(UNKNOWN)), scan(tmp_path))
 
 
 def test_semantic_files_are_found_beside_the_scan_and_only_together(tmp_path):

@@ -57,13 +57,21 @@ def checked(rows: Rows, dataset: PersonalDataset) -> EpisodeRun:
     return next(check_file(path, dataset=dataset)).run
 
 
-def test_a_possible_run_is_taken_and_its_collision_found_from_the_positions(
+def test_a_possible_run_is_taken_with_our_collisions_and_claims_of_the_file_are_dropped(
     dataset: PersonalDataset, lines: Rows
 ) -> None:
     run = checked(lines, dataset)
     assert [step.collided for step in run.steps] == [False, False, False, True, False]
     assert [step.action for step in run.steps] == ["forward", "left", "look_up", "forward", "stop"]
     assert run.end.reason == "stop"
+    rule = RuleMeasures(success=True, spl=1.0, soft_spl=1.0, dtg=0.0, start_distance=1.0)
+    lines[-1]["measures"] = measured(rule, num_steps=len(lines) - 2).model_dump(mode="json")
+    lines[2]["collided"] = True
+    run = checked(lines, dataset)
+    assert run.end.measures is None
+    assert run.steps[1].collided is False
+    moved(2, (0.15, 0.4, 0.0))(lines)
+    assert checked(lines, dataset).steps[0].position == pytest.approx((1.15, 0.6, -2.25))
 
 
 def moved(line: int, by: tuple[float, float, float]) -> Callable[[Rows], object]:
@@ -137,20 +145,6 @@ def test_an_impossible_run_is_refused_with_its_line(
     with pytest.raises(RunFileError) as error:
         checked(lines, dataset)
     assert f"run.jsonl{message}" in str(error.value)
-
-
-def test_claims_of_the_file_are_dropped(dataset: PersonalDataset, lines: Rows) -> None:
-    rule = RuleMeasures(success=True, spl=1.0, soft_spl=1.0, dtg=0.0, start_distance=1.0)
-    lines[-1]["measures"] = measured(rule, num_steps=len(lines) - 2).model_dump(mode="json")
-    lines[2]["collided"] = True
-    run = checked(lines, dataset)
-    assert run.end.measures is None
-    assert run.steps[1].collided is False
-
-
-def test_a_start_off_the_other_simulators_mesh_may_snap_once(dataset: PersonalDataset, lines: Rows) -> None:
-    moved(2, (0.15, 0.4, 0.0))(lines)
-    assert checked(lines, dataset).steps[0].position == pytest.approx((1.15, 0.6, -2.25))
 
 
 def test_sliding_may_end_anywhere_within_one_step_of_the_wanted_end(dataset: PersonalDataset, lines: Rows) -> None:

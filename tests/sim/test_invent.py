@@ -79,16 +79,13 @@ def test_a_seed_gives_more_homes_and_then_an_error(monkeypatch: pytest.MonkeyPat
         invent_plan("Demo", seed=3)
 
 
-def test_doors_and_steps_fit_the_robot(plan: HomePlan) -> None:
+def test_doors_and_steps_fit_the_robot_and_pieces_their_rooms_without_cutting_into_each_other(plan: HomePlan) -> None:
     doors = [opening for wall in plan.walls for opening in wall.openings if opening.kind == "door"]
     assert len(doors) >= len(plan.rooms) - 5
     assert min(door.width for door in doors) >= 0.9
     for stair in plan.stairs:
         rise = (plan.storeys[1].floor_y - plan.storeys[0].floor_y) / stair.num_steps
         assert rise <= 0.18
-
-
-def test_pieces_do_not_cut_into_each_other(plan: HomePlan) -> None:
     chairs = {"chair", "desk chair", "stool"}
     for i, first in enumerate(plan.furniture):
         for second in plan.furniture[i + 1 :]:
@@ -96,9 +93,6 @@ def test_pieces_do_not_cut_into_each_other(plan: HomePlan) -> None:
             gap_y = abs(first.centre[1] - second.centre[1]) - (first.size[1] + second.size[1]) / 2
             if gap_y < -1e-3 and not pair & (chairs | ON_FLAT_TOPS) and not {"bag", "plush toy"} & pair:
                 assert not first.rect.grown(-1e-3).overlaps(second.rect), (first.name, second.name)
-
-
-def test_pieces_stay_inside_their_rooms(plan: HomePlan) -> None:
     rects = {room.name: room.rect for room in plan.rooms}
     for piece in plan.furniture:
         rect = rects[piece.room]
@@ -148,7 +142,7 @@ def test_recipes_only_name_what_there_is() -> None:
             assert set(small.supports) <= placed, small
 
 
-def test_looks_have_words_of_their_own_that_say_the_colour() -> None:
+def test_looks_have_words_of_their_own_that_say_the_colour_and_name_the_piece() -> None:
     for category in sorted({member.category for members in GROUPS.values() for member in members}):
         looks = looks_of(category)
         assert len({look.words for look in looks}) == len(looks) >= 4, category
@@ -156,9 +150,6 @@ def test_looks_have_words_of_their_own_that_say_the_colour() -> None:
             assert look.words.startswith(look.colour)
             assert (look.finish.pattern == "plain") == (look.finish.rgb2 is None or "abstract" in look.words)
             assert look.finish.pattern == "plain" or f" {look.finish.pattern}" in look.words, look.words
-
-
-def test_pieces_are_called_by_their_look() -> None:
     assert described("armchair", "green velvet") == "green velvet armchair"
     assert described("lamp", "orange paper") == "lamp with an orange paper shade"
     assert described("plant", "blue ceramic", "small") == "small plant with a blue ceramic pot"

@@ -78,11 +78,15 @@ def test_landings_lie_before_the_first_and_behind_the_last_step(towards) -> None
     assert (low.centre, high.centre) == ends[towards]
 
 
-def test_borders_are_cut_where_another_room_begins() -> None:
+def test_borders_are_cut_where_another_room_begins_and_a_stair_is_no_entrance() -> None:
     borders = borders_of((Rect(0, 0, 4, 2), Rect(0, 2, 1.5, 5), Rect(1.5, 2, 4, 5)))
     inner = [(b.is_along_x, b.at, b.span, b.rooms) for b in borders if len(b.rooms) == 2]
     assert inner == [(True, 2, (0, 1.5), (0, 1)), (True, 2, (1.5, 4), (0, 2)), (False, 1.5, (2, 5), (1, 2))]
     assert sum(b.span[1] - b.span[0] for b in borders if len(b.rooms) == 1) == 2 * (4 + 5)
+    layout = Layout((Rect(0, 0, 4.6, 3), Rect(0, -3, 4.6, 0)), (0,), ("hall", ""))
+    stair = Stair(storey=0, rect=Rect(0.3, 0.06, 4.3, 1.06), towards="+x", num_steps=16)
+    assert draw_doors(layout, stair, np.random.default_rng(0)) is None
+    assert draw_doors(layout, None, np.random.default_rng(0)) == [(0, 1)]
 
 
 def joined_rooms(num: int, pairs) -> set[int]:
@@ -116,13 +120,6 @@ def middle(wall: Wall, offset: float) -> Rect:
     x = wall.start[0] + (wall.end[0] - wall.start[0]) * share
     z = wall.start[1] + (wall.end[1] - wall.start[1]) * share
     return Rect(x, z, x, z)
-
-
-def test_a_room_that_only_a_stair_touches_cannot_be_entered() -> None:
-    layout = Layout((Rect(0, 0, 4.6, 3), Rect(0, -3, 4.6, 0)), (0,), ("hall", ""))
-    stair = Stair(storey=0, rect=Rect(0.3, 0.06, 4.3, 1.06), towards="+x", num_steps=16)
-    assert draw_doors(layout, stair, np.random.default_rng(0)) is None
-    assert draw_doors(layout, None, np.random.default_rng(0)) == [(0, 1)]
 
 
 def test_railings_stand_at_the_open_sides_of_the_hole_but_not_where_one_arrives() -> None:

@@ -31,15 +31,12 @@ def home(tmp_path_factory) -> NavMesh:
     return load_navmesh(write_navmesh(tmp_path_factory.mktemp("navmesh") / "home.navmesh", two_storeys()))
 
 
-def test_a_path_is_straight_in_sight_and_bends_round_the_inner_corner(corner):
+def test_a_path_is_straight_in_sight_bends_round_the_inner_corner_and_a_ramp_counts_with_its_slope(corner, home):
     assert corner.distance(at(1, 1), at(5, 5)) == pytest.approx(2 * math.sqrt(10), abs=1e-6)
     path = corner.shortest_path(at(1, 1), at(5, 5)[None])
     np.testing.assert_allclose(path, [[1, 0, 1], [4, 0, 2], [5, 0, 5]], atol=1e-6)
     assert corner.distance(at(1, 1), at(5.5, 1.5)) == pytest.approx(math.hypot(4.5, 0.5), abs=1e-6)
     assert len(corner.shortest_path(at(1, 1), at(5.5, 1.5)[None])) == 2
-
-
-def test_a_ramp_counts_with_its_slope(home):
     assert home.distance(at(5, 6), at(5, 10, y=3)) == pytest.approx(5, abs=1e-6)
     # Straight pieces between bends are chords in 3-D: 3 m of floor, then 4 m of ramp that rise 3 m, are one of 7 m.
     assert home.distance(at(5, 3), at(5, 10, y=3)) == pytest.approx(math.hypot(7, 3), abs=1e-6)
@@ -54,15 +51,12 @@ def test_a_goal_above_the_floor_keeps_its_height_one_beside_it_is_moved_and_one_
     assert corner.shortest_path(at(2, 1), at(2, 1)[None]).tolist() == [[2, 0, 1], [2, 0, 1]]
 
 
-def test_islands_do_not_reach_each_other(home):
+def test_islands_do_not_reach_each_other_and_the_nearest_goal_that_has_a_place_counts(home):
     below, above = at(2, 12), at(2, 12, y=3)
     assert (home.island(below), home.island(above)) == (1, 0)
     assert home.distances(np.stack([at(1, 1), above, below]), below[None]).tolist() == [math.inf, math.inf, 0]
     assert home.shortest_path(above, below[None]) is None
     assert math.isfinite(home.distance(at(1, 1), above))
-
-
-def test_the_nearest_of_several_goals_counts_and_those_without_a_place_are_ignored(home):
     goals = np.stack([at(50, 50), at(2, 12), at(1, 1.5), at(5, 5)])
     assert home.distances(np.stack([at(1, 1), at(5, 4)]), goals) == pytest.approx([0.5, 1.0])
     assert home.shortest_path(at(1, 1), goals)[-1].tolist() == [1, 0, 1.5]
@@ -98,11 +92,14 @@ def test_navigable_is_within_the_given_height_and_a_centimetre_aside(corner):
     assert not corner.is_navigable(at(1, 1, y=10))
 
 
-def test_a_free_step_arrives_and_takes_the_height_of_the_ramp(home):
+def test_a_free_step_takes_the_height_of_the_ramp_and_none_leads_to_another_island_or_from_nowhere(home):
     assert home.step(at(1, 1), at(1.25, 1)) == ((1.25, 0.0, 1.0), False)
     found, collided = home.step(at(5, 8, y=1.5), at(5, 8.25, y=1.5))
     assert found == pytest.approx((5, 1.6875, 8.25))
     assert not collided
+    assert home.step(at(100, 100, y=100), at(100.25, 100, y=100)) == ((100, 100, 100), True)
+    above = at(2, 12, y=3)
+    assert home.step(above, at(2, 12)) == ((2, 3, 12), True)
 
 
 def test_a_wall_stops_every_step_where_it_is_met_and_sliding_goes_on_along_it(corner):
@@ -125,12 +122,6 @@ def test_a_step_from_off_the_mesh_starts_on_it_but_collisions_count_from_where_i
     found, collided = corner.step(at(1, -1.0), at(1, -1.25))
     assert found == (1, 0, 0)  # on the edge, which is further than it wanted to go
     assert not collided
-
-
-def test_no_step_leads_to_another_island_or_from_nowhere(home):
-    assert home.step(at(100, 100, y=100), at(100.25, 100, y=100)) == ((100, 100, 100), True)
-    above = at(2, 12, y=3)
-    assert home.step(above, at(2, 12)) == ((2, 3, 12), True)
 
 
 def test_the_nearest_wall_is_measured_from_above_within_the_search_radius(corner):
@@ -224,7 +215,7 @@ def test_random_points_of_a_storey_lie_on_it(home):
         home.random_point(rng, storey_y=9.0)
 
 
-def test_many_threads_get_the_answers_of_one(home):
+def test_many_threads_and_another_process_get_the_answers_of_one(home):
     rng = np.random.default_rng(1)
     starts = np.array([home.random_point(rng) for _ in range(60)])
     goals = np.array([home.random_point(rng) for _ in range(60)])
@@ -232,9 +223,6 @@ def test_many_threads_get_the_answers_of_one(home):
     with ThreadPoolExecutor(4) as pool:
         for found in pool.map(lambda _: home.distances(starts, goals[:1]), range(16)):
             np.testing.assert_array_equal(found, expected)
-
-
-def test_a_map_can_be_sent_to_another_process(home):
     copy = pickle.loads(pickle.dumps(home))
     assert copy.distance(at(1, 1), at(2, 12, y=3)) == home.distance(at(1, 1), at(2, 12, y=3))
     assert copy.digest == home.digest

@@ -59,10 +59,14 @@ def test_a_mesh_fits_the_agent_it_was_built_for_and_version_1_habitats_default(p
     assert not mesh.fits(0.18, 0.89)
 
 
-def test_the_digest_is_that_of_the_file(path):
+def test_the_digest_is_that_of_the_file_and_every_truncation_is_refused_in_one_line(path):
     first = read_navmesh(write_navmesh(path, l_shape())).digest
     assert read_navmesh(write_navmesh(path, l_shape())).digest == first
     assert read_navmesh(write_navmesh(path, l_shape(), climb=0.1)).digest != first
+    content = navmesh_bytes(two_storeys())
+    for length in range(0, len(content), 7):
+        refusal(path, content[:length])
+    assert "bytes in" in refusal(path, content + b"\0")
 
 
 def test_a_missing_file_is_named(tmp_path):
@@ -70,13 +74,6 @@ def test_a_missing_file_is_named(tmp_path):
         load_navmesh(tmp_path / "none.navmesh")
     with pytest.raises(SceneError, match="cannot be read"):
         load_navmesh(tmp_path)
-
-
-def test_every_truncation_is_refused_in_one_line(path):
-    content = navmesh_bytes(two_storeys())
-    for length in range(0, len(content), 7):
-        refusal(path, content[:length])
-    assert "bytes in" in refusal(path, content + b"\0")
 
 
 @pytest.mark.parametrize(

@@ -32,20 +32,26 @@ PLAN = HomePlan(
 )
 
 
-def test_a_saved_plan_loads_equal_and_twice_the_same_bytes(tmp_path: Path) -> None:
+def test_a_saved_plan_loads_equal_with_the_same_bytes_and_a_missing_one_is_refused(tmp_path: Path) -> None:
     save_plan(PLAN, tmp_path / "a" / "Tiny.plan.json")
     save_plan(PLAN, tmp_path / "b.plan.json")
     assert load_plan(tmp_path / "a" / "Tiny.plan.json") == PLAN
     assert (tmp_path / "a" / "Tiny.plan.json").read_bytes() == (tmp_path / "b.plan.json").read_bytes()
     assert [path.name for path in tmp_path.rglob("*.part")] == []
+    with pytest.raises(SceneError, match=r"no.plan.json: cannot be read"):
+        load_plan(tmp_path / "no.plan.json")
 
 
-def test_runs_unfold_to_cells_with_heights_and_guesses() -> None:
+def test_runs_unfold_to_cells_and_a_rectangle_touches_cells_of_the_grid() -> None:
     assert PLAN.cells is not None
     cells = cells_from_runs(PLAN.cells.walkable)
     assert cells.rc.tolist() == [[1, 2], [1, 3], [1, 4], [1, 5], [1, 6], [2, 0]]
     assert cells.y.tolist() == [0, 0, 0, 0.1, 0.1, 0]
     assert cells.guessed.tolist() == [False, False, False, True, True, False]
+    grid = GridSpec((0.0, 0.0), 0.5, (4, 6))
+    assert Rect(0.6, 0.1, 1.4, 0.9).cells(grid) == (slice(0, 2), slice(1, 3))
+    assert Rect(0.5, 0.0, 1.0, 0.5).cells(grid, slack=1e-6) == (slice(0, 1), slice(1, 2))
+    assert Rect(-3.0, -3.0, -2.0, 9.0).cells(grid) == (slice(0, 4), slice(0, 1))
 
 
 @given(
@@ -104,11 +110,6 @@ def test_walls_and_both_ends_of_stairs_stand_on_storeys_of_the_plan(tmp_path: Pa
     assert load_plan(path) == plan
 
 
-def test_a_missing_plan_is_a_scene_error(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"no.plan.json: cannot be read"):
-        load_plan(tmp_path / "no.plan.json")
-
-
 def test_a_turned_piece_swaps_width_and_depth_and_a_shared_border_is_no_overlap() -> None:
     turned = CHAIR.model_copy(update={"yaw": np.pi / 2})
     np.testing.assert_allclose(CHAIR.rect, (0.75, 1.8, 1.25, 2.2))
@@ -135,13 +136,6 @@ def test_a_plan_as_version_1_wrote_it_still_reads_and_a_newer_one_is_refused(tmp
     path.write_text(VERSION_1.replace('"schema_version":1', '"schema_version":3'))
     with pytest.raises(SceneError, match=r"Tiny\.plan\.json: schema_version is 3; expected"):
         load_plan(path)
-
-
-def test_a_rectangle_touches_cells_and_keeps_to_the_grid() -> None:
-    grid = GridSpec((0.0, 0.0), 0.5, (4, 6))
-    assert Rect(0.6, 0.1, 1.4, 0.9).cells(grid) == (slice(0, 2), slice(1, 3))
-    assert Rect(0.5, 0.0, 1.0, 0.5).cells(grid, slack=1e-6) == (slice(0, 1), slice(1, 2))
-    assert Rect(-3.0, -3.0, -2.0, 9.0).cells(grid) == (slice(0, 4), slice(0, 1))
 
 
 @pytest.mark.parametrize(

@@ -12,20 +12,23 @@ from sim.plan_view.view import PlanView
 from sim.types import GridSpec
 
 
-def test_a_view_holds_all_places_and_its_margin() -> None:
+def test_a_view_holds_all_places_and_a_margin_and_each_run_of_free_cells_is_one_rectangle() -> None:
     view = PlanView.around(np.array([[0.0, 0.0], [3.0, 1.0]]), margin=0.5, longest=400)
     assert (view.low, view.scale, view.width, view.height) == ((-0.5, -0.5), 100.0, 400, 200)
     assert view.pixels((-0.5, -0.5)).tolist() == [0, 0]
     assert view.pixels([(3.5, 1.5), (0.0, 0.0)]).tolist() == [[400, 200], [50, 50]]
     assert PlanView.around(np.zeros((1, 2)), margin=1.0, longest=10, least=16).width == 16
-
-
-def test_each_run_of_free_cells_is_one_rectangle() -> None:
     view = PlanView((0.0, 0.0), 10.0, 40, 20)
     free = np.array([[True, True, False, True], [False, False, False, False]])
     drawn = free_path(view, free, GridSpec((0.0, 0.0), 1.0, (2, 4)))
     assert drawn == "M0.0 0.0h20.0v10.3h-20.0zM30.0 0.0h10.0v10.3h-10.0z"
     assert view.pixels((2.0, 1.0)) == pytest.approx([20, 10])
+    free = np.zeros((40, 40), bool)
+    free[20, 22:24] = True
+    shown = cropped_map(1, 3.0, free, GridSpec((-2.0, -2.0), 0.1, free.shape), around=free)
+    assert (shown.name, shown.free.shape, shown.free.sum()) == ("storey_1", (11, 12), 2)
+    assert shown.grid.origin_xz == pytest.approx((-0.3, -0.5))
+    assert shown.pixels(np.array([-0.3, 9.0, -0.4])) == pytest.approx([0, 1])
 
 
 def test_drawings_escape_their_texts_and_share_macros(tmp_path: Path) -> None:
@@ -44,12 +47,3 @@ def test_heat_goes_from_dark_blue_to_yellow_whatever_the_range() -> None:
     assert np.isnan(shares[1])
     assert heat_shares(np.array([2.0, 2.0])).tolist() == [1.0, 1.0]
     assert heat_colours(np.array([0.0, 0.5, 1.0])).tolist() == [[68, 1, 84], [33, 145, 140], [253, 231, 37]]
-
-
-def test_a_map_ends_half_a_metre_behind_its_free_cells() -> None:
-    free = np.zeros((40, 40), bool)
-    free[20, 22:24] = True
-    shown = cropped_map(1, 3.0, free, GridSpec((-2.0, -2.0), 0.1, free.shape), around=free)
-    assert (shown.name, shown.free.shape, shown.free.sum()) == ("storey_1", (11, 12), 2)
-    assert shown.grid.origin_xz == pytest.approx((-0.3, -0.5))
-    assert shown.pixels(np.array([-0.3, 9.0, -0.4])) == pytest.approx([0, 1])

@@ -75,15 +75,12 @@ def actions_of(run: EpisodeRun) -> list[str]:
     return [step.action.value for step in run.steps]
 
 
-def test_actions_are_found_from_poses_and_the_declared_stop_is_added(dataset: PersonalDataset) -> None:
+def test_actions_are_found_from_poses_and_a_declared_or_repeated_last_row_is_the_stop(dataset: PersonalDataset) -> None:
     run = run_of(dataset, "log.csv", csv_of(HEAD, WALK))
     assert actions_of(run) == ["forward", "left", "forward", "stop"]
     assert [step.collided for step in run.steps] == [False, False, True, False]
     assert run.end.reason == "stop"
     assert run.steps[-1].position == run.steps[-2].position
-
-
-def test_a_last_row_that_repeats_the_pose_is_the_stop_and_not_a_push_against_a_wall(dataset: PersonalDataset) -> None:
     repeated = csv_of(HEAD, [*WALK, WALK[-1]])
     assert actions_of(run_of(dataset, "log.csv", repeated)) == ["forward", "left", "forward", "stop"]
     unstopped = run_of(dataset, "log.csv", repeated, replace(WORLD, stopped=False))
@@ -151,7 +148,7 @@ def test_habitat_labs_agent_states_are_read_in_the_declared_order(dataset: Perso
     assert actions_of(run_of(dataset, "log.json", json.dumps(named), replace(WORLD, quaternion=None))) == ACTIONS
 
 
-def test_onemaps_rows_without_header_are_read_with_declared_columns(dataset: PersonalDataset) -> None:
+def test_onemaps_rows_are_read_with_declared_columns_and_a_tum_file_needs_no_header(dataset: PersonalDataset) -> None:
     """OneMap writes (-z, -x, y, yaw) per step and no header."""
     rows = "".join(f"{-z},{-x},{y},{math.radians(yaw)}\n" for x, y, z, yaw in WALK)
     reading = replace(WORLD, frame="ros", columns=("x", "y", "z", "yaw"))
@@ -159,6 +156,12 @@ def test_onemaps_rows_without_header_are_read_with_declared_columns(dataset: Per
     message = refusal(dataset, "poses_0.csv", rows, replace(reading, columns=()))
     assert "the first row is numbers only" in message
     assert "--columns" in message
+    rows = "".join(f"{100.5 + n} {x} {y} {z} 0 {quat(d)[1]} 0 {quat(d)[3]}\n" for n, (x, y, z, d) in enumerate(WALK))
+    told = "# episode: easy/Flat/40\n# stopped: yes\n# timestamp tx ty tz qx qy qz qw\n" + rows
+    run = run_of(dataset, "log.tum", told, PoseReading("world"))
+    assert actions_of(run) == ACTIONS
+    assert [step.t_s for step in run.steps] == [1.0, 2.0, 3.0, 3.0]
+    assert run_of(dataset, "log.txt", rows) == run
 
 
 def test_several_episodes_stand_in_one_file(dataset: PersonalDataset) -> None:
@@ -177,15 +180,6 @@ def test_a_file_is_named_after_its_episode(dataset: PersonalDataset, name: str) 
     reading = replace(WORLD, episode=None)
     assert run_of(dataset, name, csv_of(HEAD, WALK), reading).key == KEY
     assert "--episode SPLIT/SCENE/ID" in refusal(dataset, "log.csv", csv_of(HEAD, WALK), reading)
-
-
-def test_a_tum_file_needs_no_header_and_comments_may_say_the_rest(dataset: PersonalDataset) -> None:
-    rows = "".join(f"{100.5 + n} {x} {y} {z} 0 {quat(d)[1]} 0 {quat(d)[3]}\n" for n, (x, y, z, d) in enumerate(WALK))
-    told = "# episode: easy/Flat/40\n# stopped: yes\n# timestamp tx ty tz qx qy qz qw\n" + rows
-    run = run_of(dataset, "log.tum", told, PoseReading("world"))
-    assert actions_of(run) == ACTIONS
-    assert [step.t_s for step in run.steps] == [1.0, 2.0, 3.0, 3.0]
-    assert run_of(dataset, "log.txt", rows) == run
 
 
 def test_a_camera_gives_its_tilt_and_the_looks(dataset: PersonalDataset) -> None:
@@ -224,10 +218,14 @@ def test_five_degree_turns_are_no_actions_and_free_motion_is_named(dataset: Pers
     assert "found step 3; expected at most 2" in refusal(dataset, "log.csv", csv_of(HEAD, rows), short)
 
 
-def test_rounded_positions_are_declared(dataset: PersonalDataset) -> None:
+def test_rounded_positions_are_declared_and_columns_without_meaning_left_out(dataset: PersonalDataset) -> None:
     rows = [*WALK[:2], (1.0, 0.2, -2.505, 0)]
     assert "expected 0 to 0.25 m straight ahead" in refusal(dataset, "log.csv", csv_of(HEAD, rows))
     assert len(run_of(dataset, "log.csv", csv_of(HEAD, rows), replace(WORLD, rounding=0.01)).steps) == 3
+    path = dataset.root.parent / "log.csv"
+    path.write_text(csv_of(HEAD + ",reward", [(*pose, 1) for pose in WALK]))
+    (checked,) = check_file(path, dataset=dataset, reading=WORLD)
+    assert checked.ignored == ("reward",)
 
 
 def bomb(**shapes: Any) -> bytes:
@@ -315,10 +313,3 @@ def test_a_huge_file_is_one_clear_line(dataset: PersonalDataset, monkeypatch: py
     monkeypatch.setattr(pose_tables, "MAX_BYTES", 1 << 20)
     for name in ("log.csv", "log.json", "log.npz"):
         assert "is larger than 1 MiB; expected pose files up to that" in refusal(dataset, name, b"1" * ((1 << 20) + 1))
-
-
-def test_columns_without_meaning_are_told_and_left_out(dataset: PersonalDataset) -> None:
-    path = dataset.root.parent / "log.csv"
-    path.write_text(csv_of(HEAD + ",reward", [(*pose, 1) for pose in WALK]))
-    (checked,) = check_file(path, dataset=dataset, reading=WORLD)
-    assert checked.ignored == ("reward",)

@@ -35,23 +35,17 @@ def test_the_front_looks_at_the_view_points(side: tuple[int, int], yaw: float) -
     assert (found.width, found.depth) == (0.9, 0.5)
 
 
-def test_view_points_beyond_a_metre_stretch_the_box_to_them() -> None:
+def test_boxes_stretch_to_far_view_points_and_shrink_from_blind_places_and_the_agents_radius() -> None:
     row = np.array([(x, 0.9) for x in np.arange(-1.75, 1.76, 0.25)] + [(-1.75, 0.0), (1.75, 0.0)])
     found = fitted_footprint(row, row, usual=(1.2, 0.6), blocked=NO_POINTS)
     assert found.yaw == 0.0
     assert found.width == pytest.approx(2 * (0.75 + 0.0625))
     assert found.depth == 0.6
-
-
-def test_places_that_do_not_see_it_beside_it_make_it_narrower() -> None:
     seen = np.array([(x, 0.0) for x in (-1.25, 1.25)] + [(0.0, 0.7), (0.0, 1.0)])
     others = np.array([(x, 0.0) for x in (-1.75, -1.625, 1.625, 1.75)])
     found = fitted_footprint(seen, np.concatenate([seen, others]), usual=(1.5, 0.5), blocked=NO_POINTS)
     assert found.width == pytest.approx(2 * (0.25 + 0.125), abs=0.2)
     assert found.width < 1.5
-
-
-def test_a_box_shrinks_to_the_agents_radius_from_every_place() -> None:
     half = clipped(np.array([0.6, 0.4]), np.array([[0.5, 0.1], [-0.2, 0.45]]))
     assert half.tolist() == pytest.approx([0.5 - AGENT_RADIUS, 0.45 - AGENT_RADIUS])
     assert clipped(np.array([0.2, 0.2]), np.array([[0.5, 0.0]])).tolist() == [0.2, 0.2]
@@ -129,15 +123,12 @@ def test_colours_come_from_the_caption() -> None:
     assert finish.rgb[0] > 1.5 * max(finish.rgb[1:])
 
 
-def test_an_oven_inside_a_cabinet_reaches_out_of_its_front() -> None:
+def test_an_oven_reaches_out_of_its_cabinet_and_what_stands_in_front_shrinks_to_its_least_size() -> None:
     cabinet = piece("cabinet_1", (0.0, 1.0, 0.0), (1.0, 2.0, 0.6))
     oven, same = made_way(piece("oven_2", (0.0, 1.1, 0.05), (0.6, 0.6, 0.3)), cabinet)
     assert same == cabinet
     assert 0.3 < oven.centre[2] + oven.size[2] / 2 < 0.33
     assert oven.centre == (0.0, 1.1, 0.05)
-
-
-def test_what_stands_in_front_shrinks_but_not_below_its_least_size() -> None:
     mirror, cabinet = piece("mirror_1", (0.0, 0.7, -0.5), (0.6, 0.9, 0.04)), piece("b_2", (0.0, 0.9, 0), (1, 1.8, 0.5))
     same, smaller = made_way(mirror, cabinet, least=(0.9, 0.2))
     assert same == mirror

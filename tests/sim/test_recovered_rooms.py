@@ -79,6 +79,12 @@ def test_a_text_names_a_kind_of_room(text: str, kind: str, name: str) -> None:
 def test_a_text_without_a_room_names_none_and_things_have_usual_rooms() -> None:
     assert room_name("an unspecified area") is None
     assert (usual_room("toilet"), usual_room("kitchen cabinet"), usual_room("chair")) == ("bathroom", "kitchen", None)
+    places = {"bed_1": ((1.0, 0.4, 1.0), (2.0, 0.0, 1.5)), "toilet_2": ((7.0, 0.4, 1.0), (6.0, 0.0, 1.5))}
+    found = recovered({"bed_1": "bedroom"}, places, grid_of(*TWO_ROOMS))
+    assert room_at(found.rooms, 7.0, 3.5) == "bathroom"
+    # beside a named object it names nothing
+    places["toilet_2"] = ((1.2, 0.4, 1.0), (2.0, 0.0, 1.6))
+    assert [room.name for room in recovered({"bed_1": "bedroom"}, places, grid_of(TWO_ROOMS[0])).rooms] == ["bedroom"]
 
 
 def test_the_room_of_a_target_comes_from_its_owners_sentence(tmp_path: Path) -> None:
@@ -89,7 +95,7 @@ def test_the_room_of_a_target_comes_from_its_owners_sentence(tmp_path: Path) -> 
     assert room_texts(dataset, SCENE, splits=("hard",)) == {}
 
 
-def test_a_doorway_divides_two_rooms() -> None:
+def test_a_doorway_divides_two_rooms_and_the_way_on_foot_counts_not_the_straight_line() -> None:
     places = {"bed_1": ((1.0, 0.4, 1.0), (2.0, 0.0, 1.5)), "oven_2": ((7.0, 0.4, 1.0), (6.0, 0.0, 1.5))}
     found = recovered({"bed_1": "blue bedroom", "oven_2": "kitchen"}, places, grid_of(*TWO_ROOMS))
     assert sorted(room.name for room in found.rooms) == ["blue bedroom", "kitchen"]
@@ -97,9 +103,6 @@ def test_a_doorway_divides_two_rooms() -> None:
         "blue bedroom", "blue bedroom", "kitchen", "kitchen",
     ]  # fmt: skip
     assert found.room_of == {"bed_1": "blue bedroom", "oven_2": "kitchen"}
-
-
-def test_the_way_on_foot_counts_not_the_straight_line() -> None:
     # two long rooms beside each other, joined at the far end only; the bed is near the wall between them
     side_by_side = ((0.5, 0.5, 7.0, 1.5), (0.5, 2.0, 7.0, 3.0), (6.0, 1.5, 7.0, 2.0))
     places = {"bed_1": ((1.0, 0.4, 1.4), (1.5, 0.0, 1.2)), "sink_2": ((4.5, 0.8, 2.9), (4.5, 0.0, 2.5))}
@@ -130,15 +133,6 @@ def test_synonyms_and_things_of_one_room_are_one_room() -> None:
     found = recovered(texts, places, grid_of(*TWO_ROOMS))
     assert len(found.rooms) == 2
     assert found.room_of["bed_1"] == found.room_of["lamp_2"] != found.room_of["sink_3"] == found.room_of["towel_4"]
-
-
-def test_things_without_a_text_name_their_usual_room() -> None:
-    places = {"bed_1": ((1.0, 0.4, 1.0), (2.0, 0.0, 1.5)), "toilet_2": ((7.0, 0.4, 1.0), (6.0, 0.0, 1.5))}
-    found = recovered({"bed_1": "bedroom"}, places, grid_of(*TWO_ROOMS))
-    assert room_at(found.rooms, 7.0, 3.5) == "bathroom"
-    # beside a named object it names nothing
-    places["toilet_2"] = ((1.2, 0.4, 1.0), (2.0, 0.0, 1.6))
-    assert [room.name for room in recovered({"bed_1": "bedroom"}, places, grid_of(TWO_ROOMS[0])).rooms] == ["bedroom"]
 
 
 def test_colours_of_floors_and_walls_in_texts_count() -> None:

@@ -50,12 +50,14 @@ def written(tmp_path: Path, *runs: EpisodeRun) -> Path:
     return writer.folder
 
 
-def test_a_run_comes_back_as_it_was_written(tmp_path: Path) -> None:
+def test_a_run_comes_back_as_it_was_written_and_without_results_leaves_no_file(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path / "r1", info())
     answer = Answer(split="hard", scene="Demo", episode_id="9", candidates=((1.0, 0.0, 2.0),), scores=(0.5,))
     writer.add_episode(finished())
     writer.add_answers([answer])
     assert read_run(tmp_path / "r1") == Run(info=info(), episodes=(finished(),), answers=(answer,))
+    RunWriter(tmp_path / "none", info())
+    assert [path.name for path in tmp_path.iterdir()] == ["r1"]
 
 
 def test_a_killed_run_goes_on_after_its_last_whole_block(tmp_path: Path) -> None:
@@ -70,15 +72,14 @@ def test_a_killed_run_goes_on_after_its_last_whole_block(tmp_path: Path) -> None
     assert [run.key.episode_id for run in read_run(tmp_path / "r1").episodes] == ["1", "2"]
 
 
-def test_a_run_without_results_leaves_no_file(tmp_path: Path) -> None:
-    RunWriter(tmp_path / "r1", info())
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:
+def test_a_folder_of_another_run_or_a_newer_version_is_refused(tmp_path: Path) -> None:
     folder = written(tmp_path, finished())
     with pytest.raises(RunFileError, match=r"run\.json: seed is None, this run has 3; expected the same to resume"):
         RunWriter(folder, info(seed=3))
+    path = written(tmp_path, finished()) / "run.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "schema_version": 3}))
+    with pytest.raises(RunFileError, match=r"run\.json: schema_version is 3; expected"):
+        read_run(path.parent)
 
 
 def test_episodes_of_another_version_of_the_home_are_refused(tmp_path: Path) -> None:
@@ -142,13 +143,6 @@ def test_a_damaged_line_is_named(tmp_path: Path, line: str, message: str) -> Non
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_of_a_newer_version_is_refused_by_name(tmp_path: Path) -> None:
-    path = written(tmp_path, finished()) / "run.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), "schema_version": 3}))
-    with pytest.raises(RunFileError, match=r"run\.json: schema_version is 3; expected"):
-        read_run(path.parent)
-
-
 STOPPED = EPISODE + STEP % ("stop", "[0,0,0],") + "\n"
 VERSION_1 = {
     "run.json": '{"schema_version":1,"run_id":"old","who":"shortest-path","who_kind":"agent","scene_kind":"scan",'
@@ -181,12 +175,9 @@ def test_a_run_measured_before_paper_strict_is_undefined_under_it_and_keeps_its_
     assert "by paper-strict not known, 1 trials measured before this rule" in reading_notes(metric_rows([old]))[1]
 
 
-def test_the_first_runs_without_a_version_in_their_lines_or_measures_still_read(old: Run, tmp_path: Path) -> None:
+def test_the_first_runs_without_versions_still_read_and_keep_what_they_say(old: Run, tmp_path: Path) -> None:
     (tmp_path / "steps.jsonl").write_text(STOPPED + '{"kind":"end","reason":"stop"}\n')
     assert read_run(tmp_path).episodes[0].steps == old.episodes[0].steps
-
-
-def test_old_runs_written_again_keep_what_they_say(old: Run, tmp_path: Path) -> None:
     RunWriter(tmp_path / "again", old.info).add_episode(old.episodes[0])
     assert read_run(tmp_path / "again") == old
 
@@ -233,7 +224,7 @@ def test_a_table_warns_of_runs_made_for_another_rule() -> None:
     )
 
 
-def test_metrics_count_successes_and_average_distances_by_hand() -> None:
+def test_metrics_count_successes_and_average_distances_without_unreachable_goals() -> None:
     runs = tuple(finished(str(number), success=success) for number, success in enumerate((True, True, False)))
     easy, total = metric_rows([Run(info=info(), episodes=runs)])
     assert (easy.split, easy.n, easy.k) == ("easy", 3, 2)
@@ -241,9 +232,6 @@ def test_metrics_count_successes_and_average_distances_by_hand() -> None:
     assert (total.split, total.sr) == ("total", easy.sr)
     undefined = metric_rows([Run(info=info(), episodes=runs[:1])], rule="habitat")[0]
     assert (undefined.n, undefined.undefined, undefined.sr) == (0, 1, None), "counted apart"
-
-
-def test_unreachable_goals_are_counted_and_left_out_of_the_mean_distance() -> None:
     lost = RuleMeasures(success=False, spl=0, soft_spl=0, dtg=None, start_distance=None)
     runs = (finished("1", success=False), finished("2", rules=measured(lost).rules))
     row = metric_rows([Run(info=info(), episodes=runs)])[0]

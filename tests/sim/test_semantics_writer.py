@@ -73,14 +73,11 @@ def test_every_face_of_the_scan_has_the_id_that_it_had_in_the_plan(plan: HomePla
     assert np.bincount(ids, minlength=5).tolist() == np.bincount(mesh.face_instance, minlength=5).tolist()
 
 
-def test_the_text_is_hm3ds(folder: Path) -> None:
+def test_the_text_is_hm3ds_and_a_name_that_it_would_not_give_a_bug(folder: Path, plan: HomePlan) -> None:
     lines = (folder / "Home.semantic.txt").read_text().splitlines()
     assert lines[:2] == ["HM3D Semantic Annotations", '1,9E3779,"chair",0']
     labels = read_semantic_txt(folder / "Home.semantic.txt")
     assert len({label.rgb for label in labels} | {0}) == 5
-
-
-def test_a_name_that_hm3d_would_not_give_is_a_bug(plan: HomePlan) -> None:
     mesh, objects = mesh_from_plan(plan)
     with pytest.raises(AssertionError, match="chair_7"):
         semantic_files(mesh, [replace(objects[0], name="chair_7")], region_of={})

@@ -24,8 +24,14 @@ def slanted() -> FloorGrid:
     return grid_of(lambda x, z: x + z < 2, size=2.0)
 
 
-def test_a_free_step_ends_exactly_where_it_was_meant_to(open_room):
+def test_a_free_step_ends_where_it_was_meant_to_and_pressing_against_a_wall_moves_nothing(open_room):
     assert open_room.step(at(1, 1), at(1.2, 1.15)) == ((1.2, 0.0, 1.15), False)
+    position = at(1.9, 1)
+    for _ in range(3):
+        result = open_room.step(position, position + at(0.25, 0))
+        position = np.array(result.position)
+        assert result.collided
+    assert position[0] == pytest.approx(2 - STOP_MARGIN, abs=1e-9)
 
 
 def test_a_wall_stops_the_step_a_tenth_of_a_millimetre_before_it_and_sliding_goes_on_along_it(open_room):
@@ -48,21 +54,12 @@ def test_sliding_follows_a_slanted_wall(slanted):
     assert slanted.is_navigable(np.array(position))
 
 
-def test_pressing_against_a_wall_again_does_not_move_or_pass_it(open_room):
-    position = at(1.9, 1)
-    for _ in range(3):
-        result = open_room.step(position, position + at(0.25, 0))
-        position = np.array(result.position)
-        assert result.collided
-    assert position[0] == pytest.approx(2 - STOP_MARGIN, abs=1e-9)
-
-
 def test_a_whole_step_that_ends_just_before_a_wall_is_no_collision_and_a_shortened_one_is(open_room):
     assert not open_room.step(at(1.74999 - STOP_MARGIN / 10, 1), at(1.99998, 1)).collided
     assert open_room.step(at(1.7501, 1), at(2.0001, 1)).collided  # moved 0.2498 m: 0.0624 + 1e-5 < 0.0625
 
 
-def test_a_start_off_the_map_is_snapped_first_and_one_above_it_lands_on_the_floor(open_room):
+def test_a_start_off_the_map_is_snapped_and_far_from_it_or_to_another_island_nothing_moves(open_room):
     position, collided = open_room.step(at(-0.1, 1), at(0.15, 1))
     assert position == pytest.approx((0.15, 0, 1))
     assert not collided
@@ -70,9 +67,6 @@ def test_a_start_off_the_map_is_snapped_first_and_one_above_it_lands_on_the_floo
     position, collided = open_room.step(at(1.8, 1, 0.19), at(2.05, 1, 0.19))
     assert position == pytest.approx((2 - STOP_MARGIN, 0, 1), abs=1e-9)
     assert collided
-
-
-def test_far_from_the_map_and_to_another_island_nothing_moves(open_room):
     assert open_room.step(at(50, 50), at(50.25, 50)) == ((50.0, 0.0, 50.0), True)
     split = grid_of(lambda x, z: np.abs(x - 1) > 0.05, size=2.0)
     assert split.step(at(0.9, 1), at(1.15, 1)) == ((0.9, 0.0, 1.0), True)

@@ -80,12 +80,15 @@ def test_images_are_small_and_fit_to_be_read_by_the_renderer(material: Material)
             texture.image[0, 0] = 0
 
 
-def test_smooth_materials_have_no_image_until_they_have_a_pattern() -> None:
+def test_smooth_materials_have_no_image_without_a_pattern_and_a_second_colour_is_made_up() -> None:
     for material in SMOOTH:
         assert texture_of(Finish(material=material, rgb=(200, 200, 200))) is None
         assert texture_of(Finish(material=material, pattern="dotted", rgb=(200, 200, 200))) is not None
     assert texture_of(Finish(material="metal", rgb=(186, 190, 196))) is not None, "steel is brushed"
     assert texture_of(Finish(material="metal", rgb=(186, 40, 40))) is None, "painted metal is smooth"
+    assert second_colour(fabric("plaid", (200, 100, 60), None)) == (100, 50, 30)
+    assert second_colour(fabric("plaid", (40, 60, 20), None)) == (148, 158, 138)
+    assert second_colour(fabric("plaid", (40, 60, 20), (1, 2, 3))) == (1, 2, 3)
 
 
 def test_patterns_are_unlike_each_other_and_plain_cloth() -> None:
@@ -106,12 +109,6 @@ def test_stripes_run_down_plaid_runs_both_ways_and_checked_tiles_are_whole() -> 
     assert texture is not None
     middles = texture.image[32::64, 32::64, 0] > 128
     assert middles.tolist() == [[True, False, True, False], [False, True, False, True]] * 2
-
-
-def test_a_second_colour_is_made_up_where_the_finish_has_none() -> None:
-    assert second_colour(fabric("plaid", (200, 100, 60), None)) == (100, 50, 30)
-    assert second_colour(fabric("plaid", (40, 60, 20), None)) == (148, 158, 138)
-    assert second_colour(fabric("plaid", (40, 60, 20), (1, 2, 3))) == (1, 2, 3)
 
 
 def test_wood_has_planks_on_floors_only() -> None:
