@@ -1,7 +1,8 @@
 """Stores of small studies, for tests of the store and of what reads it."""
 
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -74,12 +75,19 @@ def filled(folder: Path, config: StudyConfig | None = None) -> StudyStore:
     return store
 
 
-def opened(folder: Path) -> tuple[StudyStore, Trial]:
-    """A store with one trial that has its first event."""
-    store = filled(folder)
-    trial = store.open_trial("p02", 1)
-    store.append(trial.trial_id, trial.epoch, OPEN)
-    return store, trial
+@contextmanager
+def opened(folder: Path) -> Iterator[tuple[StudyStore, Trial]]:
+    """A store with one trial that has its first event, until the end of the block."""
+    with filled(folder) as store:
+        trial = store.open_trial("p02", 1)
+        store.append(trial.trial_id, trial.epoch, OPEN)
+        yield store, trial
+
+
+def begun_trial(folder: Path) -> Trial:
+    """The trial that a store holds with its first event; the store is closed."""
+    with opened(folder) as (_, trial):
+        return trial
 
 
 def begin_next(store: StudyStore, code: str) -> Trial | None:

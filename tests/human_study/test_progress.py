@@ -21,7 +21,7 @@ from sim.tasks.run_files import EpisodeEnd
 
 from .finished import study_with_trials
 from .small_world import CANARY
-from .stores import KEY, do_next, edit, filled, opened, started
+from .stores import KEY, begun_trial, do_next, edit, filled, opened, started
 
 S = 10**9
 FLOW = {"flow": ("device", "consent", "instructions", "quiz")}
@@ -102,8 +102,7 @@ def _numbers(value: object) -> Iterator[float]:
 
 def test_the_summary_is_the_same_whether_people_do_well_or_badly(tmp_path: Path) -> None:
     for name, reason in (("well", "stop"), ("badly", "giveup")):
-        store, trial = opened(tmp_path / name)
-        with store:
+        with opened(tmp_path / name) as (store, trial):
             store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
     well, badly = (progress_of(tmp_path / name) for name in ("well", "badly"))
     assert well.people == tuple(
@@ -184,8 +183,7 @@ def test_two_failures_of_ours_in_one_trial_are_said_and_not_done(tmp_path: Path)
 
 
 def test_silence_in_a_trial_is_stuck_and_a_long_one_away(tmp_path: Path) -> None:
-    store, _ = opened(tmp_path)
-    store.close()
+    begun_trial(tmp_path)
     states = {
         after_s: person(tmp_path, "p02", after_s=after_s).state
         for after_s in (0.0, STUCK_AFTER_S, STUCK_AFTER_S + 1, 900.0, 901.0)
@@ -195,16 +193,14 @@ def test_silence_in_a_trial_is_stuck_and_a_long_one_away(tmp_path: Path) -> None
 
 
 def test_silence_between_trials_is_not_stuck(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
     found = person(tmp_path, "p02", after_s=STUCK_AFTER_S + 1)
     assert (found.state, found.is_in_trial) == ("active", False)
 
 
 def test_a_wall_clock_that_went_back_gives_no_negative_ages(tmp_path: Path) -> None:
-    store, _ = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, _):
         store.back_up()
     found = progress_of(tmp_path, after_s=-3600.0)
     assert (found.people[1].last_activity_s, found.people[1].state) == (0.0, "active")
@@ -213,8 +209,7 @@ def test_a_wall_clock_that_went_back_gives_no_negative_ages(tmp_path: Path) -> N
 
 
 def test_trials_that_were_opened_again_are_counted(tmp_path: Path) -> None:
-    store, _ = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, _):
         store.open_trial("p02", 1)
         store.append(store.open_trial("p02", 1).trial_id, 3, KEY)
     assert person(tmp_path, "p02").num_reconnects == 2

@@ -23,9 +23,8 @@ from .stores import KEY, OPEN, checked, filled, open_small, opened, trials_of
 
 
 def test_stored_events_come_back_as_they_were(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    act = Act(action=Action.FORWARD, position=(0.1, -1 / 3, 1e-17), yaw=0.1 + 0.2, collided=True, t_s=1.5)
-    with store:
+    with opened(tmp_path) as (store, trial):
+        act = Act(action=Action.FORWARD, position=(0.1, -1 / 3, 1e-17), yaw=0.1 + 0.2, collided=True, t_s=1.5)
         assert store.append_many(trial.trial_id, trial.epoch, [KEY, act]) == (2, 3)
         stored = store.events(trial.trial_id)
     assert [event.event for event in stored] == [OPEN, KEY, act]
@@ -54,8 +53,7 @@ def test_a_token_finds_its_owner_and_is_not_in_any_file(tmp_path: Path) -> None:
 
 
 def test_opening_a_trial_again_hands_it_to_the_newest_tab(tmp_path: Path) -> None:
-    store, first = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, first):
         second = store.open_trial("p02", 1)
         assert (second.trial_id, first.epoch, second.epoch) == (first.trial_id, 1, 2)
         with pytest.raises(SupersededError, match="epoch is 1; expected 2, the newest tab"):
@@ -76,8 +74,7 @@ def test_a_trial_taken_over_before_its_first_event_still_begins_with_open(tmp_pa
 def test_reloading_does_not_hide_how_long_the_participant_was_away(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store, _ = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, _):
         start_ns = store.events(trials_of(store, "p02")[0].trial_id or "")[0].t_srv_mono_ns
         monkeypatch.setattr("time.monotonic_ns", lambda: start_ns + 700 * 10**9)
         monkeypatch.setattr("time.time_ns", lambda: 0)
@@ -90,8 +87,7 @@ def test_reloading_does_not_hide_how_long_the_participant_was_away(
 
 
 def test_the_first_outcome_stays_and_is_returned(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         assert store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop")).reason == "stop"
         assert store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup")).reason == "stop"
         status = trials_of(store, "p02")[0]
@@ -99,8 +95,7 @@ def test_the_first_outcome_stays_and_is_returned(tmp_path: Path) -> None:
 
 
 def test_a_finished_trial_takes_no_more_events_and_is_not_opened_again(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
         with pytest.raises(TrialEndedError, match=r"has ended \(stop\)"):
             store.append(trial.trial_id, trial.epoch, KEY)
@@ -128,14 +123,13 @@ TABLES += ("consent", "verification", "exclusion", "exclusion_undone", "audit")
 
 
 def test_no_row_can_be_changed_or_deleted(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
-    assert store.claim_person(None) == "p01"
-    store.give_consent("p02", "text", given=True)
-    store.undo_exclusion(store.exclude("trial", trial.trial_id, rule_id="r1", reason="because"))
-    store.add_verification(VerificationEntry(trial.trial_id, "v1", "verified", 0.0, None, "", "s" * 64, 1))
-    store.drop_out("p02", "away")
-    store.close()
+    with opened(tmp_path) as (store, trial):
+        store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
+        assert store.claim_person(None) == "p01"
+        store.give_consent("p02", "text", given=True)
+        store.undo_exclusion(store.exclude("trial", trial.trial_id, rule_id="r1", reason="because"))
+        store.add_verification(VerificationEntry(trial.trial_id, "v1", "verified", 0.0, None, "", "s" * 64, 1))
+        store.drop_out("p02", "away")
     database = sqlite3.connect(tmp_path / "study.db")
     for table in TABLES:
         assert database.execute(f"SELECT count(*) FROM {table}").fetchone()[0], table
@@ -147,9 +141,8 @@ def test_no_row_can_be_changed_or_deleted(tmp_path: Path) -> None:
 
 
 def test_an_event_after_the_outcome_is_refused_by_the_database_itself(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
-    store.close()
+    with opened(tmp_path) as (store, trial):
+        store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
     database = sqlite3.connect(tmp_path / "study.db")
     with pytest.raises(sqlite3.IntegrityError, match="the trial has ended"):
         database.execute(f"INSERT INTO event VALUES ('{trial.trial_id}', 2, 1, 'key', 0, 0, '', '{{}}', '', '')")
@@ -157,19 +150,18 @@ def test_an_event_after_the_outcome_is_refused_by_the_database_itself(tmp_path: 
 
 
 def test_writes_of_many_threads_get_numbers_without_gaps(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    numbers: list[int] = []
+    with opened(tmp_path) as (store, trial):
+        numbers: list[int] = []
 
-    def write() -> None:
-        for _ in range(25):
-            numbers.append(store.append(trial.trial_id, trial.epoch, KEY))
+        def write() -> None:
+            for _ in range(25):
+                numbers.append(store.append(trial.trial_id, trial.epoch, KEY))
 
-    threads = [threading.Thread(target=write) for _ in range(8)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    with store:
+        threads = [threading.Thread(target=write) for _ in range(8)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
         assert sorted(numbers) == list(range(2, 202))
         assert checked(store) == 201
 
@@ -198,17 +190,16 @@ def test_a_second_process_is_refused_and_told_who_holds_the_study(tmp_path: Path
 
 def _fill_up(folder: Path, results: object) -> None:
     """Write until the operating system refuses larger files, then allow them again and write once more."""
-    store, trial = opened(folder)
-    size = (folder / "study.db-wal").stat().st_size
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size + 30_000, resource.RLIM_INFINITY))
-    acknowledged = 1
-    try:
-        while acknowledged < 5000:
-            acknowledged = store.append_many(trial.trial_id, trial.epoch, [KEY] * 20)[-1]
-    except StoreFullError:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    after = store.append(trial.trial_id, trial.epoch, KEY)
-    store.close()
+    with opened(folder) as (store, trial):
+        size = (folder / "study.db-wal").stat().st_size
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 30_000, resource.RLIM_INFINITY))
+        acknowledged = 1
+        try:
+            while acknowledged < 5000:
+                acknowledged = store.append_many(trial.trial_id, trial.epoch, [KEY] * 20)[-1]
+        except StoreFullError:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+        after = store.append(trial.trial_id, trial.epoch, KEY)
     results.put((acknowledged, after))  # type: ignore[attr-defined]
 
 
@@ -227,9 +218,8 @@ def test_a_file_that_the_system_lets_grow_no_further_loses_nothing_acknowledged(
 
 
 def test_a_closed_store_says_so(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    store.close()
-    store.close()
+    with opened(tmp_path) as (store, trial):
+        store.close()
     with pytest.raises(StudyError, match="found a store that is closed"):
         store.append(trial.trial_id, trial.epoch, KEY)
 
@@ -270,16 +260,14 @@ def test_two_trials_in_one_place_of_the_order_are_refused(tmp_path: Path) -> Non
 
 
 def test_a_snapshot_does_not_change_while_the_study_goes_on(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    with store, read_study(tmp_path) as reader:
+    with opened(tmp_path) as (store, trial), read_study(tmp_path) as reader:
         before: list[Event] = [stored.event for stored in reader.events(trial.trial_id)]
         store.append(trial.trial_id, trial.epoch, KEY)
         assert [stored.event for stored in reader.events(trial.trial_id)] == before == [OPEN]
 
 
 def test_an_error_of_the_connection_is_kept_with_the_running_trial_only(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         store.note_error("p02", "sent text")
         store.note_error("p01", "nobody is here")
         assert [stored.event for stored in store.events(trial.trial_id)][1:] == [

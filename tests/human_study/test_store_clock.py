@@ -12,7 +12,7 @@ from human_study.trial.events import Moment, Reconnect
 from sim.tasks.run_files import EpisodeEnd
 
 from .clocks import HOUR_S, Clocks, S
-from .stores import KEY, OPEN, checked, open_small, opened, trials_of
+from .stores import KEY, OPEN, begun_trial, checked, open_small, opened, trials_of
 
 
 @pytest.fixture
@@ -29,8 +29,7 @@ def clocks(monkeypatch: pytest.MonkeyPatch) -> Clocks:
 def test_an_absence_is_as_long_as_it_was_whatever_the_wall_clock_does(
     tmp_path: Path, clocks: Clocks, jump_s: int
 ) -> None:
-    store, _ = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, _):
         clocks.wall_ns += jump_s * S
         clocks.pass_s(90.0)
         again = store.open_trial("p02", 1)
@@ -42,8 +41,7 @@ def test_an_absence_is_as_long_as_it_was_whatever_the_wall_clock_does(
 def test_events_are_in_the_order_of_their_numbers_not_of_the_wall_clock(
     tmp_path: Path, clocks: Clocks, jump_s: int
 ) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         for _ in range(3):
             clocks.pass_s(1.0)
             store.append(trial.trial_id, trial.epoch, KEY)
@@ -57,8 +55,7 @@ def test_events_are_in_the_order_of_their_numbers_not_of_the_wall_clock(
 
 
 def test_summer_time_changes_nothing(tmp_path: Path, clocks: Clocks, monkeypatch: pytest.MonkeyPatch) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         before = store.events(trial.trial_id)[0].t_srv_ns
         monkeypatch.setenv("TZ", "Pacific/Apia")
         time.tzset()
@@ -82,7 +79,7 @@ def test_summer_time_changes_nothing(tmp_path: Path, clocks: Clocks, monkeypatch
 def test_over_a_reboot_an_absence_is_told_by_the_wall_clock(
     tmp_path: Path, clocks: Clocks, passed_s: float, steady_s: float, away_s: float
 ) -> None:
-    opened(tmp_path)[0].close()
+    begun_trial(tmp_path)
     clocks.pass_s(passed_s)
     clocks.reboot(steady_s=steady_s)
     with open_small(tmp_path) as store:
@@ -91,7 +88,7 @@ def test_over_a_reboot_an_absence_is_told_by_the_wall_clock(
 
 
 def test_a_steady_clock_that_starts_again_is_compared_within_its_boot_only(tmp_path: Path, clocks: Clocks) -> None:
-    opened(tmp_path)[0].close()
+    begun_trial(tmp_path)
     clocks.reboot(steady_s=4_990.0)
     with open_small(tmp_path) as store:
         trial = store.open_trial("p02", 1)
@@ -110,16 +107,14 @@ def secs_before_the_next(store: StudyStore, trial: Trial) -> float | None:
 
 @pytest.mark.parametrize("jump_s", [HOUR_S, -HOUR_S])
 def test_the_time_spent_in_a_home_is_counted_by_the_steady_clock(tmp_path: Path, clocks: Clocks, jump_s: int) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         clocks.pass_s(30.0)
         clocks.wall_ns += jump_s * S
         assert secs_before_the_next(store, trial) == 30.0
 
 
 def test_an_absence_is_no_time_spent_in_a_home(tmp_path: Path, clocks: Clocks) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         clocks.pass_s(30.0)
         store.append(trial.trial_id, trial.epoch, KEY)
         clocks.pass_s(500.0)
@@ -129,9 +124,8 @@ def test_an_absence_is_no_time_spent_in_a_home(tmp_path: Path, clocks: Clocks) -
 
 
 def test_the_time_spent_in_a_home_over_a_reboot_is_that_of_both_parts(tmp_path: Path, clocks: Clocks) -> None:
-    store, trial = opened(tmp_path)
-    clocks.pass_s(30.0)
-    with store:
+    with opened(tmp_path) as (store, trial):
+        clocks.pass_s(30.0)
         store.append(trial.trial_id, trial.epoch, KEY)
     clocks.reboot()
     with open_small(tmp_path) as store:
@@ -141,8 +135,7 @@ def test_the_time_spent_in_a_home_over_a_reboot_is_that_of_both_parts(tmp_path: 
 
 
 def test_backups_made_after_the_wall_clock_went_back_are_the_newest(tmp_path: Path, clocks: Clocks) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         for _ in range(KEPT_BACKUPS):
             clocks.pass_s(1.0)
             store.back_up()

@@ -31,9 +31,8 @@ def test_a_file_that_is_not_a_database_is_one_line(tmp_path: Path, content: byte
 
 
 def test_bytes_overwritten_inside_the_database_are_found_at_opening(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    store.append_many(trial.trial_id, trial.epoch, [Shown(step=0, frame_hash="a" * 64)] * 200)
-    store.close()
+    with opened(tmp_path) as (store, trial):
+        store.append_many(trial.trial_id, trial.epoch, [Shown(step=0, frame_hash="a" * 64)] * 200)
     path = tmp_path / "study.db"
     data = bytearray(path.read_bytes())
     middle = len(data) * 3 // 4 // 4096 * 4096
@@ -91,19 +90,17 @@ def test_another_studys_store_is_refused(tmp_path: Path) -> None:
     ],
 )
 def test_a_changed_chain_is_found_at_opening(tmp_path: Path, sql: str) -> None:
-    store, trial = opened(tmp_path)
-    store.append_many(trial.trial_id, trial.epoch, [KEY, KEY])
-    store.close()
+    with opened(tmp_path) as (store, trial):
+        store.append_many(trial.trial_id, trial.epoch, [KEY, KEY])
     edit(tmp_path, sql)
     with pytest.raises(StudyError, match=rf"trial {trial.trial_id}, event \d+ does not continue the chain"):
         open_small(tmp_path)
 
 
 def test_an_event_cut_off_the_end_of_a_finished_trial_is_found(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    store.append(trial.trial_id, trial.epoch, Moment(kind="giveup"))
-    store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
-    store.close()
+    with opened(tmp_path) as (store, trial):
+        store.append(trial.trial_id, trial.epoch, Moment(kind="giveup"))
+        store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
     edit(tmp_path, "DELETE FROM event WHERE seq = 2")
     with pytest.raises(StudyError, match="ends with another event than when it was finished"):
         open_small(tmp_path)
@@ -116,9 +113,8 @@ def test_an_up_to_date_database_needs_no_step(tmp_path: Path) -> None:
 
 
 def test_a_migration_keeps_a_copy_of_what_was_and_moves_the_version(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    store.append_many(trial.trial_id, trial.epoch, [KEY, KEY])
-    store.close()
+    with opened(tmp_path) as (store, trial):
+        store.append_many(trial.trial_id, trial.epoch, [KEY, KEY])
     path = tmp_path / "study.db"
     database = sqlite3.connect(path, isolation_level=None)
     steps = (*MIGRATIONS, "ALTER TABLE trial ADD COLUMN later TEXT", "ALTER TABLE trial ADD COLUMN last TEXT")
@@ -133,9 +129,8 @@ def test_a_migration_keeps_a_copy_of_what_was_and_moves_the_version(tmp_path: Pa
 
 
 def test_a_migration_that_fails_leaves_the_database_as_it_was(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    store.append_many(trial.trial_id, trial.epoch, [KEY, KEY])
-    store.close()
+    with opened(tmp_path) as (store, trial):
+        store.append_many(trial.trial_id, trial.epoch, [KEY, KEY])
     path = tmp_path / "study.db"
     database = sqlite3.connect(path, isolation_level=None)
     bad = "ALTER TABLE trial ADD COLUMN later TEXT; INSERT INTO nowhere VALUES (1)"

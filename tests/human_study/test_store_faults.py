@@ -73,8 +73,7 @@ ERRORS = {
 @pytest.mark.parametrize("rolls_back", [True, False])
 @pytest.mark.parametrize("fault", ERRORS)
 def test_a_commit_that_fails_acknowledges_nothing_and_works_later(tmp_path: Path, fault: str, rolls_back: bool) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         before = counts(tmp_path)
         whole = store._writer._database
         store._writer._database = BrokenDisk(whole, ERRORS[fault], rolls_back=rolls_back)  # type: ignore[assignment]
@@ -90,8 +89,7 @@ def test_a_commit_that_fails_acknowledges_nothing_and_works_later(tmp_path: Path
 
 
 def test_on_a_full_disk_every_write_is_whole_or_refused(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         store._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         pages = store._database.execute("PRAGMA page_count").fetchone()[0]
         store._database.execute(f"PRAGMA max_page_count = {pages}")
@@ -119,8 +117,7 @@ def _write_on_and_on(store: StudyStore, trial: Trial) -> None:
 
 
 def test_a_database_that_became_read_only_pauses_the_study(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         store._database.execute("PRAGMA query_only = ON")
         with pytest.raises(StoreFullError, match=r"expected a disk that can be written\. Nothing was lost: look at"):
             store.append(trial.trial_id, trial.epoch, KEY)
@@ -129,9 +126,8 @@ def test_a_database_that_became_read_only_pauses_the_study(tmp_path: Path) -> No
 
 
 def test_a_row_that_the_database_refuses_does_not_stop_the_others_of_its_commit(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    entry = VerificationEntry(trial.trial_id, "v1", "verified", 0.0, None, "", "s" * 64, 1)
-    with store:
+    with opened(tmp_path) as (store, trial):
+        entry = VerificationEntry(trial.trial_id, "v1", "verified", 0.0, None, "", "s" * 64, 1)
         store.add_verification(entry)
         found = _between_two_keys(store, trial, lambda: store.add_verification(entry))
         assert isinstance(found, StudyError)
@@ -146,13 +142,11 @@ def test_a_row_that_the_database_refuses_does_not_stop_the_others_of_its_commit(
 def test_a_write_with_a_bug_does_not_stop_the_others_of_its_commit(
     tmp_path: Path, bug: Callable[[sqlite3.Connection], object], kind: type[Exception]
 ) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    def half(database: sqlite3.Connection) -> object:
+        database.execute("INSERT INTO audit(at_ns, action, target) VALUES (1, 'half', 'done')")
+        return bug(database)
 
-        def half(database: sqlite3.Connection) -> object:
-            database.execute("INSERT INTO audit(at_ns, action, target) VALUES (1, 'half', 'done')")
-            return bug(database)
-
+    with opened(tmp_path) as (store, trial):
         assert type(_between_two_keys(store, trial, lambda: store._writer.write(half))) is kind
         with read_study(tmp_path) as reader:
             assert reader.rows("SELECT 1 FROM audit WHERE action = 'half'") == []
@@ -228,8 +222,7 @@ def test_a_backup_without_room_leaves_no_half_file(tmp_path: Path) -> None:
 
 
 def test_a_result_that_comes_after_the_withdrawal_is_refused_also_when_it_was_stored_before(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         store.finish_trial(trial.trial_id, STOP)
         store.withdraw("p02")
         with pytest.raises(TrialEndedError, match="the participant withdrew"):

@@ -20,7 +20,7 @@ from human_study.store.vault import KEYS_FILE, Vault
 from human_study.trial.events import Shown
 from sim.tasks.run_files import EpisodeEnd
 
-from .stores import checked, open_small, opened, trials_of
+from .stores import begun_trial, checked, open_small, opened, trials_of
 
 STOP = EpisodeEnd(reason="stop")
 SECTOR = 512
@@ -66,8 +66,7 @@ class Written:
 def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
     """Thirty acknowledged events, of which the database file itself holds none."""
     folder = tmp_path_factory.mktemp("written")
-    store, trial = opened(folder)
-    with store:
+    with opened(folder) as (store, trial):
         store._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         wal, sizes = folder / "study.db-wal", []
         for step in range(30):
@@ -178,8 +177,7 @@ def killed(work: Callable[[Path], None], folder: Path) -> None:
 
 @pytest.mark.slow
 def test_who_was_cut_off_between_commit_and_reply_finds_the_same_outcome_once(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    store.close()
+    trial = begun_trial(tmp_path)
     killed(_finish_and_die_after_the_commit, tmp_path)
     with open_small(tmp_path) as store:
         for reason in ("stop", "giveup"):
@@ -192,8 +190,7 @@ def test_who_was_cut_off_between_commit_and_reply_finds_the_same_outcome_once(tm
 
 @pytest.mark.slow
 def test_who_was_cut_off_before_the_commit_finds_the_trial_running(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    store.close()
+    trial = begun_trial(tmp_path)
     killed(_finish_and_die_before_the_commit, tmp_path)
     with open_small(tmp_path) as store:
         assert not trials_of(store, "p02")[0].has_ended
@@ -204,7 +201,7 @@ def test_who_was_cut_off_before_the_commit_finds_the_trial_running(tmp_path: Pat
 
 @pytest.mark.slow
 def test_a_kill_in_a_backup_leaves_the_end_stored_and_no_half_copy(tmp_path: Path) -> None:
-    opened(tmp_path)[0].close()
+    begun_trial(tmp_path)
     killed(_reach_the_end_and_die_in_the_backup, tmp_path)
     assert not list((tmp_path / "backups").glob("*.db"))
     with open_small(tmp_path) as store:
@@ -215,8 +212,7 @@ def test_a_kill_in_a_backup_leaves_the_end_stored_and_no_half_copy(tmp_path: Pat
 
 @pytest.mark.slow
 def test_a_withdrawal_that_was_cut_off_is_finished_at_the_next_start(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    store.close()
+    trial = begun_trial(tmp_path)
     killed(_withdraw_and_die_before_the_key_is_deleted, tmp_path)
     assert json.loads((tmp_path / KEYS_FILE).read_text())["p02"] is not None
     with open_small(tmp_path) as store:

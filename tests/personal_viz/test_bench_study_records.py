@@ -37,8 +37,7 @@ def step(number: int) -> Act:
 @contextmanager
 def stored(folder: Path, *events: Event) -> Iterator[tuple[StudyStore, Trial]]:
     """p02's first trial with these events behind its first."""
-    store, trial = opened(folder)
-    with store:
+    with opened(folder) as (store, trial):
         store.append_many(trial.trial_id, trial.epoch, events)
         yield store, trial
 

@@ -25,8 +25,7 @@ def test_bots_know_one_right_answer_to_each_question() -> None:
 
 
 def test_every_key_is_looked_for_by_itself(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         for mark in (1.5, 2.5, 2.5, 9.5):
             key = Key(t_s=mark, t_cli_ms=mark, code="KeyW", action=Action.FORWARD)
             act = Act(t_s=mark, action=Action.FORWARD, position=(0.0, 0.0, -mark), yaw=0.0)
@@ -44,8 +43,7 @@ def test_every_key_is_looked_for_by_itself(tmp_path: Path) -> None:
 
 
 def test_a_key_that_is_stored_without_the_pages_time_is_not_lost(tmp_path: Path) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         for mark in (1.0, None, 3.0):
             key = Key(t_s=1.0, t_cli_ms=mark, code="KeyW", action=Action.FORWARD)
             act = Act(t_s=1.0, action=Action.FORWARD, position=(0.0, 0.0, 0.0), yaw=0.0)

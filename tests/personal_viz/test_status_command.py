@@ -68,8 +68,7 @@ def test_the_json_is_one_document_without_outcomes(tmp_path: Path, capsys: pytes
 
 
 def test_a_study_that_is_open_elsewhere_can_be_looked_at(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    store, trial = opened(tmp_path)
-    with store:
+    with opened(tmp_path) as (store, trial):
         store.append(trial.trial_id, trial.epoch, KEY)
         assert StudyStatus(study=tmp_path, json=True).run() == 0
         store.append(trial.trial_id, trial.epoch, KEY)
@@ -77,22 +76,21 @@ def test_a_study_that_is_open_elsewhere_can_be_looked_at(tmp_path: Path, capsys:
 
 
 def test_watching_shows_what_is_new_until_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    store, _ = opened(tmp_path)
-    seen: list[int] = []
+    with opened(tmp_path) as (store, _):
+        seen: list[int] = []
 
-    class Terminal(io.StringIO):
-        def write(self, text: str) -> int:
-            if text.strip():
-                seen.append(json.loads(text)["people"][1]["num_reconnects"])
-                if seen == [0]:
-                    store.open_trial("p02", 1)
-                if seen[-1] == 1:
-                    raise KeyboardInterrupt
-            return len(text)
+        class Terminal(io.StringIO):
+            def write(self, text: str) -> int:
+                if text.strip():
+                    seen.append(json.loads(text)["people"][1]["num_reconnects"])
+                    if seen == [0]:
+                        store.open_trial("p02", 1)
+                    if seen[-1] == 1:
+                        raise KeyboardInterrupt
+                return len(text)
 
-    monkeypatch.setattr(status, "EVERY_S", 0.0)
-    monkeypatch.setattr(sys, "stdout", Terminal())
-    with store:
+        monkeypatch.setattr(status, "EVERY_S", 0.0)
+        monkeypatch.setattr(sys, "stdout", Terminal())
         assert StudyStatus(study=tmp_path, json=True, watch=True).run() == 0
     assert (seen[0], seen[-1]) == (0, 1)
 
