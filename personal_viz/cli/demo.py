@@ -7,6 +7,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from personal_viz.study_app.gateway.options import ServeOptions
 from sim.authoring.generation import invent_dataset
 from sim.errors import StudyError
 
@@ -33,7 +34,8 @@ class Demo:
             print(f"Inventing a home with episodes in {dataset} ...", flush=True)
             invent_dataset(dataset, name=HOME, seed=self.seed)
         port = _port_from(self.port)
-        return StudyServe(dataset, scene=HOME, out=self.out / "study", seed=self.seed, port=port).run()
+        serving = ServeOptions(port=port)
+        return StudyServe(dataset, scene=HOME, out=self.out / "study", seed=self.seed, serving=serving).run()
 
 
 def _port_from(text: str) -> int:

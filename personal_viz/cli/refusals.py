@@ -2,13 +2,14 @@
 
 import re
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from sim.errors import PersonalVizError, line_from_validation_error
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import DatasetError, PersonalVizError, line_from_validation_error
 from sim.tasks.run_files import RUN_ID
 from sim.types import SceneKind
 
@@ -123,4 +124,23 @@ def require_no_scan(kind: SceneKind, *, clutter: int) -> None:
     if clutter and kind == "scan":
         raise PersonalVizError(
             f"--clutter is {clutter} beside --scenes-dir; expected 0 in scans. Leave one of the two out."
+        )
+
+
+def require_same_dataset(dataset: PersonalDataset, digests: Collection[str], *, whose: str) -> None:
+    """Refuses a dataset other than the one that a study or a run was made from.
+
+    Args:
+        dataset: The dataset of `--dataset`.
+        digests: Digests of the datasets that were used; there must be no other than this dataset's.
+        whose: Says what they belong to, such as `the study's`.
+
+    Raises:
+        DatasetError: The digests differ.
+    """
+    if set(digests) != {dataset.digest()}:
+        expected = " and ".join(sorted(digest[:12] for digest in digests))
+        raise DatasetError(
+            f"--dataset {dataset.root}: has digest {dataset.digest()[:12]}; expected {expected}, {whose}. Give the "
+            "dataset that was used then."
         )

@@ -23,7 +23,7 @@ def main() -> None:
         page_version=choices["page_version"],
         heartbeat=Heartbeat(every_s=choices["every_s"], patience_s=choices["patience_s"]),
     )
-    StudyServe(Path(dataset), Path(folder)).serve(options)
+    StudyServe(Path(dataset), Path(folder), serving=options).run()
 
 
 if __name__ == "__main__":

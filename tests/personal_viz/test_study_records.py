@@ -22,7 +22,7 @@ from personal_viz.cli.study.verify import StudyVerify
 from personal_viz.study_app.home.trial_homes import open_any_home
 from personal_viz.study_app.study_files import plan_study
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import StudyError
+from sim.errors import DatasetError, StudyError
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun
 from sim.types import Action
@@ -189,7 +189,7 @@ def cheated(study: Path, folder: Path) -> tuple[StudyConfig, StudyPlan]:
 
 
 def test_another_dataset_is_refused(study: Path) -> None:
-    with pytest.raises(StudyError, match=r"--dataset .*practice: has digest [0-9a-f]{12}; expected"):
+    with pytest.raises(DatasetError, match=r"--dataset .*practice: has digest [0-9a-f]{12}; expected"):
         StudyVerify(study=study, dataset=study / PRACTICE_FOLDER).run()
 
 

@@ -12,6 +12,7 @@ from human_study.export.study_export import export_study
 from human_study.store.records import read_study
 from human_study.trial.events import Act
 from personal_viz.cli.study.serve import StudyServe
+from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.operator.served import served
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeStart, RunInfo, Step, read_run
@@ -106,6 +107,12 @@ def assert_recordings_hold_what_is_stored(study: Path, live: Path, out: Path) ->
 def test_one_file_for_a_study_is_refused(marked_dataset: Path, tmp_path: Path) -> None:  # noqa: F811
     with pytest.raises(StudyError, match=r"--rerun x\.rrd: this study has 2 trials; expected one for a single file\."):
         StudyServe(
-            dataset=marked_dataset, scene=HOME, out=tmp_path / "study", split=("easy",), limit=1, port=0, rerun="x.rrd"
+            dataset=marked_dataset,
+            scene=HOME,
+            out=tmp_path / "study",
+            split=("easy",),
+            limit=1,
+            rerun="x.rrd",
+            serving=ServeOptions(port=0),
         ).run()
     assert not (tmp_path / "study" / "study.db").exists()

@@ -17,7 +17,7 @@ from sim.words.english import how_many
 from ...pog_report.gallery import Gallery, failure_gallery
 from ..options import Json
 from ..output import print_json, write_report
-from ..refusals import check_options
+from ..refusals import check_options, require_same_dataset
 
 
 @dataclass
@@ -70,11 +70,7 @@ def _gallery(
         episodes = PersonalDataset(path)
         on_it = [run for run in runs if run.info.dataset_digest == episodes.digest()]
         if not on_it:
-            found = ", ".join(sorted({run.info.dataset_digest[:12] for run in runs}))
-            raise RunFileError(
-                f"--dataset {path}: has digest {episodes.digest()[:12]}, the runs have {found}; expected the episode "
-                "files of a run. Give the dataset on which the runs were made."
-            )
+            require_same_dataset(episodes, {run.info.dataset_digest for run in runs}, whose="the runs'")
         parts.append(failure_gallery(on_it, episodes, beside=beside, per_method=per_method, seed=seed))
     return Gallery(
         tuple(count for part in parts for count in part.counts), tuple(item for part in parts for item in part.drawn)

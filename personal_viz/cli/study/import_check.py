@@ -9,10 +9,11 @@ from human_study.design.plan import StudyScene
 from human_study.export.import_check import import_check as check
 from human_study.export.manifest import read_manifest, require_unchanged
 from human_study.export.verify import TrialHome
-from personal_viz.study_app.home.trial_homes import open_any_home, require_same_dataset
+from personal_viz.study_app.home.trial_homes import open_any_home
 from sim.episodes.dataset import PersonalDataset
 
 from ..options import Dataset, ScenesDir
+from ..refusals import require_same_dataset
 
 
 @dataclass
@@ -26,7 +27,7 @@ class StudyImportCheck:
     def run(self) -> int:
         manifest = read_manifest(self.export)
         require_unchanged(self.export, manifest)
-        require_same_dataset(PersonalDataset(self.dataset), manifest.dataset_digest)
+        require_same_dataset(PersonalDataset(self.dataset), {manifest.dataset_digest}, whose="the study's")
 
         def open_home(scene: StudyScene) -> TrialHome:
             return open_any_home(

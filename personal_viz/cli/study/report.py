@@ -21,6 +21,7 @@ from sim.walk.storeys import nearest_storey
 
 from ..options import ScenesDir
 from ..output import write_report
+from ..refusals import require_same_dataset
 
 if TYPE_CHECKING:
     from human_study.report.report import ReportGroups, StudyReport
@@ -54,7 +55,7 @@ class StudyReportVerb:
         source = read_source(self.runs)
         episodes = PersonalDataset(self.dataset) if self.dataset is not None else None
         if episodes is not None:
-            _require_same_episodes(episodes, {run.info.dataset_digest for run in source.runs})
+            require_same_dataset(episodes, {run.info.dataset_digest for run in source.runs}, whose="the runs'")
         groups = report_groups(source, rule=self.rule)
         found = report_of(
             source,
@@ -162,12 +163,3 @@ def _objects(episodes: PersonalDataset, scenes: set[str]) -> dict[str, list[tupl
         scene: sorted((name, (goal.position[0], goal.position[2])) for name, goal in episodes.goals(scene).items())
         for scene in sorted(scenes)
     }
-
-
-def _require_same_episodes(episodes: PersonalDataset, digests: set[str]) -> None:
-    if digests != {episodes.digest()}:
-        raise StudyError(
-            f"--dataset {episodes.root}: has digest {episodes.digest()[:12]}, the runs have "
-            f"{', '.join(sorted(digest[:12] for digest in digests))}; expected the same episode files. "
-            "Give the dataset on which the runs were made."
-        )

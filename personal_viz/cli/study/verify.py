@@ -16,7 +16,7 @@ from human_study.export.verify import verify_trial
 from human_study.store.database import take_lock
 from human_study.store.records import StoredTrial, VerificationEntry, read_study
 from human_study.store.store import open_store
-from personal_viz.study_app.home.trial_homes import open_any_home, require_same_dataset, sim_hash
+from personal_viz.study_app.home.trial_homes import open_any_home, sim_hash
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.tasks.workers import SceneJob, results
@@ -24,7 +24,7 @@ from sim.types import EpisodeKey
 
 from ..options import Dataset, ScenesDir
 from ..progress import counted
-from ..refusals import check_options
+from ..refusals import check_options, require_same_dataset
 
 BATCH = 20
 """Number of episodes that a worker process replays before it returns them."""
@@ -63,7 +63,7 @@ class StudyVerify:
         finished = [status for trials in people for status in trials if status.outcome is not None]
         num_deleted = sum(bool(trials) and trials[0].is_shredded for trials in people)
         if any(status.phase == "main" for status in finished):
-            require_same_dataset(PersonalDataset(self.dataset), digest)
+            require_same_dataset(PersonalDataset(self.dataset), {digest}, whose="the study's")
         work = _jobs(self.study, plan, finished, self.dataset, self.scenes_dir, run_id)
         found: list[VerificationEntry] = []
         with counted("verify", len(finished)) as progress:

@@ -6,7 +6,10 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 from urllib.parse import urlsplit
+
+from tyro.conf import Fixed, Suppress, arg
 
 from human_study.design.study import StudyConfig
 from sim.errors import StudyError
@@ -21,15 +24,15 @@ _HOST = re.compile(r"\A[A-Za-z0-9.:\[\]-]{1,255}\Z")
 
 @dataclass(frozen=True, slots=True)
 class ServeOptions:
-    """Choices of the person who serves a study; none of them changes a result."""
+    """Choices of the person who serves a study, as `study serve` takes them; none of them changes a result."""
 
     port: int = 8080
     """Port to listen on; 0 takes a free one."""
     bind: str = "127.0.0.1"
-    """Address to listen on."""
+    """Address to listen on; beyond loopback only with --public."""
     public: bool = False
-    """Whether people may come from other machines."""
-    hosts: tuple[str, ...] = ()
+    """Whether people may come from other machines; needs TLS or a proxy that does it."""
+    hosts: Annotated[tuple[str, ...], arg(name="host")] = ()
     """Names under which people reach us, as browsers send them: `study.example.org`, with `:port` unless it is 443."""
     tls_cert: Path | None = None
     tls_key: Path | None = None
@@ -38,7 +41,7 @@ class ServeOptions:
     i_have_rights: bool = False
     """Whether the licence of the scans allows sending them to participants."""
     pilot: bool = False
-    """Whether to serve without an ethics approval; the data is then marked as a pilot's."""
+    """Whether to serve without an ethics approval; the records say for ever that they are a pilot's."""
     workers: int | None = None
     """Number of viser processes; None = one per core, at most four."""
     max_people: int = 200
@@ -47,11 +50,11 @@ class ServeOptions:
     """Port of the researcher's page, always on loopback; 0 takes a free one."""
     per_address: int = 64
     """Most connections from one address at once; loopback and the named proxy are not limited."""
-    heartbeat: Heartbeat = field(default_factory=Heartbeat)
+    heartbeat: Annotated[Heartbeat, Fixed, Suppress] = field(default_factory=Heartbeat)
     """Decides when a viser process counts as hung; it is then killed and started again."""
-    drain_s: float = 10.0
+    drain_s: Annotated[float, Fixed, Suppress] = 10.0
     """Seconds that connections and viser processes together get to end when the study stops."""
-    page_version: str | None = None
+    page_version: Annotated[str | None, Fixed, Suppress] = None
     """Version of the pages that we serve and accept, letters and digits; None = this program's (`page_version`)."""
 
     @property

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from human_study.design.plan import PRACTICE_FOLDER, StudyScene
 from human_study.export.verify import TrialHome
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import StudyError
 from sim.mesh import Scene
 from sim.tasks.pan import SIMULATOR_VERSION
 from sim.tasks.run_files import Vector3
@@ -17,20 +16,6 @@ from sim.walk.storeys import nearest_storey
 
 if TYPE_CHECKING:
     from sim.tasks.pog import PogScene
-
-
-def require_same_dataset(dataset: PersonalDataset, digest: str) -> None:
-    """Refuses a dataset whose digest is not `digest`, the study's.
-
-    Raises:
-        StudyError: The digests differ.
-    """
-    found = dataset.digest()
-    if found != digest:
-        raise StudyError(
-            f"--dataset {dataset.root}: has digest {found[:12]}; expected {digest[:12]}, the study's. "
-            "Give the dataset that the study was made from."
-        )
 
 
 def open_trial_home(dataset: PersonalDataset, study_scene: StudyScene, scenes_dir: Path | None) -> TrialHome:
