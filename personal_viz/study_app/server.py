@@ -3,7 +3,6 @@
 It owns homes, simulator and viser; the store stays with the gateway, at the other end of a local socket.
 """
 
-import argparse
 import asyncio
 import contextlib
 import socket
@@ -13,6 +12,7 @@ import warnings
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
+import msgspec
 import viser
 
 from human_study.design.plan import PRACTICE_FOLDER, StudyScene, load_plan
@@ -30,27 +30,16 @@ from .home.surfaces import StoreyCopies
 from .screens.seat import Seat, Study
 from .store_link import StoreLink
 from .watch import Watches
-from .worker_door import WorkerDoor, make_updates_safe, open_door
+from .worker_door import WorkerDoor, WorkerTask, make_updates_safe, open_door
 
 
 def main() -> None:
-    """Serves until the gateway closes the socket."""
-    parser = argparse.ArgumentParser(
-        prog="personal_viz.study_app.server", description="started by personal-viz study serve"
-    )
-    parser.add_argument("--fd", type=int, required=True, help="our end of the socket to the gateway")
-    parser.add_argument("--study", type=Path, required=True)
-    parser.add_argument("--dataset", type=Path, required=True)
-    parser.add_argument("--scenes-dir", type=Path)
-    parser.add_argument("--rerun", help="show each trial live: a folder of recordings or a viewer's address")
-    parser.add_argument("--with-pixels", action="store_true", help="pictures of licensed scans too")
-    options = parser.parse_args()
+    """Serves until the gateway closes the socket; `WorkerTask.command` is the command line."""
+    fd, task = sys.argv[1:]
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")  # people leave in mid-trial
-    link = StoreLink(socket.socket(fileno=options.fd))
+    link = StoreLink(socket.socket(fileno=int(fd)))
     try:
-        study = open_study(
-            options.study, options.dataset, options.scenes_dir, rerun=options.rerun, with_pixels=options.with_pixels
-        )
+        study = open_study(msgspec.json.decode(task, type=WorkerTask))
         with study.homes.use(study.plan.scenes[0].name):  # fails, if at all, before anybody comes
             server, door = serve(study, link)
     except PersonalVizError as error:
@@ -64,33 +53,24 @@ def main() -> None:
     study.homes.close()
 
 
-def open_study(
-    folder: Path, dataset: Path, scenes_dir: Path | None, *, rerun: str | None = None, with_pixels: bool = False
-) -> Study:
+def open_study(task: WorkerTask) -> Study:
     """A study with a library of its homes, of which none is open yet.
-
-    Args:
-        folder: The study's folder.
-        dataset: The dataset of the counted trials; practice episodes are in the study's folder.
-        scenes_dir: The folder of licensed scans.
-        rerun: A folder or a viewer's address, to which trials are streamed for a researcher.
-        with_pixels: As in `RerunObserver`.
 
     Raises:
         PersonalVizError: Study, plan or datasets cannot be read.
     """
+    folder, scenes_dir = Path(task.study), Path(task.scenes_dir) if task.scenes_dir else None
     config = load_study(folder)
     plan = load_plan(folder, config)
-    counted = PersonalDataset(dataset)
+    counted = PersonalDataset(Path(task.dataset))
     practice = PersonalDataset(folder / PRACTICE_FOLDER) if plan.practice_scenes else None
-
     threads = RenderThreads()
 
     def open_one(name: str) -> Home:
         scene = plan.scene(name)
         if practice is not None and scene in plan.practice_scenes:
             return open_home(config, scene, practice, None, threads=threads)
-        watched = {"rerun": rerun, "with_pixels": with_pixels, "is_pilot": plan.is_pilot}
+        watched = {"rerun": task.rerun, "with_pixels": task.with_pixels, "is_pilot": plan.is_pilot}
         return open_home(config, scene, counted, scenes_dir, threads=threads, **watched)
 
     return Study(config, plan, HomeLibrary(open_one), time.monotonic())

@@ -10,6 +10,7 @@ import hmac
 import http
 import logging
 import secrets
+import sys
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -36,6 +37,25 @@ class WorkerDoor(msgspec.Struct, frozen=True):
     port: int
     secret: str
     """Secret that each request sends as `SECRET_HEADER`; known to the worker and the gateway, and never on disk."""
+
+
+class WorkerTask(msgspec.Struct, frozen=True):
+    """The study that a worker serves; its command line holds this as JSON."""
+
+    study: str
+    """The study's folder."""
+    dataset: str
+    """Folder of the dataset of the counted trials; practice episodes are in the study's folder."""
+    scenes_dir: str | None = None
+    """Folder of licensed scans."""
+    rerun: str | None = None
+    """A folder or a viewer's address, to which trials are streamed for a researcher."""
+    with_pixels: bool = False
+    """Whether the stream holds pictures of licensed scans too."""
+
+    def command(self, fd: int) -> list[str]:
+        """The command line of a worker, for the file descriptor of its socket."""
+        return [sys.executable, "-m", "personal_viz.study_app.server", str(fd), msgspec.json.encode(self).decode()]
 
 
 def open_door() -> "tuple[viser.ViserServer, WorkerDoor]":

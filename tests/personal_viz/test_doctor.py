@@ -15,7 +15,7 @@ from websockets.asyncio.client import connect
 from personal_viz.cli.study.doctor import StudyDoctor
 from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
 from personal_viz.study_app.operator import doctor
-from personal_viz.study_app.operator.doctor import CHECKS, Check, examine
+from personal_viz.study_app.operator.doctor import CHECKS, Finding, examine
 from personal_viz.study_app.operator.doctor_site import site_from_url
 from sim.errors import StudyError
 
@@ -43,15 +43,14 @@ def deployed(
             yield proxy, gateway
 
 
-def examined(folder: Path, proxy: TlsProxy, link: str | None = None) -> dict[str, Check]:
+def examined(folder: Path, proxy: TlsProxy, link: str | None = None) -> dict[str, Finding]:
     """The report by name."""
-    checks = examine(
+    return examine(
         f"https://localhost:{proxy.port}", insecure_ca=folder / "cert.pem", http_port=proxy.http_port, link=link
     )
-    return {check.name: check for check in checks}
 
 
-def failed(checks: dict[str, Check]) -> list[str]:
+def failed(checks: dict[str, Finding]) -> list[str]:
     """Names of failures, with advice for each."""
     names = [name for name, check in checks.items() if check.passed is False]
     assert all(checks[name].advice for name in names)
@@ -99,10 +98,10 @@ def test_a_certificate_that_ends_soon_or_that_nobody_knows_fails(tmp_path: Path)
         checks = examined(tmp_path, proxy)
         assert failed(checks) == ["certificate"]
         assert "5 days" in checks["certificate"].detail
-        unknown = examine(f"https://localhost:{proxy.port}")
-        assert unknown[0].passed is False
-        assert "CERTIFICATE_VERIFY_FAILED" in unknown[0].detail
-        assert all(check.passed is None for check in unknown[1:]), "the rest would only repeat it"
+        first, *rest = examine(f"https://localhost:{proxy.port}").values()
+        assert first.passed is False
+        assert "CERTIFICATE_VERIFY_FAILED" in first.detail
+        assert all(check.passed is None for check in rest), "the rest would only repeat it"
 
 
 def test_the_command_prints_lines_or_json_and_never_a_token(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -130,7 +129,7 @@ def test_nobody_there_is_a_failure_with_advice(capsys: pytest.CaptureFixture[str
 
 def test_plain_http_of_the_laboratory_can_be_looked_at_too(tmp_path: Path) -> None:
     with running(tmp_path) as gateway:
-        checks = {check.name: check for check in examine(gateway.address, link=f"{gateway.address}/#good")}
+        checks = examine(gateway.address, link=f"{gateway.address}/#good")
     assert failed(checks) == []
     assert {name for name, check in checks.items() if check.passed is None} == {"certificate", "redirect"}
 
@@ -170,4 +169,4 @@ def test_our_own_tls_serves_without_a_proxy(tmp_path: Path) -> None:
         assert asyncio.run(answer()) == b"GuiUpdateMessage"
         with pytest.raises(urllib.error.URLError):
             urllib.request.urlopen(address, timeout=20)  # nobody trusts it without the file
-        assert failed({check.name: check for check in examine(address, insecure_ca=certificate)}) == []
+        assert failed(examine(address, insecure_ca=certificate)) == []

@@ -1,13 +1,12 @@
 """Verb `study doctor`: checks a public deployment from outside."""
 
-import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from tyro.conf import arg
 
-from personal_viz.study_app.operator.doctor import Check, examine
+from personal_viz.study_app.operator.doctor import examine
 
 from ..output import print_json
 
@@ -23,21 +22,14 @@ class StudyDoctor:
     json: bool = False
 
     def run(self) -> int:
-        checks = examine(self.url, link=self.link, insecure_ca=self.insecure_ca, http_port=self.http_port)
+        found = examine(self.url, link=self.link, insecure_ca=self.insecure_ca, http_port=self.http_port)
+        failed = [name for name, finding in found.items() if finding.passed is False]
         if self.json:
-            print_json([dataclasses.asdict(check) for check in checks])
-        else:
-            for check in checks:
-                print(_line(check))
-        failed = [check.name for check in checks if check.passed is False]
-        if not self.json:
-            print(
-                f"{self.url}: " + (f"{len(failed)} of {len(checks)} checks failed" if failed else "nothing to correct")
-            )
+            print_json([{"name": name, **finding._asdict()} for name, finding in found.items()])
+            return 1 if failed else 0
+        for name, finding in found.items():
+            mark = {True: "pass", False: "FAIL", None: "-   "}[finding.passed]
+            advice = f". {finding.advice}" if finding.passed is False and finding.advice else ""
+            print(f"{mark}  {name}: {finding.detail}{advice}")
+        print(f"{self.url}: " + (f"{len(failed)} of {len(found)} checks failed" if failed else "nothing to correct"))
         return 1 if failed else 0
-
-
-def _line(check: Check) -> str:
-    mark = {True: "pass", False: "FAIL", None: "-   "}[check.passed]
-    line = f"{mark}  {check.name}: {check.detail}"
-    return f"{line}. {check.advice}" if check.passed is False and check.advice else line

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Protocol, TypeVar
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl
 
 import msgspec
 from starlette.applications import Starlette
@@ -134,7 +134,8 @@ class Gateway:
         ]
         if self._admission.has_open_link:
             routes += [Route("/join", self.enter_page), Route("/join", self.join, methods=["POST"])]
-        return Starlette(routes=routes, middleware=[Middleware(Guard, options=self._options)])
+        guard = Middleware(Guard, options=self._options)
+        return Starlette(routes=routes, middleware=[guard], exception_handlers={StudyError: self._paused})
 
     async def enter_page(self, _: Request) -> Response:
         """The page that trades the token in its address, or the parameters of a recruiting platform, for a session."""
@@ -142,8 +143,6 @@ class Gateway:
 
     async def enter(self, request: Request) -> Response:
         """A session for a known token: the address of its pages, and a cookie for them and their websocket only."""
-        if not self._is_own_origin(request):
-            return PlainTextResponse("foreign origin", status_code=403)
         entry = await _json(request, Entry) or Entry()
         code = await run_in_threadpool(self._admission.code_of_token, entry.token) if entry.token else None
         if code is None:  # only now, so that wrong guesses behind the same router do not keep a valid token out
@@ -153,10 +152,7 @@ class Gateway:
         if self._is_crowded(code):
             return PlainTextResponse("too many people at once", status_code=503, headers={"Retry-After": "60"})
         profile = entry.device.coarse() if entry.device is not None else None
-        try:
-            session_id, ticket_id = await run_in_threadpool(self._tickets.issue, code, profile)
-        except StudyError as error:
-            return self._paused(error)
+        session_id, ticket_id = await run_in_threadpool(self._tickets.issue, code, profile)
         page = f"/page/{ticket_id}"
         reply = JSONResponse({"view": self._view_address(request, ticket_id), "page": f"{page}/"})
         for path in (f"/ws/{ticket_id}", page):
@@ -165,17 +161,12 @@ class Gateway:
 
     async def join(self, request: Request) -> Response:
         """A personal token for somebody on the open link, or the answer that the study is full."""
-        if not self._is_own_origin(request):
-            return PlainTextResponse("foreign origin", status_code=403)
         if not self._joins.allows(address_of(request, self._options), time.monotonic()):
             return too_many_tries()
         arrival = await _json(request, Arrival)
         if arrival is None or (self._admission.needs_platform_id and arrival.PROLIFIC_PID is None):
             return PlainTextResponse("parameters of the platform are missing or damaged", status_code=400)
-        try:
-            token = await run_in_threadpool(self._admission.join, arrival)
-        except StudyError as error:
-            return self._paused(error)
+        token = await run_in_threadpool(self._admission.join, arrival)
         if token is None:
             return JSONResponse({"full": True, "code": self._screen_out_code})
         return JSONResponse({"token": token})
@@ -186,18 +177,13 @@ class Gateway:
         if code is None:
             return FileResponse(STATIC / "enter.html")
         base = f"/page/{ticket_id}/"
-        try:
-            with self._present(code):
-                if request.method == "POST":
-                    if not self._is_own_origin(request):
-                        return PlainTextResponse("foreign origin", status_code=403)
-                    await run_in_threadpool(self._pages.answer, code, await _form(request))
-                    return RedirectResponse(base, status_code=303)
-                number = request.query_params.get("page", "1")
-                number = int(number) if number.isascii() and number.isdecimal() and len(number) < 4 else 1
-                shown = await run_in_threadpool(self._pages.shown, code, base, page=number)
-        except StudyError as error:
-            return self._paused_page(error)
+        with self._present(code):
+            if request.method == "POST":
+                await run_in_threadpool(self._pages.answer, code, await _form(request))
+                return RedirectResponse(base, status_code=303)
+            number = request.query_params.get("page", "1")
+            number = int(number) if number.isascii() and number.isdecimal() and len(number) < 4 else 1
+            shown = await run_in_threadpool(self._pages.shown, code, base, page=number)
         if shown is None:
             return RedirectResponse(self._view_address(request, ticket_id), status_code=303)
         return HTMLResponse(shown, headers=_PAGE_HEADERS)
@@ -207,16 +193,13 @@ class Gateway:
         code, base = self._holder(request), f"/page/{request.path_params['ticket']}/"
         if code is None:
             return FileResponse(STATIC / "enter.html")
-        try:
-            shown = await run_in_threadpool(self._pages.leaving, code, base)
-        except StudyError as error:
-            return self._paused_page(error)
+        shown = await run_in_threadpool(self._pages.leaving, code, base)
         return RedirectResponse(base, status_code=303) if shown is None else HTMLResponse(shown, headers=_PAGE_HEADERS)
 
     async def here(self, socket: WebSocket) -> None:
         """A websocket that is open while a page is open: its participant is here and keeps the place in the study."""
         code = self._holder(socket)
-        if code is None or not self._is_own_origin(socket):
+        if code is None:
             await socket.close(code=BAD)
             return
         with self._sessions.one(socket.path_params["ticket"], MOST_PER_TICKET) as is_allowed:
@@ -268,7 +251,7 @@ class Gateway:
         """Joins a participant's websocket to a viser worker."""
         number = next(self._numbers)
         ticket_id, code = socket.path_params["ticket"], self._holder(socket)
-        if code is None or not self._is_own_origin(socket):
+        if code is None:
             await socket.close(code=BAD)
             return
         if socket.path_params.get("version") != self._version or is_other_viser(socket.scope["subprotocols"]):
@@ -293,15 +276,13 @@ class Gateway:
                 with contextlib.suppress(StudyError):  # a store that cannot write has reported it itself
                     await run_in_threadpool(self._note_error, code, f"connection closed: sent {reason}")
 
-    def _paused(self, error: StudyError) -> Response:
+    async def _paused(self, request: Request, error: Exception) -> Response:
+        """The answer while the store cannot write; nothing is lost."""
         self._tell(str(error))
-        return PlainTextResponse("the study is paused", status_code=503, headers={"Retry-After": "60"})
-
-    def _paused_page(self, error: StudyError) -> Response:
-        self._tell(str(error))
-        return HTMLResponse(
-            self._pages.message("paused"), status_code=503, headers={**_PAGE_HEADERS, "Retry-After": "60"}
-        )
+        later = {"Retry-After": "60"}
+        if not request.url.path.startswith("/page/"):
+            return PlainTextResponse("the study is paused", status_code=503, headers=later)
+        return HTMLResponse(self._pages.message("paused"), status_code=503, headers=_PAGE_HEADERS | later)
 
     def _view_address(self, request: Request, ticket_id: str) -> str:
         host = request.headers["host"]
@@ -310,16 +291,6 @@ class Gateway:
 
     def _is_crowded(self, code: str) -> bool:
         return code not in self._people and len(self._people) >= self._options.max_people
-
-    def _is_own_origin(self, connection: HTTPConnection) -> bool:
-        """Whether the requesting page is ours, by scheme, name and port."""
-        host, origin = connection.headers.get("host", ""), connection.headers.get("origin")
-        try:
-            parts = urlsplit(origin or "")
-        except ValueError:
-            return False
-        scheme = "https" if self._options.is_secure(host) else "http"
-        return (parts.scheme, parts.netloc.lower()) == (scheme, host.lower())
 
     def _set_cookie(self, reply: Response, request: Request, name: str, value: str, *, path: str) -> None:
         is_secure = self._options.is_secure(request.headers["host"])

@@ -78,6 +78,15 @@ class ServeOptions:
         is_public = host.lower() in self.hosts or _name(host) not in LOOPBACK_NAMES
         return self.has_tls or (self.proxy is not None and is_public)
 
+    def is_own_origin(self, host: str, origin: str) -> bool:
+        """Whether a page of this Origin header is ours, by scheme, name and port; `host` is the Host header."""
+        try:
+            parts = urlsplit(origin)
+        except ValueError:
+            return False
+        scheme = "https" if self.is_secure(host) else "http"
+        return (parts.scheme, parts.netloc.lower()) == (scheme, host.lower())
+
     def address(self, port: int) -> str:
         """The beginning of personal links, for the port that we listen on."""
         scheme = "https" if self.has_tls or self.proxy else "http"

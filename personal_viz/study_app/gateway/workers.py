@@ -6,12 +6,11 @@ Each worker has a local socket to the store. All connections of a participant go
 import contextlib
 import socket
 import subprocess
-import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import TimeoutError as FutureTimeoutError
-from pathlib import Path
 
 from human_study.store.store import StudyStore
 from sim.errors import StudyError
@@ -36,22 +35,6 @@ HEALTHY_S = 30.0
 """A worker that served for this many seconds counts as not failed."""
 
 
-def worker_command(
-    folder: Path,
-    dataset: Path,
-    scenes_dir: Path | None,
-    *,
-    rerun: str | None = None,
-    with_pixels: bool = False,
-) -> Callable[[int], list[str]]:
-    """A function that gives the command line of a worker for the file descriptor of its socket."""
-    options = ["--study", str(folder), "--dataset", str(dataset)]
-    options += ["--scenes-dir", str(scenes_dir)] if scenes_dir else []
-    options += ["--rerun", rerun] if rerun else []
-    options += ["--with-pixels"] if with_pixels else []
-    return lambda fd: [sys.executable, "-m", "personal_viz.study_app.server", "--fd", str(fd), *options]
-
-
 class Worker:
     """A place for a viser process; its process may be replaced."""
 
@@ -63,12 +46,8 @@ class Worker:
         self.process: subprocess.Popen[bytes] | None = None
         self.service: StoreService | None = None
         self.ended = threading.Event()
-        self.codes: dict[str, int] = {}
-        """Number of open connections of each participant."""
-        self.hung: str | None = None
-        """The reason why the process was killed; None when it ended by itself."""
-        self.answered_s = 0.0
-        """`time.monotonic()` of the last answer."""
+        self.codes: Counter[str] = Counter()
+        """Number of open connections of each participant who has any."""
 
     def close_socket(self) -> None:
         """Tells the process to end."""
@@ -138,8 +117,6 @@ class WorkerPool:
             watcher = threading.Thread(target=self._watch, args=(worker,), daemon=True, name=f"worker-{worker.number}")
             watcher.start()
             self._watchers.append(watcher)
-            name = f"pulse-{worker.number}"
-            threading.Thread(target=self._feel_pulse, args=(worker,), daemon=True, name=name).start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -158,12 +135,18 @@ class WorkerPool:
     @contextlib.contextmanager
     def seat(self, code: str) -> Iterator[WorkerDoor | None]:
         """The door of the participant's worker for one connection; None when none is ready."""
-        worker = self._choose(code)
+        with self._lock:
+            worker = self._fitting(code)
+            if worker is not None:
+                worker.codes[code] += 1
+                self._last[code] = worker
         try:
             yield worker.door if worker is not None else None
         finally:
-            if worker is not None:
-                self._leave(worker, code)
+            with self._lock:
+                if worker is not None:
+                    worker.codes[code] -= 1
+                    worker.codes += Counter()  # drops those who have none
 
     def num_people(self) -> int:
         """Number of participants connected now."""
@@ -180,14 +163,6 @@ class WorkerPool:
         if service is not None:
             service.warm(scene)
 
-    def _choose(self, code: str) -> Worker | None:
-        with self._lock:
-            chosen = self._fitting(code)
-            if chosen is not None:
-                chosen.codes[code] = chosen.codes.get(code, 0) + 1
-                self._last[code] = chosen
-            return chosen
-
     def _fitting(self, code: str) -> Worker | None:
         """The worker that has the participant already; else the least loaded one, if possible the one used last."""
         ready = [worker for worker in self.workers if worker.door is not None]
@@ -198,12 +173,6 @@ class WorkerPool:
         least = [worker for worker in ready if len(worker.codes) == fewest]
         last = self._last.get(code)
         return holding[0] if holding else (last if last is not None and last in least else least[0])
-
-    def _leave(self, worker: Worker, code: str) -> None:
-        with self._lock:
-            worker.codes[code] -= 1
-            if not worker.codes[code]:
-                del worker.codes[code]
 
     def _spawn(self, worker: Worker) -> None:
         ours, theirs = socket.socketpair()
@@ -237,22 +206,21 @@ class WorkerPool:
             ) from None
 
     def _watch(self, worker: Worker) -> None:
-        """Starts the worker again whenever it ends, until it fails too often or the pool closes."""
-        failures, ready_s = 0, time.monotonic()
-        while not self._closing.is_set():
-            worker.ended.wait()
+        """Starts the worker again whenever it ends or hangs, until it fails too often or the pool closes."""
+        failures = 0
+        while True:
+            ready_s = time.monotonic()
+            why, alive_s = self._until_ended(worker)
             if self._closing.is_set():
                 return
             with self._lock:
                 worker.door = None
             worker.close_socket()
             worker.end_process(2.0)
-            lived_s = (time.monotonic() if worker.hung is None else worker.answered_s) - ready_s
-            failures = 0 if lived_s > HEALTHY_S else failures + 1
+            failures = 0 if alive_s - ready_s > HEALTHY_S else failures + 1
             if failures >= MOST_FAILURES:
                 self._give_up(worker)
                 return
-            why, worker.hung = worker.hung or "ended", None
             self._tell(f"viser worker {worker.number} {why}; it is started again. Nothing acknowledged is lost.")
             if self._closing.wait(timeout=PAUSES_S[failures]):
                 return
@@ -265,24 +233,21 @@ class WorkerPool:
             except StudyError as error:
                 self._tell(str(error))
                 worker.ended.set()
-            ready_s = time.monotonic()
 
-    def _feel_pulse(self, worker: Worker) -> None:
-        """Kills the worker's process when it hangs, until the pool closes; `_watch` then starts another."""
-        while not self._closing.wait(self._heartbeat.every_s):
-            with self._lock:  # with a door, all three belong together
-                door, process, ended = worker.door, worker.process, worker.ended
-            if door is None or process is None:
+    def _until_ended(self, worker: Worker) -> tuple[str, float]:
+        """Waits until a worker ends; kills it when it hangs. Returns what happened, and when it last worked."""
+        every_s, patience_s = self._heartbeat.every_s, self._heartbeat.patience_s
+        answered_s = time.monotonic()
+        while not worker.ended.wait(every_s):
+            assert worker.door is not None
+            assert worker.process is not None
+            if answers(worker.door.port, patience_s=patience_s, over=worker.ended):
+                answered_s = time.monotonic()
                 continue
-            if answers(door.port, patience_s=self._heartbeat.patience_s, over=ended):
-                worker.answered_s = time.monotonic()
-                continue
-            with self._lock:
-                if worker.door is None or self._closing.is_set():  # it has just ended by itself
-                    continue
-                worker.hung = f"has not answered for {self._heartbeat.patience_s:.0f} s and was killed"
-            process.kill()
-            ended.wait()
+            worker.process.kill()
+            worker.ended.wait()
+            return f"has not answered for {patience_s:.0f} s and was killed", answered_s
+        return "ended", time.monotonic()
 
     def _give_up(self, worker: Worker) -> None:
         self._tell(f"viser worker {worker.number} ended {MOST_FAILURES} times in a row; it is not started again.")

@@ -16,7 +16,6 @@ import ssl
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -61,20 +60,10 @@ class Finding(NamedTuple):
     """Advice on a failure."""
 
 
-@dataclass(frozen=True, slots=True)
-class Check:
-    """One line of the report; the fields after the name are those of `Finding`."""
-
-    name: str
-    passed: bool | None
-    detail: str
-    advice: str = ""
-
-
 def examine(
     url: str, *, link: str | None = None, insecure_ca: Path | None = None, http_port: int | None = None
-) -> list[Check]:
-    """All checks in order.
+) -> dict[str, Finding]:
+    """The results of all checks by name, in order.
 
     Args:
         url: The address that participants open, without a token: `https://study.example.org`.
@@ -94,14 +83,14 @@ def examine(
     checks = dict(CHECKS)
     if link is not None:
         checks["session"] = functools.partial(check_session, token=link.partition("#")[2])
-    found: list[Check] = []
+    found: dict[str, Finding] = {}
     is_reachable = True
     for name, check in checks.items():
-        finding = _checked(site, check) if is_reachable else Finding(None, "not checked: see above")
-        found.append(Check(name, *finding))
-        is_reachable &= finding.passed is not False or name not in _UNREACHABLE
+        found[name] = _checked(site, check) if is_reachable else Finding(None, "not checked: see above")
+        is_reachable &= found[name].passed is not False or name not in _UNREACHABLE
     if link is None:
-        found.append(Check("session", None, "not checked: give a personal link with --link to take part for a moment"))
+        detail = "not checked: give a personal link with --link to take part for a moment"
+        found["session"] = Finding(None, detail)
     return found
 
 

@@ -23,9 +23,10 @@ from personal_viz.study_app.gateway.lease_keeper import LeaseKeeper
 from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
 from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.gateway.upkeep import upkeep
-from personal_viz.study_app.gateway.workers import WORKERS_SHARE, WorkerPool, worker_command
+from personal_viz.study_app.gateway.workers import WORKERS_SHARE, WorkerPool
 from personal_viz.study_app.operator.dashboard import dashboard, serving_of
 from personal_viz.study_app.recruit_codes import CODES_FILE, RecruitCodes, end_code, load_recruit_codes
+from personal_viz.study_app.worker_door import WorkerTask
 from sim.cache import cache_dir
 from sim.errors import StudyError
 from sim.types import EpisodeKey
@@ -76,7 +77,13 @@ def serve_study(
         ended_by_sigterm(),
         WorkerPool(
             store,
-            worker_command(folder, dataset, scenes_dir, rerun=where, with_pixels=with_pixels),
+            WorkerTask(
+                study=str(folder),
+                dataset=str(dataset),
+                scenes_dir=str(scenes_dir) if scenes_dir else None,
+                rerun=where,
+                with_pixels=with_pixels,
+            ).command,
             num_workers=options.num_workers,
             tickets=tickets,
             tell=_tell,
