@@ -1,11 +1,9 @@
 """Verb `study plan`: draws episodes, assigns them to people, freezes the study; or says how precise it will be."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import ValidationError
 from tyro.conf import Positional, arg
@@ -13,15 +11,11 @@ from tyro.conf import Positional, arg
 from human_study.design.plan import PLAN_FILE, StudyPlan, load_plan
 from human_study.design.study import StudyConfig, load_study
 from human_study.store.records import DATABASE_FILE
-from sim.errors import StudyError
+from sim.errors import StudyError, line_from_validation_error
 from sim.words.english import how_many
 
 from ...study_app.study_files import plan_study
 from ..options import ScenesDir
-
-if TYPE_CHECKING:
-    from human_study.report.power import PowerAssumptions
-
 
 _OPTIONS = {"agent_gap": "gap", "person_sds": "person_sd", "num_simulations": "simulations"}
 """Names of options whose name differs from their field in the assumptions."""
@@ -77,7 +71,7 @@ class StudyPlanVerb:
         Raises:
             StudyError: The folder holds no study, or an option is out of range.
         """
-        from human_study.report.power import PowerDesign, design_of, power_report
+        from human_study.report.power import PowerAssumptions, PowerDesign, design_of, power_report
         from human_study.report.render import power_markdown
 
         if self.study is not None:
@@ -88,11 +82,22 @@ class StudyPlanVerb:
             design = PowerDesign(
                 f"{self.people} people", self.people, self.episodes, self.raters, num_conditions=self.conditions
             )
-        gaps = {"agent_gap": self.gap, "split_gap": self.split_gap, "memory_gap": self.memory_gap}
-        spreads = {"person_sds": tuple(dict.fromkeys(self.person_sd)), "episode_sd": self.episode_sd}
-        assumptions = _assumptions(
-            **gaps, **spreads, base_rate=self.base_rate, num_simulations=self.simulations, seed=self.seed
-        )
+        fields = {
+            "base_rate": self.base_rate,
+            "agent_gap": self.gap,
+            "split_gap": self.split_gap,
+            "memory_gap": self.memory_gap,
+            "person_sds": tuple(dict.fromkeys(self.person_sd)),
+            "episode_sd": self.episode_sd,
+            "num_simulations": self.simulations,
+            "seed": self.seed,
+        }
+        try:
+            assumptions = PowerAssumptions.model_validate(fields)
+        except ValidationError as error:
+            field = str(error.errors()[0]["loc"][0])
+            where = f"study plan --power, --{_OPTIONS.get(field, field).replace('_', '-')}"
+            raise StudyError(line_from_validation_error(where, error, advice="Change it.")) from None
         found = power_report(design, assumptions=assumptions)
         print(found.model_dump_json(indent=2) if self.json else power_markdown(found), end="\n" if self.json else "")
         return 0
@@ -114,37 +119,6 @@ def _print_plan(made: StudyPlan, config: StudyConfig) -> None:
     print("  homes: " + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())))
     if set(kinds) != {"scan"}:
         print("  Not a human baseline for PersONAL: that is claimed on scans only.")
-
-
-def _assumptions(**fields: float | tuple[float, ...]) -> PowerAssumptions:
-    from human_study.report.power import PowerAssumptions
-
-    try:
-        return PowerAssumptions.model_validate(fields)
-    except ValidationError as error:
-        first = error.errors()[0]
-        field = str(first["loc"][0])
-        option = _OPTIONS.get(field, field).replace("_", "-")
-        raise StudyError(
-            f"study plan --power: --{option} is {_words(first['input'])}; expected {_expected(field)}. Change it."
-        ) from None
-
-
-def _words(value: object) -> str:
-    """The value as it was typed."""
-    return " ".join(map(str, value)) or "nothing" if isinstance(value, tuple) else str(value)
-
-
-def _expected(field: str) -> str:
-    from human_study.report.power import MOST_SD
-
-    ranges = {
-        "person_sds": f"one number or more, each from 0 to {MOST_SD:g}",
-        "episode_sd": f"0 to {MOST_SD:g}",
-        "num_simulations": "20 to 20000",
-        "seed": "0 or more",
-    }
-    return ranges.get(field, "a number between 0 and 1, without them")
 
 
 def _require_counts(*, people: int, episodes: int, raters: int, conditions: int) -> None:
