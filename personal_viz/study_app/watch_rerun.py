@@ -16,7 +16,7 @@ from sim.tasks.run_files import RunInfo
 
 
 class RerunObservers:
-    """Makes the observer of each trial (`watch.Observers`)."""
+    """Makes the observer of each trial, for `watch.Watches`."""
 
     def __init__(
         self, scene: Scene, config: StudyConfig, where: str, *, with_pixels: bool, is_pilot: bool = False

@@ -21,7 +21,7 @@ from personal_viz.study_app.screens import play as play_module
 from personal_viz.study_app.screens.cards import Card
 from personal_viz.study_app.screens.page import GoneError, Item, WithdrawnError
 from personal_viz.study_app.screens.play import TrialPlay
-from personal_viz.study_app.watch import Observers, Watches
+from personal_viz.study_app.watch import Watches
 from sim.copies.cut import StoreyCut
 from sim.episodes.schema import Episode
 from sim.render.renderer import Hits
@@ -283,7 +283,7 @@ def played(
     fakes: tuple[list[View], list[str]],
     link: MemoryLink,
     *script: Any,
-    observers: Observers | None = None,
+    observers: Any = None,
     away_s: float = 0.0,
     took_over: bool = False,
     home_options: dict[str, Any] | None = None,
