@@ -14,7 +14,7 @@ from grounding.methods.by_name import GrounderName
 from personal_viz.cli.grounding.pog_report import PogReport
 from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import PersonalVizError, RunFileError
+from sim.errors import DatasetError, PersonalVizError
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_writer import RunWriter
 
@@ -159,7 +159,7 @@ def test_json_is_one_document(made: tuple[Path, Path], tmp_path: Path, capsys: p
 def test_another_dataset_and_bad_options_are_refused(made: tuple[Path, Path], tmp_path: Path) -> None:
     other = tmp_path / "other"
     shutil.copytree(made[0] / "hard", other / "hard")
-    with pytest.raises(RunFileError, match="expected the episode files of a run"):
+    with pytest.raises(DatasetError, match="expected [0-9a-f]{12}, the runs'"):
         PogReport(runs=[made[1]], out=tmp_path / "out", dataset=[other]).run()
     with pytest.raises(PersonalVizError, match="--failures is -1"):
         PogReport(runs=[made[1]], out=tmp_path / "out", failures=-1).run()
