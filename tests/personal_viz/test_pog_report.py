@@ -159,7 +159,7 @@ def test_json_is_one_document(made: tuple[Path, Path], tmp_path: Path, capsys: p
 def test_another_dataset_and_bad_options_are_refused(made: tuple[Path, Path], tmp_path: Path) -> None:
     other = tmp_path / "other"
     shutil.copytree(made[0] / "hard", other / "hard")
-    with pytest.raises(DatasetError, match="expected [0-9a-f]{12}, the runs'"):
+    with pytest.raises(DatasetError, match=r"expected [0-9a-f]{12}, the runs'"):
         PogReport(runs=[made[1]], out=tmp_path / "out", dataset=[other]).run()
     with pytest.raises(PersonalVizError, match="--failures is -1"):
         PogReport(runs=[made[1]], out=tmp_path / "out", failures=-1).run()
