@@ -2,7 +2,6 @@
 
 import contextlib
 import signal
-import sys
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,6 @@ from typing import Annotated
 from tyro.conf import arg
 
 from personal_viz.printed import Console
-from sim.errors import MissingDependencyError
 from sim.words.english import how_many
 
 from .options import Clutter, Dataset, Scenes, ScenesDir
@@ -30,20 +28,12 @@ class Browse:
     port: Annotated[int, arg(help="0 takes a free one.")] = 8090
 
     def run(self) -> int:
+        from personal_viz.browse.app import browser_app
+        from personal_viz.browse.library import open_library
+
         require_no_scan("scan" if self.scenes_dir is not None else "schematic", clutter=self.clutter)
-        try:
-            from personal_viz.browse.app import browser_app
-            from personal_viz.browse.library import open_library
-        except OSError as error:
-            raise MissingDependencyError(
-                f"open3d: cannot be loaded ({error}); expected its system libraries. "
-                "Install them: apt-get install -y libgl1 libegl1 libx11-6 libusb-1.0-0 libudev1 libgomp1"
-            ) from None
-        with (
-            Console(stderr=True).status("Reading episodes and runs")
-            if sys.stderr.isatty()
-            else contextlib.nullcontext()
-        ):
+        console = Console(stderr=True)
+        with console.status("Reading episodes and runs") if console.is_terminal else contextlib.nullcontext():
             library = open_library(
                 self.dataset, runs=self.runs, scenes_dir=self.scenes_dir, scenes=self.scene, clutter=self.clutter
             )

@@ -18,9 +18,10 @@ import viser
 from human_study.design.plan import PRACTICE_FOLDER, StudyScene, load_plan
 from human_study.design.study import StudyConfig, load_study
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import MissingDependencyError, PersonalVizError, StudyError
+from sim.errors import PersonalVizError, StudyError
 from sim.homes.open_home import open_scene
 from sim.homes.renderers import renderer_of
+from sim.render.raycast import Raycaster
 from sim.tasks.pog import PogScene
 from sim.tasks.rules import scene_storeys
 
@@ -92,13 +93,6 @@ def open_home(
     Raises:
         PersonalVizError: Scene or episodes cannot be read, or a system library is missing.
     """
-    try:
-        from sim.render.raycast import Raycaster
-    except (ImportError, OSError) as error:
-        raise MissingDependencyError(
-            f"open3d: cannot be loaded ({error}); expected its system libraries. "
-            "Install them: apt-get install -y libgl1 libegl1 libx11-6 libusb-1.0-0 libudev1 libgomp1"
-        ) from None
     name = study_scene.name
     scene = open_scene(dataset, name, scenes_dir=scenes_dir, clutter=study_scene.clutter)
     renderer = Frames(renderer_of(scene, threads=1), threads, keep_depth=rerun is not None)

@@ -83,7 +83,7 @@ class Raycaster:
 
         Raises:
             SceneError: The mesh has no faces, or an array is damaged.
-            MissingDependencyError: `embree` was asked for and cannot be used.
+            MissingDependencyError: `embree` was asked for and cannot be used, or Open3D cannot be loaded.
         """
         self._surfaces, self._images = surfaces_of_mesh(mesh, texture_filter=texture_filter)
         self._mesh = np.ascontiguousarray(mesh.vertices, np.float32), np.ascontiguousarray(mesh.faces, np.int32)
@@ -94,8 +94,13 @@ class Raycaster:
         if self.backend.name == "embree":
             self._tracer = _EmbreeTracer(*self._mesh, width=self.backend.packet_width)
         else:
-            from .raycast_open3d import Open3dTracer  # takes 2 s to load, and most machines do not need it
-
+            try:
+                from .raycast_open3d import Open3dTracer  # takes 2 s to load, and most machines do not need it
+            except (ImportError, OSError) as error:
+                raise MissingDependencyError(
+                    f"open3d: cannot be loaded ({error}); expected its system libraries. "
+                    "Install them: apt-get install -y libgl1 libegl1 libx11-6 libusb-1.0-0 libudev1 libgomp1"
+                ) from None
             self._tracer = Open3dTracer(*self._mesh)
 
     def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
