@@ -28,7 +28,7 @@ from sim.errors import StudyError
 from ..page_script import STATIC, is_other_viser, page_of, page_version
 from ..worker_door import WorkerDoor
 from .admission import Admission, Arrival, DeviceProfile, Tickets
-from .http import Guard, address_of, small_body, too_many_tries
+from .http import Guard, OwnOrigin, address_of, small_body, too_many_tries
 from .limits import DOWNLOADS, GUESSES, JOINS, AddressLimit, Holds, forwarded_address
 from .options import ServeOptions
 from .pages import MAX_FORM_BYTES, Pages
@@ -119,21 +119,22 @@ class Gateway:
 
     def app(self) -> Starlette:
         """The ASGI application."""
+        ours = [Middleware(OwnOrigin, options=self._options)]
         routes = [
             Route("/", self.enter_page),
-            Route("/enter", self.enter, methods=["POST"]),
-            Route("/page/{ticket:str}/", self.page, methods=["GET", "POST"]),
+            Route("/enter", self.enter, methods=["POST"], middleware=ours),
+            Route("/page/{ticket:str}/", self.page, methods=["GET", "POST"], middleware=ours),
             Route("/page/{ticket:str}/leave", self.leave_page),
-            WebSocketRoute("/page/{ticket:str}/here", self.here),
+            WebSocketRoute("/page/{ticket:str}/here", self.here, middleware=ours),
             Route("/view/", self.view),
             Route("/check/download", self.download),
             Route("/page-version", self.version),
-            WebSocketRoute("/ws/{ticket:str}", self.websocket),
-            WebSocketRoute("/ws/{ticket:str}/{version:str}", self.websocket),
+            WebSocketRoute("/ws/{ticket:str}", self.websocket, middleware=ours),
+            WebSocketRoute("/ws/{ticket:str}/{version:str}", self.websocket, middleware=ours),
             Mount("/static", StaticFiles(directory=STATIC)),
         ]
         if self._admission.has_open_link:
-            routes += [Route("/join", self.enter_page), Route("/join", self.join, methods=["POST"])]
+            routes += [Route("/join", self.enter_page), Route("/join", self.join, methods=["POST"], middleware=ours)]
         guard = Middleware(Guard, options=self._options)
         return Starlette(routes=routes, middleware=[guard], exception_handlers={StudyError: self._paused})
 

@@ -111,6 +111,7 @@ class Guard:
             options: Accepted host names, the trusted proxy, limits.
         """
         self._app, self._options = app, options
+        self._names = options.host_names
         self._open = Holds()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -118,7 +119,7 @@ class Guard:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        refusal = _refusal(scope, self._options)
+        refusal = _refusal(scope, self._names)
         address = address_of(HTTPConnection(scope), self._options)
         most = None if address == LOOPBACK else self._options.per_address
         with self._open.one(address, most) as is_allowed:
@@ -140,6 +141,23 @@ class Guard:
             return  # the server then closes the connection of this slow reader
         except ClientDisconnect:
             return  # in the middle of a body: nobody is left to answer
+
+
+class OwnOrigin:
+    """ASGI middleware of a route: refuses websockets and forms of pages that are not ours."""
+
+    def __init__(self, app: ASGIApp, options: ServeOptions) -> None:
+        """Guards one route; `options` name the pages that are ours."""
+        self._app, self._options = app, options
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Handles one request or websocket."""
+        headers = Headers(scope=scope)
+        is_ours = self._options.is_own_origin(headers["host"], headers.get("origin", ""))
+        if is_ours or (scope["type"] == "http" and scope["method"] != "POST"):
+            await self._app(scope, receive, send)
+        else:
+            await _refuse(scope, receive, send, 403, "foreign origin")
 
 
 def address_of(connection: HTTPConnection, options: ServeOptions) -> str:
@@ -228,18 +246,15 @@ def served_in_thread(server: uvicorn.Server, listener: socket.socket) -> Iterato
         thread.join()
 
 
-def _refusal(scope: Scope, options: ServeOptions) -> tuple[int, str] | None:
+def _refusal(scope: Scope, names: frozenset[str]) -> tuple[int, str] | None:
     """Status and text of a request that is refused before any route sees it; None = it is not refused."""
     headers: Iterable[tuple[bytes, bytes]] = scope["headers"]
     target = len(scope.get("raw_path", b"")) + len(scope["query_string"])
     if sum(len(name) + len(value) + 4 for name, value in headers) + target > MAX_HEADER_BYTES:
         return 431, "headers too large"
     hosts = [value.decode("latin-1") for name, value in headers if name == b"host"]
-    if len(hosts) != 1 or host_name(hosts[0]) not in options.host_names:
+    if len(hosts) != 1 or host_name(hosts[0]) not in names:
         return 400, "unknown host"
-    changes = scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD")
-    if changes and not options.is_own_origin(hosts[0], Headers(scope=scope).get("origin", "")):
-        return 403, "foreign origin"
     path = scope["path"]
     if ".." in path.split("/") or any(ord(letter) < 32 or letter in "\\\x7f" for letter in path):
         return 400, "bad path"

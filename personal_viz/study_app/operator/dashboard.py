@@ -24,7 +24,7 @@ from human_study.store.progress import study_progress
 from human_study.store.records import read_study
 from sim.errors import StudyError
 
-from ..gateway.http import Guard, listen, served_in_thread, small_body, too_many_tries, uvicorn_server
+from ..gateway.http import Guard, OwnOrigin, listen, served_in_thread, small_body, too_many_tries, uvicorn_server
 from ..gateway.lease_keeper import LeaseKeeper
 from ..gateway.limits import GUESSES, AddressLimit
 from ..gateway.options import ServeOptions
@@ -62,7 +62,8 @@ class Dashboard:
         """The ASGI application, for the port that browsers use."""
         self._cookie = f"personal_dashboard_{port}"  # browsers do not keep the cookies of two ports apart
         routes = [Route(path, functools.partial(_file, name)) for path, name in FILES.items()]
-        routes += [Route("/enter", self.enter, methods=["POST"]), Route("/progress", self.progress)]
+        ours = [Middleware(OwnOrigin, options=ServeOptions())]
+        routes += [Route("/enter", self.enter, methods=["POST"], middleware=ours), Route("/progress", self.progress)]
         routes += [Route("/favicon.ico", _no_icon)]
         return Starlette(routes=routes, middleware=[Middleware(Guard, options=ServeOptions())])
 
