@@ -10,7 +10,7 @@ from human_study.design.study import load_study
 from human_study.export.verify import verify_trial
 from human_study.journey import ConsentEntry
 from human_study.trial.events import Act, Confidence
-from personal_viz.study_app.home.trial_homes import open_any_home
+from personal_viz.study_app.home.trial_homes import open_trial_home
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.open_home import open_scene
 from sim.tasks.agents import ShortestPathAgent
@@ -119,13 +119,8 @@ def test_a_whole_pan_participant_from_link_to_code_by_keyboard_alone(
     assert [event.action for event in practice if isinstance(event, Act)] == [*walked, Action.STOP]
     assert isinstance(outcome, EpisodeEnd)
     assert outcome.measures.rules["paper"].success
-    home = open_any_home(
-        plan.scene(stored[0].key.scene),
-        folder=full_study.folder,
-        is_practice=True,
-        dataset=full_study.dataset,
-        scenes_dir=None,
-    )
+    practised = PersonalDataset(full_study.folder / PRACTICE_FOLDER)
+    home = open_trial_home(practised, plan.scene(stored[0].key.scene), None)
     assert verify_trial(practice, outcome, stored[0].key, home=home, participant=who).status == "verified"
 
 

@@ -12,7 +12,7 @@ from human_study.design.plan import load_plan
 from human_study.design.study import load_study
 from human_study.export.verify import verify_trial
 from human_study.trial.events import Clicked, Dropped, Key, Reconnect
-from personal_viz.study_app.home.trial_homes import open_any_home
+from personal_viz.study_app.home.trial_homes import open_trial_home
 from sim.copies.cut import storey_mesh
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.open_home import open_scene
@@ -97,8 +97,7 @@ def test_a_pog_trial_with_real_clicks(quick_study: PlannedStudy, browser: Browse
     assert trial.outcome.candidates == (clicked.hit,)
     assert math.dist(clicked.hit, ray_meets(scene, storeys[storey], clicked)) < 1e-3
     assert trial.outcome.measures.success
-    study_scene, folder = plan.scene(scene.name), quick_study.folder
-    home = open_any_home(study_scene, folder=folder, is_practice=False, dataset=quick_study.dataset, scenes_dir=None)
+    home = open_trial_home(dataset, plan.scene(scene.name), None)
     assert verify_trial(stored, trial.outcome, episode.key, home=home, participant=code).status == "verified"
 
 

@@ -19,7 +19,7 @@ from personal_viz.cli.study.exclude import StudyExclude
 from personal_viz.cli.study.export import StudyExport
 from personal_viz.cli.study.import_check import StudyImportCheck
 from personal_viz.cli.study.verify import StudyVerify
-from personal_viz.study_app.home.trial_homes import open_any_home
+from personal_viz.study_app.home.trial_homes import open_trial_home
 from personal_viz.study_app.study_files import plan_study
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import DatasetError, StudyError
@@ -78,14 +78,8 @@ def finished(tmp_path_factory: pytest.TempPathFactory, invented_root: Path) -> P
 
 def do_trial(store: StudyStore, dataset: Path, trial: Trial, commands: Sequence[Command] = WALK) -> None:
     """A trial in its real home, with fixed commands."""
-    is_practice = trial.phase == "practice"
-    home = open_any_home(
-        store.plan.scene(trial.key.scene),
-        folder=store.folder,
-        is_practice=is_practice,
-        dataset=dataset,
-        scenes_dir=None,
-    )
+    root = store.folder / PRACTICE_FOLDER if trial.phase == "practice" else dataset
+    home = open_trial_home(PersonalDataset(root), store.plan.scene(trial.key.scene), None)
     episode = home.episode(trial.key)
     names = {
         "key": trial.key,

@@ -5,11 +5,11 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from human_study.design.plan import StudyScene
+from human_study.design.plan import PRACTICE_FOLDER, StudyScene
 from human_study.export.import_check import import_check as check
 from human_study.export.manifest import read_manifest, require_unchanged
 from human_study.export.verify import TrialHome
-from personal_viz.study_app.home.trial_homes import open_any_home
+from personal_viz.study_app.home.trial_homes import open_trial_home
 from sim.episodes.dataset import PersonalDataset
 
 from ..options import Dataset, ScenesDir
@@ -30,13 +30,9 @@ class StudyImportCheck:
         require_same_dataset(PersonalDataset(self.dataset), {manifest.dataset_digest}, whose="the study's")
 
         def open_home(scene: StudyScene) -> TrialHome:
-            return open_any_home(
-                scene,
-                folder=self.export,
-                is_practice=scene in manifest.practice_scenes,
-                dataset=self.dataset,
-                scenes_dir=self.scenes_dir,
-            )
+            if scene in manifest.practice_scenes:
+                return open_trial_home(PersonalDataset(self.export / PRACTICE_FOLDER), scene, None)
+            return open_trial_home(PersonalDataset(self.dataset), scene, self.scenes_dir)
 
         report = check(self.export, open_home)
         for problem in report.problems:

@@ -16,7 +16,7 @@ from human_study.export.verify import verify_trial
 from human_study.store.database import take_lock
 from human_study.store.records import StoredTrial, VerificationEntry, read_study
 from human_study.store.store import open_store
-from personal_viz.study_app.home.trial_homes import open_any_home, sim_hash
+from personal_viz.study_app.home.trial_homes import open_trial_home, sim_hash
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.tasks.workers import SceneJob, results
@@ -36,7 +36,6 @@ class VerifyJob(SceneJob):
 
     study: Path
     study_scene: StudyScene
-    is_practice: bool
     scenes_dir: Path | None
     trials: tuple[tuple[EpisodeKey, str, str], ...]
     """(episode, trial id, participant) of each trial."""
@@ -64,7 +63,7 @@ class StudyVerify:
         num_deleted = sum(bool(trials) and trials[0].is_shredded for trials in people)
         if any(status.phase == "main" for status in finished):
             require_same_dataset(PersonalDataset(self.dataset), {digest}, whose="the study's")
-        work = _jobs(self.study, plan, finished, self.dataset, self.scenes_dir, run_id)
+        work = self._jobs(plan, finished, run_id)
         found: list[VerificationEntry] = []
         with counted("verify", len(finished)) as progress:
             for entries in results(_open_home, work, processes=self.jobs, batch=BATCH):
@@ -75,46 +74,31 @@ class StudyVerify:
             _store(self.study, found)
         return 0 if all(entry.status == "verified" for entry in found) else 1
 
-
-def _jobs(
-    study: Path,
-    plan: StudyPlan,
-    finished: Sequence[StoredTrial],
-    dataset: Path,
-    scenes_dir: Path | None,
-    run_id: str,
-) -> list[VerifyJob]:
-    """One job for each home."""
-    by_scene: defaultdict[str, list[tuple[EpisodeKey, str, str]]] = defaultdict(list)
-    for status in finished:
-        assert status.trial_id is not None, status
-        by_scene[status.key.scene].append((status.key, status.trial_id, status.code))
-    practice = {scene.name for scene in plan.practice_scenes}
-    return [
-        VerifyJob(
-            study / PRACTICE_FOLDER if name in practice else dataset,
-            name,
-            tuple(dict.fromkeys(key for key, _, _ in trials)),
-            study=study,
-            study_scene=plan.scene(name),
-            is_practice=name in practice,
-            scenes_dir=scenes_dir,
-            trials=tuple(trials),
-            run_id=run_id,
-        )
-        for name, trials in sorted(by_scene.items())
-    ]
+    def _jobs(self, plan: StudyPlan, finished: Sequence[StoredTrial], run_id: str) -> list[VerifyJob]:
+        """One job for each home."""
+        by_scene: defaultdict[str, list[tuple[EpisodeKey, str, str]]] = defaultdict(list)
+        for status in finished:
+            assert status.trial_id is not None, status
+            by_scene[status.key.scene].append((status.key, status.trial_id, status.code))
+        practice = {scene.name for scene in plan.practice_scenes}
+        return [
+            VerifyJob(
+                self.study / PRACTICE_FOLDER if name in practice else self.dataset,
+                name,
+                tuple(dict.fromkeys(key for key, _, _ in trials)),
+                study=self.study,
+                study_scene=plan.scene(name),
+                scenes_dir=None if name in practice else self.scenes_dir,
+                trials=tuple(trials),
+                run_id=run_id,
+            )
+            for name, trials in sorted(by_scene.items())
+        ]
 
 
 def _open_home(job: VerifyJob) -> Callable[[EpisodeKey], tuple[VerificationEntry, ...]]:
     """Opens the job's home; returns a function that replays the trials of one episode by all its people."""
-    home = open_any_home(
-        job.study_scene,
-        folder=job.study,
-        is_practice=job.is_practice,
-        dataset=job.dataset_root,
-        scenes_dir=job.scenes_dir,
-    )
+    home = open_trial_home(PersonalDataset(job.dataset_root), job.study_scene, job.scenes_dir)
     simulator = sim_hash(home)
 
     def do_again(key: EpisodeKey) -> tuple[VerificationEntry, ...]:

@@ -14,12 +14,13 @@ import sqlite3
 import threading
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import msgspec
 
 from human_study.design.study import StudyConfig
 from human_study.private_files import write_private
+from human_study.store.store import StudyStore
 from sim.errors import StudyError
 
 SESSIONS_FILE = "sessions.json"
@@ -122,18 +123,6 @@ class Tickets:
         self._by_hash = tickets
 
 
-class People(Protocol):
-    """The part of the store that admission needs; both methods block until their write is on disk."""
-
-    def code_of_token(self, token: str) -> str | None:
-        """Code of the participant with this personal token; None if there is none."""
-        ...
-
-    def claim_person(self, ext_hash: str | None) -> str | None:
-        """Code of the next free participant, the same for the same hash; None when the study is full."""
-        ...
-
-
 class PayFile:
     """Platform ids of the people to pay, apart from the study's data."""
 
@@ -189,7 +178,7 @@ class Admission:
 
     def __init__(
         self,
-        people: People,
+        people: StudyStore,
         config: StudyConfig,
         *,
         token_of_code: Mapping[str, str],

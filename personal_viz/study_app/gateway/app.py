@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import Protocol, TypeVar
+from typing import TypeVar
 from urllib.parse import parse_qsl
 
 import msgspec
@@ -26,13 +26,13 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from sim.errors import StudyError
 
 from ..page_script import STATIC, is_other_viser, page_of, page_version
-from ..worker_door import WorkerDoor
 from .admission import Admission, Arrival, DeviceProfile, Tickets
 from .http import Guard, OwnOrigin, address_of, small_body, too_many_tries
 from .limits import DOWNLOADS, GUESSES, JOINS, AddressLimit, Holds, forwarded_address
 from .options import ServeOptions
 from .pages import MAX_FORM_BYTES, Pages
 from .proxy import BAD, LATER, join
+from .workers import WorkerPool
 
 SESSION_COOKIE = "personal_session"
 PROBE_COOKIE = "personal_probe"
@@ -59,14 +59,6 @@ _PAGE_HEADERS = {
 }
 
 
-class Seats(Protocol):
-    """The part of the workers that the gateway needs."""
-
-    def seat(self, code: str) -> AbstractContextManager[WorkerDoor | None]:
-        """The door of a participant's worker for one connection; None when none is ready."""
-        ...
-
-
 class Entry(msgspec.Struct, frozen=True):
     """The message by which a page enters."""
 
@@ -80,7 +72,7 @@ class Gateway:
     def __init__(
         self,
         admission: Admission,
-        seats: Seats,
+        seats: WorkerPool,
         *,
         tickets: Tickets,
         options: ServeOptions,

@@ -4,34 +4,31 @@ import functools
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from human_study.design.plan import PRACTICE_FOLDER, StudyScene
+from human_study.design.plan import StudyScene
 from human_study.export.verify import TrialHome
 from sim.episodes.dataset import PersonalDataset
+from sim.homes.open_home import open_scene
 from sim.mesh import Scene
+from sim.render.raycast import Raycaster
 from sim.tasks.pan import SIMULATOR_VERSION
+from sim.tasks.pog import PogScene
+from sim.tasks.rules import scene_storeys
 from sim.tasks.run_files import Vector3
 from sim.walk.storeys import nearest_storey
 
-if TYPE_CHECKING:
-    from sim.tasks.pog import PogScene
-
 
 def open_trial_home(dataset: PersonalDataset, study_scene: StudyScene, scenes_dir: Path | None) -> TrialHome:
-    """A home of the study's own episodes.
+    """A home of the study or of its practice.
 
     Args:
-        dataset: The dataset with the home's episodes.
+        dataset: The dataset with the home's episodes; for practice, `PRACTICE_FOLDER` of the study or of its export.
         study_scene: The home and its level of clutter.
-        scenes_dir: The folder of licensed scans; None = plans and schematic homes.
+        scenes_dir: The folder of licensed scans; None = plans and schematic homes, as in practice.
 
     Raises:
         DatasetError, SceneError: The home or its episodes cannot be read.
     """
-    from sim.homes.open_home import open_scene
-    from sim.tasks.rules import scene_storeys
-
     scene = open_scene(dataset, study_scene.name, scenes_dir=scenes_dir, clutter=study_scene.clutter)
     return TrialHome(
         navigation=scene.navigation,
@@ -40,15 +37,6 @@ def open_trial_home(dataset: PersonalDataset, study_scene: StudyScene, scenes_di
         episode=dataset.episode,
         cast=_caster(scene),
     )
-
-
-def open_any_home(
-    study_scene: StudyScene, *, folder: Path, is_practice: bool, dataset: Path, scenes_dir: Path | None
-) -> TrialHome:
-    """A home of the study or of its practice, whose episodes are in the study's or export's folder `practice`."""
-    if is_practice:
-        return open_trial_home(PersonalDataset(folder / PRACTICE_FOLDER), study_scene, None)
-    return open_trial_home(PersonalDataset(dataset), study_scene, scenes_dir)
 
 
 def sim_hash(home: TrialHome) -> str:
@@ -60,10 +48,7 @@ def _caster(scene: Scene) -> Callable[[float, Vector3, Vector3], Vector3 | None]
     """A function that casts clicks into the shown storey; the storeys are cut at the first click."""
 
     @functools.cache
-    def pog_scene() -> "PogScene":
-        from sim.render.raycast import Raycaster
-        from sim.tasks.pog import PogScene
-
+    def pog_scene() -> PogScene:
         return PogScene(scene, make_renderer=Raycaster)
 
     def cast(storey_y: float, origin: Vector3, direction: Vector3) -> Vector3 | None:
