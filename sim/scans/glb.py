@@ -38,12 +38,6 @@ class _Part(NamedTuple):
     """Range of the mesh's faces."""
 
 
-class _Counts(NamedTuple):
-    vertices: int
-    faces: int
-    has_colours: bool
-
-
 def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linear", "srgb"] = "linear") -> TriangleMesh:
     """The triangles of a glTF 2.0 file, with node transforms applied, in the world frame.
 
@@ -62,15 +56,17 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linea
         MissingDependencyError: The file has Basis textures and the extra `basis` is not installed.
     """
     file = read_gltf(path)
-    parts, counts = _parts(file, T_world_glb_zup if up == "z" else np.eye(4))
-    if not counts.faces:
+    parts = _parts(file, T_world_glb_zup if up == "z" else np.eye(4))
+    if not parts:
         raise file.refused("found no faces", "a mesh of triangles", advice="Export the scene with its geometry.")
-    vertices = np.empty((counts.vertices, 3), np.float32)
-    vertex_rgb = np.full((counts.vertices, 3), 255, np.uint8) if counts.has_colours else None
-    faces = np.empty((counts.faces, 3), np.int32)
-    face_rgb = np.empty((counts.faces, 3), np.uint8)
-    face_texture = np.empty(counts.faces, np.int16)
-    face_uv = np.zeros((counts.faces, 3, 2), np.float32)
+    num_vertices, num_faces = max(part.vertices.stop for part in parts), parts[-1].faces.stop
+    has_colours = any("COLOR_0" in part.primitive.attributes for part in parts)
+    vertices = np.empty((num_vertices, 3), np.float32)
+    vertex_rgb = np.full((num_vertices, 3), 255, np.uint8) if has_colours else None
+    faces = np.empty((num_faces, 3), np.int32)
+    face_rgb = np.empty((num_faces, 3), np.uint8)
+    face_texture = np.empty(num_faces, np.int16)
+    face_uv = np.zeros((num_faces, 3, 2), np.float32)
     textures = TextureSet(file)
     placed, coloured = set[int](), set[int]()
     for part in parts:
@@ -94,11 +90,11 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linea
         else:
             face_texture[part.faces] = FLAT
     require_near(path, vertices)
-    instance = np.zeros(counts.faces, np.int32)
+    instance = np.zeros(num_faces, np.int32)
     return TriangleMesh(vertices, faces, face_rgb, instance, face_texture, face_uv, textures.textures(), vertex_rgb)
 
 
-def _parts(file: GltfFile, T_world_glb: NDArray[np.float64]) -> tuple[list[_Part], _Counts]:
+def _parts(file: GltfFile, T_world_glb: NDArray[np.float64]) -> list[_Part]:
     """All primitives with triangles in the file's scene; nothing large is read or made yet."""
     parts: list[_Part] = []
     known: dict[tuple, slice] = {}
@@ -128,8 +124,7 @@ def _parts(file: GltfFile, T_world_glb: NDArray[np.float64]) -> tuple[list[_Part
             if max(num_vertices, num_faces) > MAX_ELEMENTS:
                 found = f"announces {num_vertices} vertices and {num_faces} faces"
                 raise file.refused(found, f"at most {MAX_ELEMENTS} of each", advice="Split the scene.")
-    has_colours = any("COLOR_0" in part.primitive.attributes for part in parts)
-    return parts, _Counts(num_vertices, num_faces, has_colours)
+    return parts
 
 
 def _placed_meshes(file: GltfFile, T_world_glb: NDArray[np.float64]) -> list[tuple[int, Mesh, NDArray[np.float64]]]:

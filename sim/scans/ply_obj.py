@@ -3,7 +3,7 @@
 import io
 import warnings
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 import trimesh
@@ -39,17 +39,6 @@ _MEASURED = (b"\x89PN", b"\xff\xd8\xff")
 """First bytes of PNG and JPEG files; small files can hold large images."""
 
 
-class _Part(NamedTuple):
-    """One mesh of the file; F faces of V vertices."""
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    face_rgb: NDArray[np.uint8]
-    face_texture: NDArray[np.int16]
-    face_uv: NDArray[np.float32]
-    vertex_rgb: NDArray[np.uint8]
-
-
 def load_ply_or_obj(path: Path, *, up: Literal["z", "y"]) -> TriangleMesh:
     """The triangles of a `.ply` or `.obj` file in the world frame; colours as in `load_glb`.
 
@@ -75,13 +64,13 @@ def load_ply_or_obj(path: Path, *, up: Literal["z", "y"]) -> TriangleMesh:
             raise folder.problem
         meshes = [mesh for mesh in loaded.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
         textures = _Textures(path)
-        parts = [_part(path, mesh, textures) for mesh in meshes]
+        parts = [_part(path, mesh, textures, up=up) for mesh in meshes]
     except _DAMAGES as error:
         reason = " ".join(str(error).split())[:120]
         raise refused(path, f"cannot be read ({type(error).__name__}: {reason})", f"a whole {kind} file") from None
     if not parts:
         raise refused(path, "found no faces", "a mesh of triangles", advice="Export the scene with its geometry.")
-    return _joined(path, parts, textures, up=up)
+    return _joined(parts, textures)
 
 
 class _Folder(Resolver):
@@ -207,8 +196,10 @@ def _require_all_lines(
         raise refused(path, found, f"{needed} of them")
 
 
-def _part(path: Path, mesh: trimesh.Trimesh, textures: _Textures) -> _Part:
+def _part(path: Path, mesh: trimesh.Trimesh, textures: _Textures, *, up: Literal["z", "y"]) -> TriangleMesh:
+    """One mesh of the file in the world frame; its textures are those of all parts."""
     faces, count = np.asarray(mesh.faces), len(mesh.faces)
+    require_near(path, mesh.vertices)
     if faces.min() < 0 or faces.max() >= len(mesh.vertices):
         wrong = int(faces.min() if faces.min() < 0 else faces.max())
         raise refused(path, f"a face uses vertex {wrong}", f"0 to {len(mesh.vertices) - 1}, the vertices that it has")
@@ -228,9 +219,10 @@ def _part(path: Path, mesh: trimesh.Trimesh, textures: _Textures) -> _Part:
         face_rgb = mean_rgb(colours[faces])
     elif isinstance(mesh.visual, ColorVisuals) and mesh.visual.kind == "face":
         face_rgb = np.array(mesh.visual.face_colors[:, :3], np.uint8)
-    face_texture = np.full(count, texture, np.int16)
     shown = white if colours is None or texture >= 0 else colours  # images would be multiplied by them
-    return _Part(mesh.vertices, faces, face_rgb, face_texture, uv, shown)
+    points = np.asarray(world_from_glb_zup(mesh.vertices) if up == "z" else mesh.vertices, np.float32)
+    look = face_rgb, np.zeros(count, np.int32), np.full(count, texture, np.int16), uv
+    return TriangleMesh(points, faces.astype(np.int32), *look, (), shown)
 
 
 def _image_and_factor(mesh: trimesh.Trimesh) -> tuple[Image.Image | None, NDArray[np.float64] | None]:
@@ -263,19 +255,17 @@ def _vertex_rgb(mesh: trimesh.Trimesh) -> NDArray[np.uint8] | None:
     return colours.astype(np.uint8)
 
 
-def _joined(path: Path, parts: list[_Part], textures: _Textures, *, up: Literal["z", "y"]) -> TriangleMesh:
+def _joined(parts: list[TriangleMesh], textures: _Textures) -> TriangleMesh:
     starts = np.cumsum([0] + [len(part.vertices) for part in parts])
-    points = np.concatenate([part.vertices for part in parts])
-    require_near(path, points)
     face_texture = np.concatenate([part.face_texture for part in parts])
     has_colours = bool((face_texture == VERTEX_COLOURS).any())
     return TriangleMesh(
-        np.asarray(world_from_glb_zup(points) if up == "z" else points, np.float32),
-        np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=False)]).astype(np.int32),
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.faces + np.int32(start) for part, start in zip(parts, starts, strict=False)]),
         np.concatenate([part.face_rgb for part in parts]),
         np.zeros(len(face_texture), np.int32),
         face_texture,
         np.concatenate([part.face_uv for part in parts]),
         tuple(textures.texels),
-        np.concatenate([part.vertex_rgb for part in parts]) if has_colours else None,
+        np.concatenate([part.vertex_rgb for part in parts if part.vertex_rgb is not None]) if has_colours else None,
     )

@@ -144,13 +144,9 @@ def bounds(rects: Sequence[Rect]) -> Rect:
 
 def walkable_floor(plan: HomePlan) -> list[ReachedFloor] | None:
     """The floor of each storey that the robot can reach; None where it cannot reach a room or a stair."""
-    found: list[ReachedFloor] = []
-    for storey in range(len(plan.storeys)):
-        floor = _reached_floor(plan, storey)
-        if floor is None:
-            return None
-        found.append(floor)
-    return found
+    found = [_reached_floor(plan, storey) for storey in range(len(plan.storeys))]
+    reached = [floor for floor in found if floor is not None]
+    return reached if len(reached) == len(found) else None
 
 
 def unseen_pieces(plan: HomePlan, floors: Sequence[ReachedFloor]) -> set[int]:
@@ -160,8 +156,10 @@ def unseen_pieces(plan: HomePlan, floors: Sequence[ReachedFloor]) -> set[int]:
         rooms = {room.name for room in plan.rooms if room.storey == storey}
         index = [k for k, piece in enumerate(plan.furniture) if piece.room in rooms]
         boxes = np.array([plan.furniture[k].box for k in index]).reshape(-1, 6)
-        walls = np.array([box for wall in plan.walls if wall.storey == storey for box in _wall_boxes(plan, wall)])
-        eye_y = plan.storeys[storey].floor_y + Camera().mount_height
+        floor_y = plan.storeys[storey].floor_y
+        eye_y = floor_y + Camera().mount_height
+        solids = [(rect, wall) for wall in plan.walls if wall.storey == storey for rect in _wall_rects(wall)]
+        walls = np.array([(r.x0, floor_y, r.z0, r.x1, floor_y + wall.height, r.z1) for r, wall in solids])
         places = floor.places()
         for row, k in enumerate(index):
             others = np.concatenate([np.delete(boxes, row, axis=0), walls])
@@ -229,11 +227,6 @@ def _wall_rects(wall: Wall) -> list[Rect]:
         Rect(x + a, z - half, x + b, z + half) if wall.is_along_x else Rect(x - half, z + a, x + half, z + b)
         for a, b in zip(at[::2], at[1::2], strict=True)
     ]
-
-
-def _wall_boxes(plan: HomePlan, wall: Wall) -> list[tuple[float, ...]]:
-    floor_y = plan.storeys[wall.storey].floor_y
-    return [(r.x0, floor_y, r.z0, r.x1, floor_y + wall.height, r.z1) for r in _wall_rects(wall)]
 
 
 def _is_seen(box: NDArray, others: NDArray, places: NDArray, eye_y: float) -> bool:
