@@ -231,7 +231,11 @@ def test_the_export_of_a_study_that_was_tampered_with_is_refused(folder: Path) -
     assert not (folder / "out").exists()
 
 
-def test_a_folder_with_anything_else_in_it_is_left_alone(folder: Path) -> None:
+def test_a_folder_of_something_else_is_left_alone_and_one_that_cannot_be_written_is_named(folder: Path) -> None:
+    export_study(folder / "study", folder / "out")
+    study_with_trials(folder / "other", study(study="other"))
+    with pytest.raises(StudyError, match="holds study pilot"):
+        export_study(folder / "other", folder / "out")
     (folder / "notes").mkdir()
     (folder / "notes" / "mine.txt").write_text("mine")
     with pytest.raises(StudyError, match=r"is not empty and holds no manifest\.json"):
@@ -241,16 +245,6 @@ def test_a_folder_with_anything_else_in_it_is_left_alone(folder: Path) -> None:
     with pytest.raises(StudyError, match=r"mine\.txt: was not written by an export"):
         export_study(folder / "study", folder / "out")
     assert (folder / "out" / "mine.txt").read_text() == "mine"
-
-
-def test_the_export_of_another_study_is_not_replaced(folder: Path) -> None:
-    export_study(folder / "study", folder / "out")
-    study_with_trials(folder / "other", study(study="other"))
-    with pytest.raises(StudyError, match="holds study pilot"):
-        export_study(folder / "other", folder / "out")
-
-
-def test_a_folder_that_cannot_be_written_is_named(folder: Path) -> None:
     (folder / "file").write_text("")
     with pytest.raises(StudyError, match=r"out: cannot be written \(Not a directory\)"):
         export_study(folder / "study", folder / "file" / "out")

@@ -114,16 +114,13 @@ def test_a_break_comes_after_so_many_trials_and_never_within_one() -> None:
     assert place(*READY, trials=done, study=study) == "ending"
 
 
-def test_a_sitting_ends_after_so_many_trials_and_goes_on_with_the_next() -> None:
+def test_a_sitting_ends_after_so_many_trials_goes_on_with_the_next_and_holds_up_no_trial_under_way() -> None:
     study = config(breaks=StudyBreaks(every=None, sitting_max=1, sitting_gap_s=3600.0))
     trials = [trial(1, is_over=True), trial(2), trial(3)]
     ended: Entered = ("break_started", {"done": 1, "sitting": True})
     assert journey(*READY, trials=trials, study=study) == Journey("pause", 1, 3)
     assert journey(*READY, ended, trials=trials, study=study).rest == StageEntry(*ended, NOW_NS)
     assert place(*READY, ended, ("sitting_started", {"done": 1}), trials=trials, study=study) == "trial"
-
-
-def test_a_trial_under_way_is_not_held_up_by_the_end_of_a_sitting() -> None:
     study = config(breaks=StudyBreaks(every=1, sitting_max=1))
     trials = [trial(1, is_over=True), trial(2, is_begun=True)]
     assert place(*READY, trials=trials, study=study) == "trial"

@@ -74,13 +74,10 @@ def test_a_failure_of_ours_and_somebody_who_never_came_back_have_no_measures(kin
         assert (verified.status, verified.detail) == ("verified", "")
 
 
-def test_without_a_look_the_task_begins_with_the_trial() -> None:
+def test_without_a_look_the_task_begins_with_the_trial_and_its_first_end_counts() -> None:
     events = drive(new_session("pan"), [FORWARD, FORWARD])
     assert task_began_s(events) == 0.0
     assert [step.t_s for step in walked_steps(events)] == [0.5, 1.0]
-
-
-def test_the_first_end_counts() -> None:
     events = drive(new_session("pan", max_steps=1), [FORWARD])
     end = trial_end([*events, Error(message="late", is_fatal=True)])
     assert end[1] == "steps"

@@ -57,10 +57,13 @@ def test_the_draw_has_the_asked_splits_and_few_of_one_home() -> None:
     assert sample_episodes(other, POOL) != keys
 
 
-def test_a_small_draw_takes_each_episode_from_another_home() -> None:
+def test_a_small_draw_takes_each_episode_from_another_home_and_all_of_a_split_can_be_asked_for() -> None:
     config = house_once(dataset={"sha256": "0", "splits": {"easy": 4, "medium": 4, "hard": 4}})
     keys = sample_episodes(config, POOL)
     assert len({key.scene for key in keys}) == len(keys) == 12
+    dataset = {"sha256": "0", "splits": {"hard": "all"}, "max_per_scene": None, "scenes": HOMES[:2]}
+    keys = sample_episodes(house_once(dataset=dataset), POOL)
+    assert keys == tuple(sorted(key for key in POOL if key.split == "hard" and key.scene in HOMES[:2]))
 
 
 def test_a_draw_that_the_dataset_cannot_give_says_what_it_can() -> None:
@@ -69,12 +72,6 @@ def test_a_draw_that_the_dataset_cannot_give_says_what_it_can() -> None:
         sample_episodes(config, POOL)
     with pytest.raises(StudyError, match="found no episode of \\['barn'\\]"):
         sample_episodes(house_once(dataset={"sha256": "0", "scenes": ("barn",)}), POOL)
-
-
-def test_all_episodes_of_a_split_can_be_asked_for() -> None:
-    dataset = {"sha256": "0", "splits": {"hard": "all"}, "max_per_scene": None, "scenes": HOMES[:2]}
-    keys = sample_episodes(house_once(dataset=dataset), POOL)
-    assert keys == tuple(sorted(key for key in POOL if key.split == "hard" and key.scene in HOMES[:2]))
 
 
 def test_house_once_needs_25_people_of_30_trials_and_shows_nobody_a_home_twice() -> None:
@@ -168,13 +165,16 @@ def test_the_plan_follows_from_the_seed_alone() -> None:
     assert make_plan(other, scenes, keys).participants != make_plan(config, scenes, keys).participants
 
 
-def test_a_plan_comes_back_as_it_was_and_belongs_to_one_study(tmp_path: Path) -> None:
+def test_a_plan_comes_back_as_it_was_belongs_to_one_study_and_keeps_the_hash_of_earlier_versions(
+    tmp_path: Path,
+) -> None:
     made = plan(study())
     save_plan(tmp_path, made)
     assert load_plan(tmp_path, study()) == made
     assert load_plan(tmp_path, study()).plan_version == made.plan_version
     with pytest.raises(StudyError, match=r"study\.yaml was changed after the plan"):
         load_plan(tmp_path, study(steps=9))
+    assert plan(study()).plan_version == "393b93a07a21ee35099de0998e5d0f3a0b6bf7cbadb4b66ced06c3b2cc544fda"
 
 
 @pytest.mark.parametrize(
@@ -236,7 +236,3 @@ def test_a_plan_that_cannot_give_what_was_asked_says_so_and_why(tmp_path: Path) 
     assert plan(without_checks).changes == (
         "checks.every: 15 asked, no attention trial planned, because nobody has that many trials",
     )
-
-
-def test_a_plan_without_changes_keeps_the_hash_of_earlier_versions() -> None:
-    assert plan(study()).plan_version == "393b93a07a21ee35099de0998e5d0f3a0b6bf7cbadb4b66ced06c3b2cc544fda"

@@ -90,11 +90,8 @@ def test_the_effect_within_people_and_episodes_is_that_of_a_linear_model_with_bo
     assert R[f"memory_{name}"] == close(effect.value, effect.low, effect.high, effect.p)
 
 
-def test_holms_p_values_are_those_of_p_adjust() -> None:
+def test_holms_p_values_are_those_of_p_adjust_and_agreement_is_that_of_all_pairs() -> None:
     assert R["holm"] == close(*holm([0.03, 0.004, 0.2, 0.011]))
-
-
-def test_agreement_is_that_of_all_pairs() -> None:
     counts = counts_of([row["label"] for row in ROWS], [row["episode"] for row in ROWS])
     assert R["krippendorff"] == close(krippendorff_alpha(counts))
     assert R["gwet"] == close(gwet_ac1(counts))

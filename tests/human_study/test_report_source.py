@@ -74,19 +74,15 @@ def test_exclusions_and_verifications_of_the_store_are_in_the_report(folder: Pat
     assert (per_protocol.k, per_protocol.n) == (1, 1)
 
 
-def test_a_study_without_results_says_what_to_do(tmp_path: Path) -> None:
+def test_no_results_two_studies_a_study_and_its_export_and_scans_without_the_dataset_are_refused(
+    tmp_path: Path, finished: Path
+) -> None:
     with open_small(tmp_path / "study"):
         pass
     with pytest.raises(StudyError, match="holds no counted trial with a result"):
         read_source([tmp_path / "study"])
-
-
-def test_two_studies_or_a_study_and_its_export_are_refused(finished: Path) -> None:
     for other in ("study", "out"):
         with pytest.raises(StudyError, match="found records of 2 studies or exports"):
             read_source([finished / "study", finished / other])
-
-
-def test_scans_without_the_dataset_are_refused(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="without --dataset"):
         StudyReportVerb(runs=[tmp_path], out=tmp_path / "out", scenes_dir=tmp_path).run()

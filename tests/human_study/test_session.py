@@ -256,12 +256,15 @@ def test_the_last_point_before_confirm_is_the_answer() -> None:
     assert answer.measures.distance_3d == pytest.approx(math.hypot(0.5, 0.4))
 
 
-def test_nothing_can_be_confirmed_before_a_point_is_marked() -> None:
+def test_an_answer_without_a_mark_and_a_storey_that_the_home_does_not_have_are_dropped() -> None:
     session = begun("pog")
     session.handle(Click(RAY, None), 1.0)
     update = session.handle(Confirm(), 2.0)
     assert update.events[0].reason == "nothing_marked"  # type: ignore[union-attr]
     assert not update.view.is_over
+    update = begun("pog").handle(ShowStorey(2), 1.0)
+    assert update.events[0].reason == "storey"  # type: ignore[union-attr]
+    assert update.view.storey == 0
 
 
 def test_giving_up_in_pog_gives_no_answer_even_with_a_mark() -> None:
@@ -271,10 +274,14 @@ def test_giving_up_in_pog_gives_no_answer_even_with_a_mark() -> None:
     assert not answer.measures.success
 
 
-def test_camera_poses_are_kept_at_most_twice_a_second() -> None:
+def test_camera_poses_are_kept_at_most_twice_a_second_and_none_after_an_answer() -> None:
     session = begun("pog")
     kept = [len(session.handle(camera(5.0), now_s).events) for now_s in (1.0, 1.2, 1.49, 1.5, 1.9, 2.0)]
     assert kept == [1, 0, 0, 1, 0, 1]
+    session = begun("pog")
+    driven(session, [(Click(RAY, (-2.0, 0.5, 0.0)), 1.0), (camera(5.0), 1.5), (camera(6.0), 1.5), (Confirm(), 1.6)])
+    assert session.wait_s(1.6) is None
+    assert session.handle(Tick(), 9.0).events == ()
 
 
 def test_the_pose_in_which_the_camera_comes_to_rest_is_kept_however_soon_it_came() -> None:
@@ -293,19 +300,6 @@ def test_a_newer_pose_takes_the_place_of_one_that_was_held_back() -> None:
     # no tick came in between: the server was busy
     assert cams(session.handle(camera(6.0), 4.0).events) == [(4.0, (0.0, 6.0, 0.0))]
     assert session.wait_s(4.0) is None
-
-
-def test_no_camera_pose_follows_an_answer() -> None:
-    session = begun("pog")
-    driven(session, [(Click(RAY, (-2.0, 0.5, 0.0)), 1.0), (camera(5.0), 1.5), (camera(6.0), 1.5), (Confirm(), 1.6)])
-    assert session.wait_s(1.6) is None
-    assert session.handle(Tick(), 9.0).events == ()
-
-
-def test_a_storey_that_the_home_does_not_have_is_not_shown() -> None:
-    update = begun("pog").handle(ShowStorey(2), 1.0)
-    assert update.events[0].reason == "storey"  # type: ignore[union-attr]
-    assert update.view.storey == 0
 
 
 def test_a_rebuilt_pog_session_shows_the_same_storey_and_mark() -> None:

@@ -110,12 +110,9 @@ def test_who_comes_back_to_the_question_finds_it_unless_that_was_too_late() -> N
     assert end_reason([*events, *back]) == "stop"
 
 
-def test_a_rated_trial_is_done_when_it_is_rebuilt() -> None:
+def test_a_rated_trial_is_done_when_it_is_rebuilt_and_only_five_answers_can_be_given() -> None:
     events = driven(new_session("pan", ASKING), [*STOPPED, (Rate(2), 4.0)])
     assert rebuilt_session("pan", ASKING, events).is_done
-
-
-def test_only_five_answers_can_be_given() -> None:
     with pytest.raises(AssertionError):
         Rate(6)
 

@@ -80,12 +80,9 @@ def test_averaged_runs_stay_within_zero_and_one() -> None:
     assert 0 < found.interval.low < found.value < found.interval.high < 1
 
 
-def test_a_single_trial_has_no_interval() -> None:
+def test_a_single_trial_and_trials_that_are_all_alike_have_no_interval_of_a_mean() -> None:
     found = mean(trials_of([3.5], ["a"], ["e"]))
     assert (found.value, found.interval, found.bootstrap) == (3.5, None, None)
-
-
-def test_trials_that_are_all_alike_have_no_interval_of_a_mean() -> None:
     splits = [("easy", "medium", "hard")[k % 12 // 4] for k in range(36)]
     alike = trials_of([40.1] * 36, [f"p{k % 6}" for k in range(36)], [f"e{k % 12}" for k in range(36)], splits)
     assert mean(alike).value == pytest.approx(40.1)

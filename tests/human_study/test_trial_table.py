@@ -35,7 +35,9 @@ def look(*events: Event) -> float | None:
     return trial_figures(begun(*events), None, rule="paper").t_look_s
 
 
-def test_every_attempt_and_every_assignment_has_a_row(finished: Path) -> None:
+def test_every_attempt_and_assignment_has_a_row_and_a_trial_that_nobody_ended_is_told_from_one_that_nobody_began(
+    finished: Path,
+) -> None:
     rows = rows_of(finished / "study")
     assert [(row.attempt_name, row.end_reason, row.left_out) for row in rows] == [
         ("p01/1/1", "click", None),
@@ -51,6 +53,7 @@ def test_every_attempt_and_every_assignment_has_a_row(finished: Path) -> None:
     assert (failed.success, failed.dtg, failed.n_steps) == (None, None, 1)
     assert (running.success, running.n_steps, running.t_total_s) == (None, 1, None)
     assert (right.scene_kind, right.condition, right.rep, right.verification) == ("invented", "none", 1, None)
+    assert [row.attempt_name for row in rows_of(finished / "study") if row.is_never_ended] == ["p02/3/1"]
 
 
 def test_visits_are_counted_from_the_earlier_trials(finished: Path) -> None:
@@ -156,10 +159,6 @@ def test_a_page_in_the_background_for_too_long_is_flagged(tmp_path: Path) -> Non
         rows = [row for row in rows_of(folder) if row.attempt]
         assert [row.is_long_hidden for row in rows] == flags
         assert [row.t_hidden_s for row in rows] == [60.0, 60.5]
-
-
-def test_a_trial_that_nobody_ended_is_told_from_one_that_nobody_began(finished: Path) -> None:
-    assert [row.attempt_name for row in rows_of(finished / "study") if row.is_never_ended] == ["p02/3/1"]
 
 
 def test_visits_count_every_attempt_and_the_dictionary_says_so() -> None:

@@ -29,7 +29,7 @@ def test_an_honest_trial_is_verified() -> None:
     assert found.recomputed == run
 
 
-def test_a_changed_pose_is_drift_from_that_step_on() -> None:
+def test_a_changed_pose_is_drift_from_that_step_on_and_a_changed_start_at_step_0() -> None:
     events, _ = success()
     acts = [index for index, event in enumerate(events) if isinstance(event, Act)]
     moved = events[acts[4]]
@@ -38,9 +38,6 @@ def test_a_changed_pose_is_drift_from_that_step_on() -> None:
     found = verify(events, end)
     assert (found.status, found.first_bad_step) == ("drift", 5)
     assert found.max_position_error == pytest.approx(0.1)
-
-
-def test_a_changed_start_is_drift_at_step_0() -> None:
     events, _ = success()
     events[0] = events[0].model_copy(update={"position": (0.0, 0.0, 0.5)})
     end = run_of(events).end

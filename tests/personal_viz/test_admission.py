@@ -49,14 +49,11 @@ def test_a_damaged_file_of_tickets_says_what_to_do(tmp_path: Path) -> None:
         Tickets(tmp_path)
 
 
-def test_by_default_nothing_is_kept_of_a_platform_id(tmp_path: Path) -> None:
+def test_by_default_nothing_is_kept_of_a_platform_id_and_with_prolific_a_hash_only(tmp_path: Path) -> None:
     people = few_people()
     assert admission_for(people, tmp_path, recruit="link").join(PERSON) == "good"
     assert people.claimed == {"p01": None}
     assert list(tmp_path.iterdir()) == []
-
-
-def test_prolific_without_platform_ids_keeps_a_hash_only(tmp_path: Path) -> None:
     people = few_people()
     admission = admission_for(people, tmp_path, recruit="prolific")
     assert [admission.join(PERSON), admission.join(Arrival("someoneelse")), admission.join(PERSON)] == [

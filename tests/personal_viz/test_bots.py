@@ -62,16 +62,13 @@ def test_a_bot_study_gives_everybody_every_episode(tmp_path: Path, demo_root: Pa
     assert not (tmp_path / "copy" / "secrets.json").exists()
 
 
-def test_what_bots_cannot_do_is_said_before_work_starts(tmp_path: Path) -> None:
+def test_what_bots_cannot_do_is_said_before_work_starts_and_they_never_stand_among_people(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="--rate 9"):
         StudyBots(rate=9.0).run()
     with pytest.raises(StudyError, match="found no --dataset"):
         StudyBots(study=tmp_path).run()
     with pytest.raises(StudyError, match="found no study folder"):
         StudyBots(url="http://127.0.0.1:1").run()
-
-
-def test_bots_never_stand_among_people(tmp_path: Path) -> None:
     config = study()
     open_small(tmp_path, config).close()
     with pytest.raises(StudyError, match="is a study with people; expected a pilot"):

@@ -51,14 +51,13 @@ def test_the_page_says_success_in_words_and_signs_not_by_colour_alone() -> None:
     assert "\u2717no success:" in tags.text
 
 
-def test_rows_beyond_the_first_hundred_wait_in_a_template() -> None:
+def test_rows_beyond_the_first_hundred_wait_in_a_template_and_many_runs_are_folded_up_under_how_many_succeeded() -> (
+    None
+):
     html = page_html(page(num_rows=FIRST + 5))
     in_table, _, in_template = html.partition('<template class="rest">')
     assert (in_table.count("<tr data-split"), in_template.count("<tr data-split")) == (FIRST, 5)
     assert "<template" not in page_html(page(num_rows=FIRST))
-
-
-def test_many_runs_of_an_episode_are_folded_up_under_how_many_succeeded() -> None:
     html = page_html(page(num_people=12))
     assert "<summary>people 12 of 12, agents 0 of 1</summary>" in html
     assert "<details>" not in page_html(page(num_people=3))

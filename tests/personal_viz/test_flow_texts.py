@@ -35,16 +35,13 @@ def tags_in(text: str) -> list[str]:
     return [tag for tag, _ in tags.found]
 
 
-def test_markdown_becomes_headings_paragraphs_and_lists() -> None:
+def test_markdown_becomes_headings_paragraphs_lists_and_tables() -> None:
     text = "# Consent\n\nWe **store** *keys*.\nOn two lines.\n\n- one\n- two\n  more\n\n1. first\n\n## Contact\nme"
     assert title_of(text, otherwise="x") == "Consent"
     assert " ".join(html_from_markdown(text).split()) == (
         "<p>We <strong>store</strong> <em>keys</em>. On two lines.</p> <ul> <li>one</li> <li>two more</li> </ul> "
         "<ol> <li>first</li> </ol> <h2>Contact</h2><p>me</p>"
     )
-
-
-def test_a_table_is_shown_as_a_table() -> None:
     made = html_from_markdown("# Keys\n\n| Key | Robot |\n|---|---|\n| `W` | walks |\n| A | turns |\n")
     assert tags_in(made) == ["table", "thead", "tr", "th", "th", "tbody", "tr", "td", "kbd", "td", "tr", "td", "td"]
     assert "|" not in made

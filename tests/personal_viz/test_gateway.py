@@ -135,11 +135,14 @@ def test_ten_wrong_tokens_a_minute_are_answered_for_each_address_and_a_right_one
     assert [tries("good", "192.0.2.3") for _ in range(30)] == [200] * 30, "who knows the token does not guess"
 
 
-def test_the_open_link_gives_places_until_the_study_is_full(tmp_path: Path) -> None:
+def test_the_open_link_gives_places_until_the_study_is_full_and_other_studies_have_no_such_page(tmp_path: Path) -> None:
     at = site(tmp_path, recruit="link")
     assert b"enter.js" in at.client.get("/join").content
     replies = [at.client.post("/join", json={}, headers=ORIGIN).json() for _ in range(4)]
     assert replies == [{"token": "good"}, {"token": "fine"}, {"token": "nice"}, {"full": True, "code": "FULL-1"}]
+    at = site(tmp_path)
+    assert at.client.get("/join").status_code == 404
+    assert at.client.post("/join", json={}, headers=ORIGIN).status_code == 404
 
 
 def test_prolific_parameters_bring_the_same_person_to_the_same_place(tmp_path: Path) -> None:
@@ -161,12 +164,6 @@ def test_ids_of_another_shape_are_refused(tmp_path: Path, person: object) -> Non
     at = site(tmp_path, recruit="prolific")
     assert at.client.post("/join", json={"PROLIFIC_PID": person}, headers=ORIGIN).status_code == 400
     assert at.people.claimed == {}
-
-
-def test_without_an_open_link_there_is_no_such_page(tmp_path: Path) -> None:
-    at = site(tmp_path)
-    assert at.client.get("/join").status_code == 404
-    assert at.client.post("/join", json={}, headers=ORIGIN).status_code == 404
 
 
 def test_a_full_disk_is_a_pause_for_the_newcomer_and_words_for_the_researcher(tmp_path: Path) -> None:

@@ -64,11 +64,13 @@ def open_at_once(options: ServeOptions, scopes: list[Scope]) -> list[int]:
     return asyncio.run(run())
 
 
-def test_one_address_has_few_requests_open_and_others_do_not_notice() -> None:
+def test_one_address_has_few_requests_and_websockets_open_and_others_do_not_notice() -> None:
     options = ServeOptions(per_address=2)
     scopes = [scope_from("192.0.2.1") for _ in range(3)] + [scope_from("192.0.2.2")]
     assert open_at_once(options, scopes) == [200, 200, 503, 200]
     assert open_at_once(options, [scope_from("127.0.0.1") for _ in range(5)]) == [200] * 5
+    scopes = [scope_from("192.0.2.1"), scope_from("192.0.2.1", kind="websocket")]
+    assert open_at_once(ServeOptions(per_address=1), scopes) == [200, 1013]
 
 
 def test_behind_the_named_proxy_the_address_that_it_names_counts() -> None:
@@ -77,11 +79,6 @@ def test_behind_the_named_proxy_the_address_that_it_names_counts() -> None:
     assert open_at_once(options, asked) == [200, 503, 200]
     spoofed = [scope_from("192.0.2.7", forwarded_for=f"192.0.2.{number}") for number in (1, 2)]
     assert open_at_once(options, spoofed) == [200, 503]
-
-
-def test_websockets_count_too() -> None:
-    scopes = [scope_from("192.0.2.1"), scope_from("192.0.2.1", kind="websocket")]
-    assert open_at_once(ServeOptions(per_address=1), scopes) == [200, 1013]
 
 
 def test_a_page_that_nobody_reads_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,14 +112,11 @@ def aborted(options: ServeOptions, peers: list[str]) -> list[bool]:
     return asyncio.run(run())
 
 
-def test_one_address_has_few_connections_also_before_it_asks_for_anything() -> None:
+def test_one_address_and_all_together_have_few_connections_also_before_they_ask_for_anything() -> None:
     options = ServeOptions(per_address=2, proxy="10.0.0.9")
     assert aborted(options, ["192.0.2.1"] * 3 + ["192.0.2.2"]) == [False, False, True, False]
     assert aborted(options, ["127.0.0.1"] * 5) == [False] * 5
     assert aborted(options, ["10.0.0.9"] * 5) == [False] * 5
-
-
-def test_all_together_have_an_end() -> None:
     found = aborted(ServeOptions(max_people=1), ["127.0.0.1"] * 300)
     assert found == [False] * 259 + [True] * 41
 

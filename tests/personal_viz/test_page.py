@@ -138,7 +138,7 @@ def test_a_lost_picture_is_remembered_until_the_page_is_new(page: Page) -> None:
     assert page.has_lost_picture
 
 
-def test_a_flood_is_cut_off(page: Page) -> None:
+def test_a_flood_is_cut_off_and_the_seat_still_hears_that_its_browser_is_gone(page: Page) -> None:
     send = page.new_screen()
     for _ in range(2 * MAX_WAITING):
         run(send(GiveUp()))
@@ -150,9 +150,6 @@ def test_a_flood_is_cut_off(page: Page) -> None:
             break
         found += 1
     assert found == MAX_WAITING
-
-
-def test_a_flooded_seat_still_hears_that_its_browser_is_gone(page: Page) -> None:
     page.new_screen()
     for _ in range(MAX_WAITING):
         page.put(Item("told", screen=-1))

@@ -103,28 +103,24 @@ def test_the_texts_come_after_the_home(fake_screens: Fakes) -> None:
     assert trial.link.outcome.candidates == (HIT,)
 
 
-def test_the_time_runs_out_without_the_browser(fake_screens: Fakes) -> None:
+def test_the_time_runs_out_without_the_browser_and_a_click_after_it_is_nothing(fake_screens: Fakes) -> None:
     walked = played(fake_screens, MemoryLink("pan"), FORWARD, *[PASS] * 9, pan_max_s=6)
     pointed = played(fake_screens, MemoryLink("pog", "map_first"), CloseMap(), RAY, *[PASS] * 9, **HOME_FIRST)
     assert [(trial.link.outcome.reason, trial.raised) for trial in (walked, pointed)] == [("timeout", None)] * 2
     assert pointed.link.outcome.candidates == ()
-
-
-def test_a_click_after_the_time_is_up_is_nothing(fake_screens: Fakes) -> None:
     choices = {"pog": {"conditions": ["map_open"], "answer_max_s": 0.5}}
     trial = played(fake_screens, MemoryLink("pog"), RAY, **choices)
     assert trial.link.outcome.reason == "timeout"
     assert not any(isinstance(event, Clicked) for event in trial.link.stored)
 
 
-def test_the_question_after_an_answer_is_a_screen_of_its_own(fake_screens: Fakes) -> None:
+def test_the_question_after_an_answer_is_a_screen_of_its_own_and_the_answer_counts_without_it(
+    fake_screens: Fakes,
+) -> None:
     trial = played(fake_screens, MemoryLink("pog"), RAY, Confirm(), "2", confidence=True)
     assert trial.screens == ["SceneView", "PogScreen", "How sure are you?"]
     assert [event.value for event in trial.link.stored if isinstance(event, Confidence)] == [2]
     assert trial.link.calls[-1] == "finish"
-
-
-def test_an_answer_counts_when_the_page_is_closed_at_the_question(fake_screens: Fakes) -> None:
     trial = played(fake_screens, MemoryLink("pog"), RAY, Confirm(), confidence=True)
     assert isinstance(trial.raised, GoneError)
     assert trial.link.outcome.candidates == (HIT,)
