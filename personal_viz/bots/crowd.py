@@ -227,20 +227,18 @@ def timed(bots: Crowd, seconds: float, *, server_pid: int | None) -> Spent:
 @contextmanager
 def background_loop(name: str) -> Iterator[asyncio.AbstractEventLoop]:
     """Yields an event loop on its own thread; tasks that still run at the block's end are cancelled."""
-    loop = asyncio.new_event_loop()
-    thread = threading.Thread(target=loop.run_forever, daemon=True, name=name)
+    begun: Future[asyncio.AbstractEventLoop] = Future()
+    is_over = asyncio.Event()
+
+    async def until_over() -> None:
+        begun.set_result(asyncio.get_running_loop())
+        await is_over.wait()
+
+    thread = threading.Thread(target=lambda: asyncio.run(until_over()), daemon=True, name=name)
     thread.start()
+    loop = begun.result()
     try:
         yield loop
     finally:
-        asyncio.run_coroutine_threadsafe(_cancel_all(), loop).result()
-        loop.call_soon_threadsafe(loop.stop)
+        loop.call_soon_threadsafe(is_over.set)
         thread.join()
-        loop.close()
-
-
-async def _cancel_all() -> None:
-    others = asyncio.all_tasks() - {asyncio.current_task()}
-    for task in others:
-        task.cancel()
-    await asyncio.gather(*others, return_exceptions=True)

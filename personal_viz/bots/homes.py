@@ -6,18 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from human_study.design.plan import PRACTICE_FOLDER, load_plan
+from human_study.design.plan import load_plan
 from human_study.design.study import load_study
+from human_study.export.verify import TrialHome
 from human_study.store.records import read_study
-from sim.episodes.dataset import PersonalDataset
-from sim.episodes.schema import Episode
-from sim.homes.open_home import open_scene
-from sim.mesh import Scene
 from sim.tasks.agents import ShortestPathAgent
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Vector3
 from sim.types import Action, EpisodeKey
 
+from ..study_app.home.trial_homes import open_any_home
 from .site import Site
 
 _BESIDE = 0.3
@@ -54,7 +52,7 @@ class BotHomes:
         self.config = load_study(site.folder)
         self._plan = load_plan(site.folder, self.config)
         self._practice = {scene.name for scene in self._plan.practice_scenes}
-        self._scenes: dict[str, Scene] = {}
+        self._homes: dict[str, TrialHome] = {}
         self._ways: dict[EpisodeKey, tuple[Action, ...]] = {}
         self._lock = threading.RLock()
 
@@ -63,18 +61,18 @@ class BotHomes:
         with read_study(self._site.folder) as reader:
             return next((status.key for status in reader.trials(code) if status.is_due), None)
 
-    def episode(self, key: EpisodeKey) -> Episode:
-        """An episode with its targets."""
-        return self._dataset(key.scene).episode(key)
-
-    def scene(self, name: str) -> Scene:
-        """A home as trials show it."""
+    def home(self, name: str) -> TrialHome:
+        """A home as trials show it, with its episodes and their targets."""
         with self._lock:
-            if name not in self._scenes:
-                folder = None if name in self._practice else self._site.scenes_dir
-                clutter = self._plan.scene(name).clutter
-                self._scenes[name] = open_scene(self._dataset(name), name, scenes_dir=folder, clutter=clutter)
-            return self._scenes[name]
+            if name not in self._homes:
+                self._homes[name] = open_any_home(
+                    self._plan.scene(name),
+                    folder=self._site.folder,
+                    is_practice=name in self._practice,
+                    dataset=self._site.dataset,
+                    scenes_dir=self._site.scenes_dir,
+                )
+            return self._homes[name]
 
     def way(self, code: str) -> Sequence[Action]:
         """The shortest way to the target of the participant's present trial, STOP last; () without a trial."""
@@ -91,8 +89,9 @@ class BotHomes:
         key = self.due(code)
         if key is None:
             return None
-        (target, *_) = self.episode(key).targets
-        heights = self.scene(key.scene).navigation.storey_heights
+        home = self.home(key.scene)
+        (target, *_) = home.episode(key).targets
+        heights = home.navigation.storey_heights
         storey = int(np.argmin([abs(height - target.floor_y) for height in heights]))
         x, _, z = target.position
         return Aim(storey, (x, heights[storey], z))
@@ -102,7 +101,7 @@ class BotHomes:
         key = self.due(code)
         if key is None:
             return None
-        navigation = self.scene(key.scene).navigation
+        navigation = self.home(key.scene).navigation
         storey = int(rng.integers(len(navigation.storey_heights)))
         floor_y = navigation.storey_heights[storey]
         free = navigation.top_down(floor_y)
@@ -111,7 +110,8 @@ class BotHomes:
         return Aim(storey, (x, floor_y, z))
 
     def _walk(self, key: EpisodeKey) -> tuple[Action, ...]:
-        episode, navigation = self.episode(key), self.scene(key.scene).navigation
+        home = self.home(key.scene)
+        episode, navigation = home.episode(key), home.navigation
         env = PanEnv(episode.start, navigation, renderer=None, max_steps=self.config.steps)
         agent = ShortestPathAgent(episode, navigation)
         agent.reset(self.config.task_for(episode, "pan"), env.camera, seed=0)
@@ -120,6 +120,3 @@ class BotHomes:
             actions.append(agent.act(observation))
             observation = env.step(actions[-1])
         return tuple(actions)
-
-    def _dataset(self, scene: str) -> PersonalDataset:
-        return PersonalDataset(self._site.folder / PRACTICE_FOLDER if scene in self._practice else self._site.dataset)

@@ -1,4 +1,4 @@
-"""The logs of bots, and their comparison with the study's records: what was lost, and what is there twice.
+"""The logs of bots, and their comparison with the study's records: what was lost or stored twice.
 
 Each key has its own browser time (`t_cli_ms`) and each click its own ray, so each is searched for by itself. Moves of
 the mark and answers are only counted.
