@@ -5,7 +5,7 @@ The public names are loaded when they are first used: `import grounding` itself 
 
 from typing import TYPE_CHECKING
 
-from sim.public_names import loader_of
+from sim.public_names import loaders_of
 
 if TYPE_CHECKING:
     from .agents.explore import explore as explore
@@ -36,10 +36,5 @@ __all__ = [
     "ground",
 ]
 
-if not TYPE_CHECKING:  # a type checker that saw it would accept any name
-    __getattr__ = loader_of(__name__, _PLACES)
-
-
-def __dir__() -> list[str]:
-    """The public names."""
-    return __all__
+if not TYPE_CHECKING:  # a type checker that saw them would accept any name
+    __getattr__, __dir__ = loaders_of(__name__, _PLACES)

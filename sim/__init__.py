@@ -5,7 +5,7 @@ The public names are loaded when they are first used: `import sim` itself loads 
 
 from typing import TYPE_CHECKING
 
-from .public_names import loader_of
+from .public_names import loaders_of
 
 if TYPE_CHECKING:
     from .episodes.dataset import PersonalDataset as Dataset
@@ -48,10 +48,5 @@ __all__ = [
     "play",
 ]
 
-if not TYPE_CHECKING:  # a type checker that saw this function would accept any name
-    __getattr__ = loader_of(__name__, _PLACES)
-
-
-def __dir__() -> list[str]:
-    """The public names."""
-    return __all__
+if not TYPE_CHECKING:  # a type checker that saw them would accept any name
+    __getattr__, __dir__ = loaders_of(__name__, _PLACES)

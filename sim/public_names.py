@@ -4,8 +4,12 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 
 
-def loader_of(package: str, places: Mapping[str, tuple[str, str]]) -> Callable[[str], object]:
-    """The `__getattr__` (PEP 562) of this package; `places` maps each public name to its module and its name there."""
+def loaders_of(
+    package: str, places: Mapping[str, tuple[str, str]]
+) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
+    """The `__getattr__` and `__dir__` (PEP 562) of this package; `places` maps each public name to its module and its
+    name there.
+    """
 
     def load(name: str) -> object:
         """The object of this public name; AttributeError for any other."""
@@ -14,4 +18,4 @@ def loader_of(package: str, places: Mapping[str, tuple[str, str]]) -> Callable[[
         module, own_name = places[name]
         return getattr(import_module(module), own_name)
 
-    return load
+    return load, lambda: list(places)

@@ -146,7 +146,7 @@ def _checked(found: Exploration, job: ExploreJob, scene: Scene, path: Path) -> E
             f"{path}: made with seed {found.seed}, a camera of {found.camera.width} x {found.camera.height} and "
             f"{len(found.steps)} steps (stopped: {found.stop_reason}) in home {found.scene_digest[:12]} by policy "
             f"{found.policy!r}; expected seed {job.seed}, {job.camera.width} x {job.camera.height}, "
-            f"{job.max_steps} steps or fewer that ended of themselves, home {scene.digest[:12]}, policy "
+            f"{job.max_steps} steps or fewer where exploring ended by itself, home {scene.digest[:12]}, policy "
             f"{EXPLORER_VERSION!r}. "
             "Give another --out, or remove the file."
         )

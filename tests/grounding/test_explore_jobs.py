@@ -39,7 +39,7 @@ def test_a_stored_exploration_is_read_again_and_not_made_again(tmp_path: Path) -
 def test_one_whose_steps_ran_out_is_no_result_of_more_or_fewer_steps(tmp_path: Path) -> None:
     run_job(job(tmp_path, 12))
     with pytest.raises(
-        RunFileError, match=r"12 steps \(stopped: steps\).*2500 steps or fewer that ended of themselves"
+        RunFileError, match=r"12 steps \(stopped: steps\).*2500 steps or fewer where exploring ended by itself"
     ):
         run_job(job(tmp_path, 2500))
     run_job(job(tmp_path, 12))
