@@ -4,7 +4,7 @@ import PIL
 
 from sim.cache import cached_bytes
 
-from ..mesh import FLAT, Scene, TriangleMesh
+from ..mesh import FLAT, Scene
 from .atlas import atlased
 from .cut import storey_mesh
 from .decimate import decimated
@@ -25,7 +25,8 @@ def browser_glb(scene: Scene, floor_y: float, *, srgb_colours: bool = False) -> 
     Raises:
         SceneError: No face of the scene is on that storey.
     """
-    srgb_colours = srgb_colours and _has_colours(scene.mesh)
+    shows_colours = scene.mesh.vertex_rgb is not None and bool((scene.mesh.face_texture != FLAT).any())
+    srgb_colours = srgb_colours and shows_colours
     key = f"{VERSION} {PIL.__version__} {scene.digest} {scene.kind} {floor_y!r} {srgb_colours}"
     return cached_bytes("glb", key, lambda: _made(scene, floor_y, srgb_colours=srgb_colours))
 
@@ -37,8 +38,3 @@ def _made(scene: Scene, floor_y: float, *, srgb_colours: bool) -> bytes:
         mesh = decimated(mesh, max_faces=int(0.95 * len(mesh.faces) * MAX_BYTES / len(glb)))
         glb = glb_from_mesh(atlased(mesh), srgb_colours=srgb_colours)
     return glb
-
-
-def _has_colours(mesh: TriangleMesh) -> bool:
-    """Whether the mesh shows vertex colours, alone or on textures."""
-    return mesh.vertex_rgb is not None and bool((mesh.face_texture != FLAT).any())

@@ -76,13 +76,8 @@ class QuadBuilder:
             Large quads are split where light changes. `vertex_rgb` is the light on textured faces and the lit colour
             of the others; `face_rgb` is the lit mean colour of all faces.
         """
-        batches = self._batches
+        batches, quads = self._batches, self._quads()
         counts = [len(batch.corners) for batch in batches]
-        quads = Quads(
-            np.concatenate([batch.corners for batch in batches]),
-            self._normals(),
-            np.repeat(np.array([batch.instance for batch in batches], np.int32), counts),
-        )
         uv = _planar_uv(quads.corners)
         for batch, end in zip(batches, np.cumsum(counts), strict=True):
             if batch.uv is not None:
@@ -97,13 +92,13 @@ class QuadBuilder:
 
     def bare_mesh(self) -> TriangleMesh:
         """Everything added so far as triangles with object ids, without looks and light."""
-        counts = [len(batch.corners) for batch in self._batches]
-        instance = np.repeat(np.array([batch.instance for batch in self._batches], np.int32), counts)
-        return bare_mesh(np.concatenate([batch.corners for batch in self._batches]), instance)
+        quads = self._quads()
+        return bare_mesh(quads.corners, quads.instance)
 
-    def _normals(self) -> NDArray[np.float64]:
-        """Unit vectors (Q, 4, 3): the given normals, or else the quads' own."""
+    def _quads(self) -> Quads:
+        """Everything added so far; normals are the given ones, or else the quads' own."""
         corners = np.concatenate([batch.corners for batch in self._batches])
+        instance = np.concatenate([np.full(len(batch.corners), batch.instance, np.int32) for batch in self._batches])
         normals = np.repeat(_crossed(corners)[:, None], 4, axis=1)
         first = 0
         for batch in self._batches:
@@ -111,7 +106,8 @@ class QuadBuilder:
                 normals[first : first + len(batch.corners)] = batch.normals
             first += len(batch.corners)
         lengths = np.linalg.norm(normals, axis=2, keepdims=True)
-        return np.where(lengths > 1e-12, normals / np.maximum(lengths, 1e-12), _UP)
+        normals = np.where(lengths > 1e-12, normals / np.maximum(lengths, 1e-12), _UP)
+        return Quads(corners, normals, instance)
 
 
 class Spot(NamedTuple):
