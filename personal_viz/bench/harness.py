@@ -262,27 +262,6 @@ def interleaved(
     return {name: Timing(*(float(value) for value in np.median(times, axis=0))) for name, times in found.items()}
 
 
-class Budget:
-    """Time in which a run must end, counted from the start of its process: imports and compiling count too."""
-
-    def __init__(self, limit_s: float | None) -> None:
-        """Counts from the process's start.
-
-        Args:
-            limit_s: Elapsed seconds; None = no limit.
-        """
-        self._end = math.inf if limit_s is None else time.perf_counter() + limit_s - since_process_start_s()
-
-    @property
-    def left_s(self) -> float:
-        """Seconds left, never below 0; inf without a limit."""
-        return max(self._end - time.perf_counter(), 0.0)
-
-    def has(self, need_s: float) -> bool:
-        """Whether a part of this many seconds can begin and end in time; always True without a limit."""
-        return 0 < self.left_s >= need_s
-
-
 def since_process_start_s() -> float:
     """Elapsed seconds since this process began."""
     return time.time() - psutil.Process().create_time()

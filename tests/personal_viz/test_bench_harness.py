@@ -115,17 +115,11 @@ def test_functions_are_called_in_turn_after_a_warm_up() -> None:
     assert set(found) == {"a", "b"}
 
 
-def test_a_budget_counts_from_the_start_of_the_process() -> None:
-    code = (
-        "import time; from personal_viz.bench.harness import *; Budget(None).has(1e9) or exit(1)\n"
-        "budget = Budget(60.0); print(time.time() - since_process_start_s(), budget.left_s, budget.has(61.0))"
-    )
+def test_a_process_knows_for_how_long_it_has_run() -> None:
+    code = "import time; from personal_viz.bench.harness import *; print(time.time() - since_process_start_s())"
     before = time.time()
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
-    started, left_s, has_too_much = done.stdout.split()
-    assert before - 1.5 <= float(started) <= time.time()  # systems tell a start to about a second
-    assert 0 < float(left_s) < 60
-    assert has_too_much == "False"
+    assert before - 1.5 <= float(done.stdout) <= time.time()  # systems tell a start to about a second
 
 
 def test_the_page_of_figures_is_rewritten_where_it_has_a_place_for_them(tmp_path: Path) -> None:

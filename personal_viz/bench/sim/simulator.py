@@ -1,5 +1,6 @@
 """The simulator benchmark: scenes of several sizes, each measured in rendering, loading, walking and browser copies."""
 
+import math
 import tempfile
 import time
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from sim.render.raycast import Raycaster, own_cores
 from sim.types import Camera
 from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
 
-from ..harness import Budget, Findings, Plan, Progress, Target, Values, since_process_start_s
+from ..harness import Findings, Plan, Progress, Target, Values, since_process_start_s
 from .children import compiling, in_child, measured_loads
 from .rendering import render_figures
 from .scenes import bench_mesh, write_bench_glb
@@ -146,15 +147,22 @@ class _Run:
     """The time left of a run, and the parts left out for lack of it."""
 
     def __init__(self, settings: BenchSettings, progress: Progress) -> None:
-        self.budget = Budget(settings.budget_s)
+        """Counts from the process's start: imports and compiling count too."""
+        budget_s = math.inf if settings.budget_s is None else settings.budget_s
+        self._end_s = time.perf_counter() + budget_s - since_process_start_s()
         self.left_out = list(settings.left_out)
         self.pace = 1.0
         """Factor by which this machine is slower than that of SIM.md, or busier."""
         self.progress = progress
 
+    @property
+    def left_s(self) -> float:
+        """Seconds left, never below 0; inf without a limit."""
+        return max(self._end_s - time.perf_counter(), 0.0)
+
     def begins(self, what: str, need_s: float) -> bool:
         """Whether a part fits into the time left; otherwise names it as left out."""
-        if self.budget.has(need_s * self.pace):
+        if 0 < self.left_s >= need_s * self.pace:
             self.progress(what)
             return True
         self.leave_out(what)
@@ -206,7 +214,7 @@ def _sizes_and_copies(settings: BenchSettings, run: _Run) -> tuple[dict[str, Val
         name = f"browser copy of {size.name}"
         if run.begins(name, _BROWSER_NEED_S):
             house = (size.faces, settings.clicks, settings.seed, settings.num_textures, settings.texture_size)
-            copy = in_child("browser", *house, timeout_s=run.budget.left_s)
+            copy = in_child("browser", *house, timeout_s=run.left_s)
             if copy is None:
                 run.leave_out(name)
             else:
@@ -267,7 +275,7 @@ def _loads(size: BenchSize, mesh: TriangleMesh, settings: BenchSettings, run: _R
         path = Path(folder) / "house.glb"
         write_bench_glb(path, mesh)
         return measured_loads(
-            path, repeats=settings.load_repeats, has_time=lambda need_s: run.budget.has(need_s + reserve_s)
+            path, repeats=settings.load_repeats, has_time=lambda need_s: run.left_s >= need_s + reserve_s
         )
 
 
