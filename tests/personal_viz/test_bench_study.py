@@ -3,6 +3,7 @@
 import socket
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -10,15 +11,18 @@ import pytest
 from personal_viz.bench.harness import Findings, Progress, markdown, run_benchmark
 from personal_viz.bench.study import parts as bench
 from personal_viz.bench.study.browser import delayed
-from personal_viz.bench.study.store import store_acks_ms
+from personal_viz.bench.study.kills import KillSettings
+from personal_viz.bench.study.store import StoreSettings, store_acks_ms
 from personal_viz.cli.bench import Bench
 from sim.errors import PersonalVizError, StudyError
 
 
 def test_the_command_measures_the_parts_that_it_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[bench.StudySettings, tuple[str, ...]]] = []
+    asked: list[tuple[Mapping[str, bench.PartSettings], tuple[str, ...]]] = []
 
-    def measured(settings: bench.StudySettings, progress: Progress, parts: tuple[str, ...] = ()) -> Findings:
+    def measured(
+        settings: Mapping[str, bench.PartSettings], progress: Progress, parts: tuple[str, ...] = ()
+    ) -> Findings:
         asked.append((settings, parts))
         return Findings({})
 
@@ -26,7 +30,7 @@ def test_the_command_measures_the_parts_that_it_is_asked_for(tmp_path: Path, mon
     assert Bench("study", out=tmp_path, quick=True).run() == 0
     assert Bench("study", out=tmp_path, parts=("soak", "kills")).run() == 0
     assert asked == [(bench.QUICK, ()), (bench.FULL, ("soak", "kills"))]
-    assert bench.FULL.kills.kills == 200
+    assert bench.FULL["kills"] == KillSettings(kills=200)
 
 
 def test_unknown_parts_are_refused_before_work_starts(tmp_path: Path) -> None:
@@ -37,8 +41,7 @@ def test_unknown_parts_are_refused_before_work_starts(tmp_path: Path) -> None:
 
 
 def test_only_the_parts_that_were_asked_for_are_measured() -> None:
-    store = bench.QUICK.store.model_copy(update={"seconds": 0.5})
-    settings = bench.QUICK.model_copy(update={"store": store})
+    settings = {**bench.QUICK, "store": StoreSettings(seconds=0.5)}
     report = run_benchmark(
         "study", lambda: bench.measure(settings, lambda _: None, parts=("store",)), bench.PLAN, quick=True
     )
