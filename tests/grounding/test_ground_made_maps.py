@@ -59,17 +59,9 @@ def call(small_root: Path, maps: Path, out: Path, **options) -> int:
 @pytest.mark.parametrize(
     ("option", "value"),
     [
-        ("view_noise", 0.3),
-        ("object_noise", 0.3),
-        ("confusion", 0.1),
-        ("background", True),
-        ("paraphrase", 2),
-        ("clutter", 1),
-        ("features", "images"),
-        ("blur", 0.5),
-        ("sweep", "view-noise=0,0.3"),
-        ("sweep", "object-noise=0,0.3"),
-        ("sweep", "paraphrase=0,1,2"),
+        *{"view_noise": 0.3, "object_noise": 0.3, "confusion": 0.1, "background": True, "paraphrase": 2}.items(),
+        *{"clutter": 1, "features": "images", "blur": 0.5}.items(),
+        *(("sweep", sweep) for sweep in ("view-noise=0,0.3", "object-noise=0,0.3", "paraphrase=0,1,2")),
     ],
 )
 def test_options_of_making_maps_are_refused_on_made_ones(

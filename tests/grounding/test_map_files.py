@@ -152,24 +152,12 @@ def with_header(value: object, *path: str | int):
         (lambda part, data: None if part.endswith("0/rc.npy") else data, r"no storey0/rc.npy; expected a map"),
         (lambda part, data: data[:90] if part.endswith("0/rows.npy") else data, r"storey0/rows is no plain array"),
         (lambda part, data: b"{" if part == "header.json" else data, r"header.json: .*expected: whole JSON"),
-        (
-            with_header(0, "schema_version"),
-            r"schema_version is 0; expected 1. Open it with the version",
-        ),
+        (with_header(0, "schema_version"), r"schema_version is 0; expected 1. Open it with the version"),
         (with_header(9, "schema_version"), r"schema_version is 9; expected 1."),
-        (
-            with_header(3, "dim"),
-            r"storey0/rows is float32 of shape \(3, 768\); expected float32 of shape \('any', 3\)",
-        ),
-        (
-            with_header("objects", "layout"),
-            r"header.json: storey0 is without merge_m or captions",
-        ),
+        (with_header(3, "dim"), r"storey0/rows is float32 of shape \(3, 768\); expected float32 of shape \('any', 3\)"),
+        (with_header("objects", "layout"), r"header.json: storey0 is without merge_m or captions"),
         (with_header(1, "secret"), r"header.json: secret is 1; expected: Extra inputs"),
-        (
-            with_header([], "storeys"),
-            r"header.json: storeys is .*; expected: Tuple should have at least 1 item",
-        ),
+        (with_header([], "storeys"), r"header.json: storeys is .*; expected: Tuple should have at least 1 item"),
         (
             with_header(1, "storeys", 0, "grid", "secret"),
             r"header.json: storeys.0.grid.secret is 1; expected: Unexpected keyword argument",

@@ -112,8 +112,7 @@ def test_negative_options_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "frame"),
-    [("rpg", "non-empty cells"), ("rpg-authors", "non-empty cells"), ("rpg-literal", "whole grid")],
+    ("name", "frame"), [("rpg", "non-empty cells"), ("rpg-authors", "non-empty cells"), ("rpg-literal", "whole grid")]
 )
 def test_rpgs_presets_go_by_their_names(name: GrounderName, frame: str) -> None:
     grounder = make_grounder(name, ENCODER)

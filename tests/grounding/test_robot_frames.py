@@ -17,13 +17,7 @@ from sim.errors import SceneError
 from sim.frames import R_agent_axes, R_agent_camera
 from sim.types import Frame
 
-from .mapped_views import (
-    ColourEncoder,
-    matrix_of_intrinsics,
-    poses_of,
-    write_pictures,
-    write_recording,
-)
+from .mapped_views import ColourEncoder, matrix_of_intrinsics, poses_of, write_pictures, write_recording
 
 FRAMES = [view.frame for view in check_views()][::3]
 

@@ -267,14 +267,16 @@ def test_many_episodes_on_one_packed_map_equal_each_alone(problem: Problem, opti
 
 def test_ties_go_to_the_first_cell_in_row_major_order() -> None:
     rng = np.random.default_rng(0)
-    direction = rng.normal(size=768)
+    direction, across = rng.normal(size=(2, 768))
+    across -= direction * (across @ direction) / (direction @ direction)
     features = np.zeros((50, 50, 768))
     # the same direction at many lengths: float32 products of these cells differ in their last bits
     for row, col in rng.integers(4, 50, size=(40, 2)):
         features[row, col] = direction * rng.uniform(0.1, 9)
-    features[3, 49] = direction * 0.3
     features[4, 0] = direction
-    problem = Problem(features, direction[None], direction + rng.normal(size=768) * 0.1)
+    # the first one's cosine is lower by half of what counts as a tie
+    features[3, 49] = direction * 0.3 + across * 0.3 * math.sqrt(TIE)
+    problem = Problem(features, direction[None], direction * 7.5)
     assert answer(solve(problem, PRESETS["paper"])) == 3 * 50 + 49
     assert answer(solve_packed(problem, PRESETS["paper"])) == 3 * 50 + 49
 

@@ -170,10 +170,7 @@ def habitat_lab() -> dict[str, ModuleType]:
     for kind in (DistanceToGoal, Success, SPL, SoftSPL, Collisions):
         setattr(nav, kind.__name__, kind)
     simulator.__dict__["HabitatSim"] = HabitatSim
-    return {
-        "habitat.tasks.nav.nav": nav,
-        "habitat.sims.habitat_simulator.habitat_simulator": simulator,
-    }
+    return {"habitat.tasks.nav.nav": nav, "habitat.sims.habitat_simulator.habitat_simulator": simulator}
 
 
 class HabitatSim:

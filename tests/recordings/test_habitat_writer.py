@@ -35,10 +35,7 @@ def started(writer: RunWriter) -> RunWriter:
 
 @pytest.mark.parametrize(
     ("module", "others", "standard"),
-    [
-        (habitat_writer, set(), {"__future__", "json", "math", "os", "re", "typing"}),
-        (habitat_golden, {"numpy"}, None),
-    ],
+    [(habitat_writer, set(), {"__future__", "json", "math", "os", "re", "typing"}), (habitat_golden, {"numpy"}, None)],
     ids=["writer: six modules of the standard library", "golden: numpy and the standard library"],
 )
 def test_the_files_to_copy_are_python_3_8_and_need_little(
@@ -193,13 +190,7 @@ def test_a_bad_argument_of_a_step_is_named(started: RunWriter, values: dict[str,
     ],
 )
 def test_a_bad_argument_of_a_start_is_named(writer: RunWriter, values: dict[str, Any], message: str) -> None:
-    good = {
-        "split": "easy",
-        "scene_id_or_name": "Flat",
-        "episode_id": 1,
-        "position": [0, 0, 0],
-        "rotation_xyzw": AHEAD,
-    }
+    good = {"split": "easy", "scene_id_or_name": "Flat", "episode_id": 1, "position": [0, 0, 0], "rotation_xyzw": AHEAD}
     with pytest.raises(ValueError, match=message):
         writer.start_episode(**(good | values))
 

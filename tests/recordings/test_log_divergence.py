@@ -49,10 +49,7 @@ def test_a_cross_marks_where_a_run_leaves_the_path_when_it_does(found: Tables, h
 def test_diamonds_mark_on_both_ways_where_they_part(found: Tables, agent_run: Run, human_run: Run) -> None:
     places = {}
     titles = ["human-P07", "straight.agent"]
-    for label, run, (title, other) in (
-        ("study-P07", human_run, titles),
-        ("straight.agent", agent_run, titles[::-1]),
-    ):
+    for label, run, (title, other) in (("study-P07", human_run, titles), ("straight.agent", agent_run, titles[::-1])):
         columns = found[(f"/runs/{label}/parting", False)]
         (row,) = columns["step"]
         (outline,) = np.array(columns["LineStrips3D:strips"][0])

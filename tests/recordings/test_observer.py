@@ -158,7 +158,7 @@ def test_the_record_holds_the_run_files_own_lines(found: Tables, rrd: tuple[Path
 
 def test_the_blueprint_shows_camera_home_map_plot_actions_and_task(rrd: tuple[Path, EpisodeRun]) -> None:
     assert view_names(rrd[0]) == {
-        *("Actions", "Depth", "Home", "Metres to the goal", "Seen so far", "Task and results", "straight.agent sees"),
+        *("Actions", "Depth", "Home", "Metres to the goal", "Seen so far", "Task and results", "straight.agent sees")
     }
 
 

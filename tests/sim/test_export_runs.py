@@ -14,17 +14,7 @@ from sim.exchange import export_runs as exports
 from sim.exchange.export_runs import export_runs
 from sim.exchange.import_runs import check_file
 from sim.exchange.pose_files import PoseReading
-from sim.tasks.run_files import (
-    Answer,
-    EpisodeEnd,
-    EpisodeRun,
-    EpisodeStart,
-    RuleMeasures,
-    Run,
-    RunInfo,
-    Step,
-    read_run,
-)
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, RuleMeasures, Run, RunInfo, Step, read_run
 from sim.types import Action, Pose
 
 from .foreign_runs import two_starts

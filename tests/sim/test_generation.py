@@ -185,18 +185,9 @@ def test_a_folder_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
 def test_the_invent_verb_writes_whole_homes_and_says_what_is_next(tmp_path: Path, capsys) -> None:
     assert Invent(homes=1, seed=7, out=tmp_path / "homes").run() == 0
     names = sorted(str(path.relative_to(tmp_path / "homes")) for path in (tmp_path / "homes").rglob("*.*"))
-    assert names == [
-        "easy/content/Invented7.json.gz",
-        "easy/easy.json.gz",
-        "hard/content/Invented7.json.gz",
-        "hard/hard.json.gz",
-        "medium/content/Invented7.json.gz",
-        "medium/medium.json.gz",
-        "scenes/Invented7.glb",
-        "scenes/Invented7.plan.json",
-        "scenes/Invented7.semantic.glb",
-        "scenes/Invented7.semantic.txt",
-    ]
+    episodes = [f"{split}/{file}.json.gz" for split in SPLITS for file in ("content/Invented7", split)]
+    scene = [f"scenes/Invented7.{kind}" for kind in ("glb", "plan.json", "semantic.glb", "semantic.txt")]
+    assert names == sorted(episodes + scene)
     assert "personal-viz validate --dataset" in capsys.readouterr().out
     with pytest.raises(PersonalVizError, match="--homes is 0; expected a whole number from 1"):
         Invent(homes=0, seed=7, out=tmp_path / "none").run()

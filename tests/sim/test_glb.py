@@ -215,11 +215,7 @@ def test_whole_numbers_may_be_written_with_a_point(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("mode", "corners", "faces"),
-    [
-        (5, [0, 1, 3, 2], [[0, 1, 3], [1, 2, 3]]),
-        (6, [0, 1, 2, 3], [[1, 2, 0], [2, 3, 0]]),
-    ],
+    ("mode", "corners", "faces"), [(5, [0, 1, 3, 2], [[0, 1, 3], [1, 2, 3]]), (6, [0, 1, 2, 3], [[1, 2, 0], [2, 3, 0]])]
 )
 def test_strips_and_fans_keep_their_side(tmp_path, mode, corners, faces):
     mesh = drawn(tmp_path, lambda w: w.square(mode=mode, indices=w.accessor(np.array(corners, np.uint8))))

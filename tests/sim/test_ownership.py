@@ -46,9 +46,7 @@ def test_a_sentence_without_owner_or_object_is_refused_in_one_line(sentence: str
 
 def test_articles_at_the_start_case_and_punctuation_do_not_make_an_object_but_articles_inside_do() -> None:
     assert normalise_phrase(" The  low, OAK table.") == "low oak table"
-    graph = graph_from_sentences(
-        ["Ada owns coats in the closet of the hall", "Ada owns coats in the closet of hall"],
-    )
+    graph = graph_from_sentences(["Ada owns coats in the closet of the hall", "Ada owns coats in the closet of hall"])
     assert graph.objects == ("coats in closet of the hall", "coats in closet of hall")
 
 

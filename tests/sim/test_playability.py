@@ -60,11 +60,7 @@ def three_splits(root: Path) -> PersonalDataset:
         info = {"geodesic_distance": length, "euclidean_distance": 2.0, "closest_goal_object_id": 7}
         return example_episode(episode_id=str(number), start_position=[x, 0.0, 0.0], info=info, **changes)
 
-    hard = [
-        asks(1, 3.4, 2.4),
-        asks(2, 3.6, 2.6),
-        asks(3, 3.0, 2.0, object_category="lamp", object_id="lamp_9"),
-    ]
+    hard = [asks(1, 3.4, 2.4), asks(2, 3.6, 2.6), asks(3, 3.0, 2.0, object_category="lamp", object_id="lamp_9")]
     return PersonalDataset(
         write_dataset(
             root,
@@ -98,22 +94,10 @@ def verdict(*, number: int, pixels: int, alike: tuple[str, ...]) -> FindVerdict:
 
 
 def facts(name: str, ratios: list[float], **changes: Any) -> HomeFacts:
-    fields: dict[str, Any] = {
-        "name": name,
-        "scene_kind": "schematic",
-        "is_playable": np.isfinite(ratios),
-        "ratios": np.array(ratios),
-        "held_out": None,
-        "view_points": (0, 0),
-        "cells": (0, 0),
-        "verdicts": (),
-        "area_m2": 50.0,
-        "storeys": 1,
-        "build_s": 1.234,
-        "triangles": 1000,
-        "glb_mb": 1.5,
-    }
-    return HomeFacts(**{**fields, **changes})
+    fields: dict[str, Any] = {"name": name, "is_playable": np.isfinite(ratios), "ratios": np.array(ratios)}
+    fields |= {"scene_kind": "schematic", "held_out": None, "view_points": (0, 0), "cells": (0, 0), "verdicts": ()}
+    fields |= {"area_m2": 50.0, "storeys": 1, "build_s": 1.234, "triangles": 1000, "glb_mb": 1.5}
+    return HomeFacts(**fields | changes)
 
 
 def test_shares_are_pooled_over_homes() -> None:

@@ -57,10 +57,7 @@ def test_episodes_before_an_agents_error_are_on_disk(demo_root: Path, tmp_path: 
     writer, on_disk = writer_in(tmp_path / "a"), []
     with pytest.raises(AgentError, match="raised ValueError: out of ideas"):
         run_agent(
-            [work],
-            writer,
-            processes=1,
-            on_episode=lambda: on_disk.append(len(read_run(tmp_path / "a").episodes)),
+            [work], writer, processes=1, on_episode=lambda: on_disk.append(len(read_run(tmp_path / "a").episodes))
         )
     assert on_disk == [1, 2]
     assert [run.key for run in read_run(tmp_path / "a").episodes] == list(work.keys[:2])

@@ -8,14 +8,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from sim.episodes.schema import (
-    EpisodeRecord,
-    Goal,
-    SceneFile,
-    goals_key,
-    resolve_episode,
-    scene_name_from_id,
-)
+from sim.episodes.schema import EpisodeRecord, Goal, SceneFile, goals_key, resolve_episode, scene_name_from_id
 from sim.types import PAPER4, PAPER6
 from tests.sim.synthetic import SCENE, example_content, example_episode, example_goal
 
@@ -64,30 +57,24 @@ def test_one_caption_list_per_object_is_required(changes: dict[str, Any]) -> Non
         EpisodeRecord.model_validate_json(json.dumps(example_episode(**changes)))
 
 
+WRONG_IN_EPISODE: dict[str, list[Any]] = {
+    "floor_id": [0],
+    "episode_id": ["", "3/../4", "3\n", "x" * 65],
+    "start_position": ["2 0 3", [2.0, 3.0], [2.0, 0.0, 10_000.5]],
+    "start_rotation": [[0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0011]],
+    "query": [[], [" "]],
+    "scene_id": ["hm3d_v0.2/val/no name.glb"],
+}
+"""Beside those of test_dataset.py."""
+
+
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        (("episodes", 0, "owner"), ["Ada"]),
-        (("episodes", 0, "floor_id"), 0),
-        (("episodes", 0, "episode_id"), 3),
-        (("episodes", 0, "start_position"), "2 0 3"),
-        (("episodes", 0, "start_position"), [2.0, 3.0]),
-        (("episodes", 0, "start_rotation"), [0.0, 1.0, 0.0]),
+        *((("episodes", 0, field), value) for field, values in WRONG_IN_EPISODE.items() for value in values),
         (("episodes", 0, "info", "geodesic_distance"), "3.25"),
-        (("episodes", 0, "query"), []),
-        (("episodes", 0, "query"), ["Find Ada's coffee table", ""]),
-        (("episodes", 0, "query"), [" "]),
-        (("episodes", 0, "episode_id"), ""),
-        (("episodes", 0, "episode_id"), "3/../4"),
-        (("episodes", 0, "episode_id"), "3\n"),
-        (("episodes", 0, "episode_id"), "x" * 65),
-        (("episodes", 0, "scene_id"), "hm3d_v0.2/val/no name.glb"),
-        (("episodes", 0, "start_position"), [2.0, 0.0, 10_000.5]),
-        (("episodes", 0, "start_rotation"), [0.0, 0.0, 0.0, 0.0]),
-        (("episodes", 0, "start_rotation"), [0.0, 0.0, 0.0, 1.0011]),
         (("episodes", 0, "info", "geodesic_distance"), 1e308),
         (("goals_by_category", goals_key(SCENE, "coffee table"), 0, "position"), [2.0, -1e5, 1.0]),
-        (("episodes", 0, "nickname"), "x"),
         (("category_to_task_category_id", "coffee table"), "0"),
     ],
 )
