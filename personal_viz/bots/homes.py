@@ -6,16 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from human_study.design.plan import load_plan
+from human_study.design.plan import PRACTICE_FOLDER, load_plan
 from human_study.design.study import load_study
 from human_study.export.verify import TrialHome
 from human_study.store.records import read_study
+from sim.episodes.dataset import PersonalDataset
 from sim.tasks.agents import ShortestPathAgent
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Vector3
 from sim.types import Action, EpisodeKey
 
-from ..study_app.home.trial_homes import open_any_home
+from ..study_app.home.trial_homes import open_trial_home
 from .site import Site
 
 _BESIDE = 0.3
@@ -65,13 +66,10 @@ class BotHomes:
         """A home as trials show it, with its episodes and their targets."""
         with self._lock:
             if name not in self._homes:
-                self._homes[name] = open_any_home(
-                    self._plan.scene(name),
-                    folder=self._site.folder,
-                    is_practice=name in self._practice,
-                    dataset=self._site.dataset,
-                    scenes_dir=self._site.scenes_dir,
-                )
+                is_practice, site = name in self._practice, self._site
+                dataset = PersonalDataset(site.folder / PRACTICE_FOLDER if is_practice else site.dataset)
+                scans = None if is_practice else site.scenes_dir
+                self._homes[name] = open_trial_home(dataset, self._plan.scene(name), scans)
             return self._homes[name]
 
     def way(self, code: str) -> Sequence[Action]:
