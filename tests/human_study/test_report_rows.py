@@ -30,15 +30,9 @@ def values(aggregate: Aggregate) -> tuple[float, float, float]:
     return rows["easy"].value, rows["hard"].value, rows["total"].value
 
 
-def test_the_mean_of_splits_is_the_papers_total() -> None:
+def test_a_total_is_the_mean_of_splits_every_trial_the_same_or_splits_by_their_size() -> None:
     assert values(Aggregate()) == pytest.approx((75, 100 / 6, (75 + 100 / 6) / 2))
-
-
-def test_pooled_counts_every_trial_the_same() -> None:
     assert values(Aggregate("pooled")) == pytest.approx((75, 100 / 6, 40))
-
-
-def test_dataset_weighted_counts_splits_by_their_size() -> None:
     sizes = {"easy": 600, "medium": 700, "hard": 200}  # nobody did medium: it has no part
     assert values(Aggregate("dataset_weighted", split_sizes=sizes)) == pytest.approx(
         (75, 100 / 6, 0.75 * 75 + 0.25 * 100 / 6)

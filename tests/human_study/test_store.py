@@ -86,17 +86,11 @@ def test_reloading_does_not_hide_how_long_the_participant_was_away(
     assert last == Reconnect(epoch=3, away_s=701.0)
 
 
-def test_the_first_outcome_stays_and_is_returned(tmp_path: Path) -> None:
+def test_the_first_outcome_stays_and_nothing_comes_after_it(tmp_path: Path) -> None:
     with opened(tmp_path) as (store, trial):
         assert store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop")).reason == "stop"
         assert store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup")).reason == "stop"
-        status = trials_of(store, "p02")[0]
-    assert status.outcome == EpisodeEnd(reason="stop")
-
-
-def test_a_finished_trial_takes_no_more_events_and_is_not_opened_again(tmp_path: Path) -> None:
-    with opened(tmp_path) as (store, trial):
-        store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
+        assert trials_of(store, "p02")[0].outcome == EpisodeEnd(reason="stop")
         with pytest.raises(TrialEndedError, match=r"has ended \(stop\)"):
             store.append(trial.trial_id, trial.epoch, KEY)
         with pytest.raises(TrialEndedError):
