@@ -15,7 +15,6 @@ from sim.homes.kind import scene_label, scene_terms
 from sim.homes.open_home import home_plan, open_scene, scene_from_plan
 from sim.homes.plan import HomePlan
 from sim.mesh import Scene
-from sim.types import ClutterLevel
 
 from ..contact_sheet.sheet import contact_sheet_picture, png_bytes, write_crops
 from .options import Clutter, ScenesDir
@@ -38,9 +37,7 @@ class ContactSheet:
 
     def run(self) -> int:
         require_suffix("--out", self.out, ".png")
-        home, plan = _home(
-            scene=self.scene, dataset=self.dataset, scenes_dir=self.scenes_dir, invent=self.invent, clutter=self.clutter
-        )
+        home, plan = self._home()
         picture = contact_sheet_picture(home, plan)
         said = (scene_label(home.kind), scene_terms(home.kind))
         with writing(self.out):
@@ -52,32 +49,24 @@ class ContactSheet:
         print(f"{self.out}: {home.label}, {picture.width} x {picture.height} pixels")
         return 0
 
-
-def _home(
-    *,
-    scene: str | None,
-    dataset: Path | None,
-    scenes_dir: Path | None,
-    invent: int | None,
-    clutter: ClutterLevel,
-) -> tuple[Scene, HomePlan | None]:
-    """The home that the options name, and the plan that it was made from; a scan has no plan."""
-    if invent is not None:
-        if scene is not None or dataset is not None or scenes_dir is not None:
+    def _home(self) -> tuple[Scene, HomePlan | None]:
+        """The home that the options name, and the plan that it was made from; a scan has no plan."""
+        if self.invent is not None:
+            if self.scene is not None or self.dataset is not None or self.scenes_dir is not None:
+                raise PersonalVizError(
+                    "--invent: found a SCENE, --dataset or --scenes-dir beside it; expected one home. Leave one out."
+                )
+            if self.invent < 0:
+                raise PersonalVizError(f"--invent is {self.invent}; expected a whole number from 0. Give another seed.")
+            plan = with_clutter(invent_plan(f"Invented{self.invent}", seed=self.invent), self.clutter, seed=0)
+            return scene_from_plan(plan), plan
+        if self.scene is None or self.dataset is None:
             raise PersonalVizError(
-                "--invent: found a SCENE, --dataset or --scenes-dir beside it; expected one home. Leave one out."
+                "contact-sheet: found no home; expected SCENE with --dataset DIR, or --invent SEED. Give one of them."
             )
-        if invent < 0:
-            raise PersonalVizError(f"--invent is {invent}; expected a whole number from 0. Give another seed.")
-        plan = with_clutter(invent_plan(f"Invented{invent}", seed=invent), clutter, seed=0)
+        episodes = PersonalDataset(self.dataset)
+        episodes.require_scene(self.scene)
+        if self.scenes_dir is not None:
+            return open_scene(episodes, self.scene, scenes_dir=self.scenes_dir, clutter=self.clutter), None
+        plan = home_plan(episodes, self.scene, clutter=self.clutter)
         return scene_from_plan(plan), plan
-    if scene is None or dataset is None:
-        raise PersonalVizError(
-            "contact-sheet: found no home; expected SCENE with --dataset DIR, or --invent SEED. Give one of them."
-        )
-    episodes = PersonalDataset(dataset)
-    episodes.require_scene(scene)
-    if scenes_dir is not None:
-        return open_scene(episodes, scene, scenes_dir=scenes_dir, clutter=clutter), None
-    plan = home_plan(episodes, scene, clutter=clutter)
-    return scene_from_plan(plan), plan

@@ -41,8 +41,7 @@ class PogReport:
         if not found:
             raise RunFileError("runs: found no POG answers; expected run folders of personal-viz ground. Give those.")
         report = numbers_of(found, seed=self.seed)
-        beside = [folder.resolve().parent for folder in run_folders(self.runs)]
-        gallery = _gallery(found, self.dataset, beside=beside, per_method=self.failures, seed=self.seed)
+        gallery = self._gallery(found)
         drawings = ("failure-*.svg", "over-*.*", "distance-*.*", "methods-*.*")
         write_report(self.out, report_files(report, gallery), earlier=drawings)
         if self.json:
@@ -58,20 +57,15 @@ class PogReport:
                 print("Failures are left out; --dataset DIR shows those of the runs on it.")
         return 0
 
-
-def _gallery(
-    runs: Sequence[Run], datasets: Sequence[Path], *, beside: Sequence[Path], per_method: int, seed: int
-) -> Gallery | None:
-    """The failures of the agents' runs on these datasets; None if no dataset is given."""
-    if not datasets:
-        return None
-    parts = []
-    for path in datasets:
-        episodes = PersonalDataset(path)
-        on_it = [run for run in runs if run.info.dataset_digest == episodes.digest()]
-        if not on_it:
-            require_same_dataset(episodes, {run.info.dataset_digest for run in runs}, whose="the runs'")
-        parts.append(failure_gallery(on_it, episodes, beside=beside, per_method=per_method, seed=seed))
-    return Gallery(
-        tuple(count for part in parts for count in part.counts), tuple(item for part in parts for item in part.drawn)
-    )
+    def _gallery(self, runs: Sequence[Run]) -> Gallery | None:
+        """The failures of the agents' runs on the datasets; None if no dataset is given."""
+        beside = [folder.resolve().parent for folder in run_folders(self.runs)]
+        parts = []
+        for path in self.dataset:
+            episodes = PersonalDataset(path)
+            on_it = [run for run in runs if run.info.dataset_digest == episodes.digest()]
+            if not on_it:
+                require_same_dataset(episodes, {run.info.dataset_digest for run in runs}, whose="the runs'")
+            parts.append(failure_gallery(on_it, episodes, beside=beside, per_method=self.failures, seed=self.seed))
+        counts = tuple(count for part in parts for count in part.counts)
+        return Gallery(counts, tuple(item for part in parts for item in part.drawn)) if parts else None

@@ -78,10 +78,14 @@ class StudyPlanVerb:
             config = load_study(self.study)
             design = design_of(config, load_plan(self.study, config) if (self.study / PLAN_FILE).is_file() else None)
         else:
-            _require_counts(people=self.people, episodes=self.episodes, raters=self.raters, conditions=self.conditions)
-            design = PowerDesign(
-                f"{self.people} people", self.people, self.episodes, self.raters, num_conditions=self.conditions
-            )
+            people, episodes, raters, conditions = self.people, self.episodes, self.raters, self.conditions
+            if min(people, episodes, raters, conditions) < 1 or raters * conditions > people:
+                raise StudyError(
+                    f"study plan --power: found {people} people, {episodes} episodes, {raters} raters and {conditions} "
+                    "conditions; expected each at least 1, and at least raters times conditions people. Change one of "
+                    "them."
+                )
+            design = PowerDesign(f"{people} people", people, episodes, raters, num_conditions=conditions)
         fields = {
             "base_rate": self.base_rate,
             "agent_gap": self.gap,
@@ -119,11 +123,3 @@ def _print_plan(made: StudyPlan, config: StudyConfig) -> None:
     print("  homes: " + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())))
     if set(kinds) != {"scan"}:
         print("  Not a human baseline for PersONAL: that is claimed on scans only.")
-
-
-def _require_counts(*, people: int, episodes: int, raters: int, conditions: int) -> None:
-    if min(people, episodes, raters, conditions) < 1 or raters * conditions > people:
-        raise StudyError(
-            f"study plan --power: found {people} people, {episodes} episodes, {raters} raters and {conditions} "
-            "conditions; expected each at least 1, and at least raters times conditions people. Change one of them."
-        )
