@@ -1,15 +1,17 @@
 """Verb `study report`: writes a study's figures as tables and pictures."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from human_study.report.glmm import glmm_csv, glmm_script
+from human_study.report.overlays import floors_needed, overlay_keys, overlay_name, overlay_svg
+from human_study.report.render import csv_text, html_text, latex, markdown
+from human_study.report.report import ReportGroups, StudyReport, report_groups, report_of
 from human_study.report.source import read_source
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
@@ -22,9 +24,6 @@ from sim.walk.storeys import nearest_storey
 from ..options import ScenesDir
 from ..output import write_report
 from ..refusals import require_same_dataset
-
-if TYPE_CHECKING:
-    from human_study.report.report import ReportGroups, StudyReport
 
 CHOSEN_OVERLAYS = 4
 """Number of episodes of each task to draw from above unless all are asked for."""
@@ -46,23 +45,19 @@ class StudyReportVerb:
     json: bool = False
 
     def run(self) -> int:
-        from human_study.report.report import report_groups, report_of
-
         if self.scenes_dir is not None and self.dataset is None:
             raise StudyError(
                 f"--scenes-dir: found {str(self.scenes_dir)!r} without --dataset; expected both. Give --dataset."
             )
         source = read_source(self.runs)
-        episodes = PersonalDataset(self.dataset) if self.dataset is not None else None
-        if episodes is not None:
+        episodes, split_sizes, objects = None, None, None
+        if self.dataset is not None:
+            episodes = PersonalDataset(self.dataset)
             require_same_dataset(episodes, {run.info.dataset_digest for run in source.runs}, whose="the runs'")
+            split_sizes = dict(Counter(episode.key.split for episode in episodes.episodes()))
+            objects = _objects(episodes, _scenes_of(source.runs))
         groups = report_groups(source, rule=self.rule)
-        found = report_of(
-            source,
-            groups,
-            split_sizes=_split_sizes(episodes) if episodes is not None else None,
-            objects=_objects(episodes, _scenes_of(source.runs)) if episodes is not None else None,
-        )
+        found = report_of(source, groups, split_sizes=split_sizes, objects=objects)
         pictures = _pictures(found, groups) | _overlays(groups, episodes, self.scenes_dir, draws_all=self.overlays)
         document = found.model_dump_json(indent=2) + "\n"
         files = _texts(found, groups, pictures) | {"report.json": document} | pictures
@@ -81,9 +76,6 @@ def _scenes_of(runs: Sequence[Run]) -> set[str]:
 
 
 def _texts(found: StudyReport, groups: ReportGroups, pictures: dict[str, str]) -> dict[str, str]:
-    from human_study.report.glmm import glmm_csv, glmm_script
-    from human_study.report.render import csv_text, html_text, latex, markdown
-
     texts = {
         "report.md": markdown(found, pictures),
         "report.html": html_text(found, pictures),
@@ -115,8 +107,6 @@ def _overlays(
     groups: ReportGroups, episodes: PersonalDataset | None, scenes_dir: Path | None, *, draws_all: bool
 ) -> dict[str, str]:
     """Drawings of paths and marks from above, by file name; over the free floor if the dataset is given."""
-    from human_study.report.overlays import floors_needed, overlay_keys, overlay_name, overlay_svg
-
     shown = (*groups.people, *groups.agents)
     tasks: list[TaskKind] = [group.task for group in groups.people]
     pictures = {}
@@ -150,11 +140,6 @@ def _storeys(
 def _tasks(found: StudyReport) -> list[TaskKind]:
     tasks: list[TaskKind] = [row.task for row in found.rows if row.kind == "human"]
     return list(dict.fromkeys(tasks))
-
-
-def _split_sizes(episodes: PersonalDataset) -> dict[str, int]:
-    """Episodes of each split in the whole dataset."""
-    return dict(Counter(episode.key.split for episode in episodes.episodes()))
 
 
 def _objects(episodes: PersonalDataset, scenes: set[str]) -> dict[str, list[tuple[str, tuple[float, float]]]]:
