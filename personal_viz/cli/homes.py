@@ -27,17 +27,19 @@ from .output import print_table
 from .progress import counted
 from .refusals import check_options
 
-_MIN_WIDTH = 175
+_MIN_WIDTH = 205
 """Columns that the table needs; narrower terminals wrap it, but files and pipes do not."""
 _COLUMNS = (
     ("episodes", "episodes"), ("playable", "playable"), ("ratio_median", "median\nratio"), ("ratio_p95", "p95"),
     ("within_5", "within\n5 %"), ("within_10", "within\n10 %"), ("heldout_split_within_10", "held out\n10 %"),
     ("heldout_n", "of n"), ("viewpoints_ok", "view\npoints"), ("guessed_area", "guessed\narea"),
-    ("findable", "findable"), ("area_m2", "m2"), ("storeys", "storeys"), ("build_s", "build\ns"),
+    ("findable", "findable"), ("phantom", "phantom"), ("mesh_over_map", "mesh /\nmap"), ("floating", "floating"),
+    ("area_m2", "m2"), ("storeys", "storeys"), ("build_s", "build\ns"),
     ("triangles", "triangles"), ("glb_mb", "GLB\nMB"),
 )  # fmt: skip
 _SHARES = frozenset({
     "playable", "within_5", "within_10", "heldout_split_within_10", "viewpoints_ok", "guessed_area", "findable",
+    "phantom", "floating",
 })  # fmt: skip
 
 
@@ -108,7 +110,9 @@ def _print_report(report: HomesReport) -> None:
         print(terms)
     print(
         "Ratios: our path length over the recorded one. Held out: recovered from two splits, episodes of the third. "
-        "View points: standable and see their object. GLB: the whole home as one file."
+        "View points: standable and see their object. GLB: the whole home as one file. "
+        "Phantom: forwards that collide although the picture shows nothing in reach. Mesh / map: floor on which a body "
+        "fits as drawn, over the map's. Floating: objects more than 10 cm from everything."
     )
     missed = {key: why for figures in report.scenes.values() for key, why in figures.why_not_findable.items()}
     if missed:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from personal_viz.bench.homes.held_out import Walk, held_out_ratios, held_out_walks, path_ratios
+from personal_viz.bench.homes.picture_and_walk import Count, PictureAndWalk
 from personal_viz.bench.homes.playability import HomeFacts, HomesReport, build_home, measure_home, report_of
 from sim.authoring.findable import FindVerdict
 from sim.episodes.dataset import PersonalDataset
@@ -97,6 +98,7 @@ def facts(name: str, ratios: list[float], **changes: Any) -> HomeFacts:
     fields: dict[str, Any] = {"name": name, "is_playable": np.isfinite(ratios), "ratios": np.array(ratios)}
     fields |= {"scene_kind": "schematic", "held_out": None, "view_points": (0, 0), "cells": (0, 0), "verdicts": ()}
     fields |= {"area_m2": 50.0, "storeys": 1, "build_s": 1.234, "triangles": 1000, "glb_mb": 1.5}
+    fields |= {"agreement": PictureAndWalk(*[Count(0, 0)] * 9)}
     return HomeFacts(**fields | changes)
 
 
@@ -112,6 +114,7 @@ def test_shares_are_pooled_over_homes() -> None:
     second = facts("b", [1.08], held_out=np.array([0.95]), view_points=(20, 30), cells=(29, 90), storeys=2)
     report = report_of([first, second])
     total = report.total
+    assert (total.phantom, total.beds) == (None, 0)
     assert (total.episodes, total.playable, total.storeys, total.area_m2) == (5, 0.8, 3, 100.0)
     assert total.ratio_median == pytest.approx(1.02)
     assert total.ratio_p95 == pytest.approx(1.074)  # between 1.04 and 1.08, at 0.95 of three steps
@@ -122,6 +125,15 @@ def test_shares_are_pooled_over_homes() -> None:
     assert report.scenes["a"].not_findable == (f"easy/{SCENE}/2",)
     assert report.scenes["a"].why_not_findable == {f"easy/{SCENE}/2": "couch_1 cannot be told from couch_2"}
     assert (report.scenes["b"].build_s, report.scenes["b"].findable) == (1.23, None)
+
+
+def test_disagreements_of_picture_and_walk_are_pooled_over_homes() -> None:
+    first = facts("a", [1.0], agreement=PictureAndWalk(*(Count(found, 10) for found in range(1, 10))))
+    second = facts("b", [1.0], agreement=PictureAndWalk(*[Count(0, 10)] * 9))
+    total = report_of([first, second]).total
+    assert (total.phantom, total.phantom_free_ahead, total.mesh_over_map) == (0.05, 0.1, 0.15)
+    assert (total.storey_pairs_joined, total.floating, total.in_walls) == (0.2, 0.25, 0.3)
+    assert (total.on_beds, total.beds, total.clearance_starts, total.clearance_views) == (7, 20, 0.4, 0.45)
 
 
 def test_the_report_has_the_issues_keys_and_survives_json() -> None:
@@ -149,6 +161,8 @@ def test_a_small_home_is_measured_from_its_files(tmp_path: Path) -> None:
     assert found.triangles > 50
     assert found.glb_mb > 0
     assert len(found.verdicts) == 5
+    assert found.agreement.phantom.of == 2000
+    assert found.agreement.close_starts.of == 5
 
 
 def test_a_start_off_the_map_or_a_missing_target_is_not_playable(tmp_path: Path) -> None:

@@ -21,11 +21,13 @@ from sim.homes.kind import scene_label, scene_labels
 from sim.homes.open_home import scene_from_plan
 from sim.homes.plan import HomePlan, plan_of
 from sim.homes.recovered.plans import recover_plan
+from sim.homes.recovered.recorded import original_places
 from sim.mesh import Scene
 from sim.render.raycast import Raycaster
 from sim.types import FORWARD_STEP, SceneKind
 
 from .held_out import held_out_ratios, path_ratios, recorded_walk
+from .picture_and_walk import Count, PictureAndWalk, picture_and_walk
 
 SNAP_TOLERANCE = FORWARD_STEP
 """Largest distance of a start from the map (planar metres); farther off it would be another place."""
@@ -61,6 +63,7 @@ class HomeFacts:
     cells: tuple[int, int]
     """Number of walkable cells whose place is guessed, and of all walkable cells; (0, 0) for a home without cells."""
     verdicts: tuple[FindVerdict, ...]
+    agreement: PictureAndWalk
     area_m2: float
     """Walkable area seen from above, all storeys."""
     storeys: int
@@ -96,6 +99,25 @@ class Figures(BaseModel):
     """Share of the walkable area whose place is guessed."""
     findable: float | None
     """Share of episodes whose target can be told from similar objects; see sim/authoring/findable.py."""
+    phantom: float | None
+    """Share of forwards that collide although the picture shows nothing within reach."""
+    phantom_free_ahead: float | None
+    """Share of collisions with at least 0.5 m of visibly free way ahead."""
+    mesh_over_map: float | None
+    """Floor area on which a body fits in the drawn mesh, over the navigation map's."""
+    storey_pairs_joined: float | None
+    """Share of pairs of a start and a view point on two storeys that the drawn mesh joins."""
+    floating: float | None
+    """Share of objects more than 10 cm from everything else."""
+    in_walls: float | None
+    """Share of objects with more than 20 % of their surface inside a wall."""
+    on_beds: int
+    """Number of beds on which one can walk."""
+    beds: int
+    clearance_starts: float | None
+    """Share of starts with less room around them than the body's radius."""
+    clearance_views: float | None
+    """The same share of view points."""
     area_m2: float
     storeys: int
 
@@ -162,6 +184,7 @@ def measure_home(dataset: PersonalDataset, home: BuiltHome, *, folds: bool = Tru
     episodes = list(dataset.episodes(scenes=(plan.name,)))
     ratios = path_ratios(map(recorded_walk, episodes), scene.navigation)
     cells = None if plan.cells is None else cells_from_runs(plan.cells.walkable)
+    caster = Raycaster(scene.mesh)
     return HomeFacts(
         name=plan.name,
         scene_kind=scene.kind,
@@ -170,7 +193,13 @@ def measure_home(dataset: PersonalDataset, home: BuiltHome, *, folds: bool = Tru
         held_out=held_out_ratios(dataset, plan.name) if folds and home.is_recovered else None,
         view_points=view_points_ok(scene, dataset.goals(plan.name)),
         cells=(0, 0) if cells is None else (int(cells.guessed.sum()), len(cells.guessed)),
-        verdicts=find_verdicts(episodes, plan, scene, renderer=Raycaster(scene.mesh)),
+        verdicts=find_verdicts(episodes, plan, scene, renderer=caster),
+        agreement=picture_and_walk(
+            scene,
+            starts=np.array([episode.start.position for episode in episodes]),
+            views=np.concatenate([original_places(goal) for goal in dataset.goals(plan.name).values()]),
+            caster=caster,
+        ),
         area_m2=_area(scene, plan),
         storeys=len(plan.storeys),
         build_s=home.build_s,
@@ -230,6 +259,9 @@ def _figures(homes: Sequence[HomeFacts]) -> Figures:
     num_ok, num_views = np.sum([home.view_points for home in homes], axis=0).tolist()
     num_guessed, num_cells = np.sum([home.cells for home in homes], axis=0).tolist()
     finite = ratios[np.isfinite(ratios)]
+    pooled = PictureAndWalk(
+        *(Count(*np.sum(of, axis=0).tolist()) for of in zip(*(h.agreement for h in homes), strict=True))
+    )
     return Figures(
         episodes=len(ratios),
         playable=_share(int(playable.sum()), len(playable)),
@@ -243,6 +275,16 @@ def _figures(homes: Sequence[HomeFacts]) -> Figures:
         viewpoints_n=num_views,
         guessed_area=_share(num_guessed, num_cells) if num_cells else 0.0,
         findable=_share(sum(verdict.findable for verdict in verdicts), len(verdicts)),
+        phantom=_share(*pooled.phantom),
+        phantom_free_ahead=_share(*pooled.free_ahead),
+        mesh_over_map=_share(*pooled.standing),
+        storey_pairs_joined=_share(*pooled.storey_pairs),
+        floating=_share(*pooled.floating),
+        in_walls=_share(*pooled.in_walls),
+        on_beds=pooled.on_beds.found,
+        beds=pooled.on_beds.of,
+        clearance_starts=_share(*pooled.close_starts),
+        clearance_views=_share(*pooled.close_views),
         area_m2=round(sum(home.area_m2 for home in homes), 1),
         storeys=sum(home.storeys for home in homes),
     )
