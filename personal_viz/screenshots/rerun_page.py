@@ -34,9 +34,11 @@ def screenshot_rrd(rrd: Path, png: Path, *, at_end: bool = False, size: tuple[in
         `png`.
 
     Raises:
-        RecordingError: The viewer showed no finished picture in time.
+        RecordingError: The recording is missing, or the viewer showed no finished picture in time.
         MissingDependencyError: Playwright or Chromium is not installed.
     """
+    if not rrd.is_file():
+        raise RecordingError(f"{rrd}: found no file; expected a recording. Write one with personal-viz replay.")
     with serve_file(rrd) as site, open_chromium(width=size[0], height=size[1]) as browser:
         page = browser.new_page()
         page.set_default_timeout(1e3 * _WAIT_S)
