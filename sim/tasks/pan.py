@@ -137,7 +137,7 @@ class PanEnv:
     def observe(self) -> Observation:
         """The robot's observation now."""
         pose = self.pose
-        rgb, depth_m = self._pictures(T_world_camera(pose, self.camera))
+        rgb, depth_m = self._pictures(pose)
         return Observation(
             rgb=rgb,
             depth_m=depth_m,
@@ -149,15 +149,13 @@ class PanEnv:
             step=len(self._steps),
         )
 
-    def _pictures(
-        self, T_world_camera: NDArray[np.float64]
-    ) -> tuple[NDArray[np.uint8] | None, NDArray[np.float32] | None]:
-        """Colours and depth of the camera's view, as far as they are wanted."""
+    def _pictures(self, pose: Pose) -> tuple[NDArray[np.uint8] | None, NDArray[np.float32] | None]:
+        """Colours and depth of the camera's view at a pose, as far as they are wanted."""
         if self._renderer is None:
             return None, None
         if not self._colours:
-            return None, self._renderer.depth(T_world_camera, self.camera)
-        frame = self._renderer.render(T_world_camera, self.camera)
+            return None, self._renderer.depth(T_world_camera(pose, self.camera), self.camera)
+        frame = self._renderer.render(T_world_camera(pose, self.camera), self.camera)
         return frame.rgb, frame.depth_m
 
     def _after(self, action: Action, t_s: float) -> Step:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import open3d as o3d
+import trimesh
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -45,8 +45,8 @@ _LEVEL = math.cos(math.radians(45))
 _SKIN = 1e-3
 _APART = 0.1
 """An object farther than this from everything else floats (metres)."""
-_SPACING = 0.05
-"""Distance of the points of a surface whose distances are measured (metres)."""
+_PAIRS = 500_000
+"""Number of pairs of a point and a triangle that are measured at once."""
 _IN_WALL = 0.2
 """An object with more than this share of its surface inside walls is in a wall."""
 _THICKEST = 0.5
@@ -241,32 +241,26 @@ def floating(scene: Scene) -> Count:
         drawn += 1
         reach = low[own].min(axis=0) - _APART, high[own].max(axis=0) + _APART
         near = ~own & (low <= reach[1]).all(axis=1) & (high >= reach[0]).all(axis=1)
-        found += not near.any() or _distance(corners[near], corners[own]) > _APART
+        found += not near.any() or _distance(corners[own], corners[near]) > _APART
     return Count(found, drawn)
 
 
-def _distance(first: Points, second: Points) -> float:
-    """Distance in metres of two sets of triangles (F, 3, 3), taken at points of each to the faces of the other."""
-    return min(_from_points(_spread(first), second), _from_points(_spread(second), first))
-
-
-def _spread(corners: Points) -> Points:
-    """Points (N, 3) of triangles (F, 3, 3) about 5 cm apart, their corners among them."""
-    steps = int(np.clip(math.ceil(float(np.ptp(corners, axis=1).max()) / _SPACING), 1, 24))
-    weights = np.array([(a, b, steps - a - b) for a in range(steps + 1) for b in range(steps + 1 - a)]) / steps
-    return np.einsum("kw,fwx->fkx", weights, corners).reshape(-1, 3)
+def _distance(own: Points, near: Points) -> float:
+    """Distance in metres of an object's triangles (F, 3, 3) from others (G, 3, 3): corners of each to faces of both."""
+    return min(_from_points(own.reshape(-1, 3), near), _from_points(near.reshape(-1, 3), own))
 
 
 def _from_points(points: Points, corners: Points) -> float:
-    scene = o3d.t.geometry.RaycastingScene()
-    faces = np.arange(3 * len(corners), dtype=np.uint32).reshape(-1, 3)
-    scene.add_triangles(_tensor(corners.reshape(-1, 3).astype(np.float32)), _tensor(faces))
-    return float(scene.compute_distance(_tensor(points.astype(np.float32))).numpy().min())
-
-
-def _tensor(array: NDArray) -> o3d.core.Tensor:
-    """Open3D's view of an array; its stubs do not know that it takes numpy arrays."""
-    return o3d.core.Tensor(array)  # pyright: ignore[reportCallIssue]
+    """Least distance of points (N, 3) from triangles (F, 3, 3), metres."""
+    points = np.unique(points.round(4), axis=0)
+    least = math.inf
+    for part in np.array_split(points, math.ceil(len(points) * len(corners) / _PAIRS)):
+        pairs = np.repeat(part, len(corners), axis=0)
+        closest = trimesh.triangles.closest_point(np.tile(corners, (len(part), 1, 1)), pairs)
+        least = min(least, float(np.linalg.norm(closest - pairs, axis=1).min()))
+        if least <= _APART:
+            break
+    return least
 
 
 def in_walls(scene: Scene) -> Count:

@@ -10,7 +10,6 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from grounding.agents.explore import EXPLORER_VERSION
 from grounding.encoders.by_name import (
     PLUGIN,
     encoder_called,
@@ -335,6 +334,8 @@ def run_name(settings: GroundSettings, *, label: str | None = None) -> str:
 
 def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
     """Folder name of maps of explored homes, shared by all runs with these settings and the same program versions."""
+    from grounding.agents.explore import EXPLORER_VERSION  # takes half a second to import, for explored homes only
+
     made_of = {name: value for name, value in asdict(settings).items() if name not in _NOT_OF_THE_MAP}
     versions = [MAP_VERSION, EXPLORER_VERSION, HOMES_VERSION]
     code = [_code(settings)["encoder_code"]] if "encoder_code" in _code(settings) else []
