@@ -9,8 +9,8 @@ from tyro.conf import Positional, arg
 from sim.errors import PersonalVizError
 
 from ..compare import PICTURE_WIDTH
+from ..progress import counted
 from .options import Dataset, OpenIt, ScenesDir, WithPixels
-from .progress import counted
 from .refusals import check_options
 
 

@@ -22,9 +22,9 @@ from sim.homes.kind import scene_terms
 from sim.homes.plan import save_plan
 from sim.tasks.workers import run_jobs
 
+from ..progress import counted
 from .options import Dataset, Json, Scenes
 from .output import print_table
-from .progress import counted
 from .refusals import check_options
 
 _MIN_WIDTH = 205

@@ -24,6 +24,7 @@ from sim.tasks.runner import AgentJob, run_agent
 from sim.types import SPLITS, EpisodeKey, SceneKind, SuccessRule
 from sim.words.english import how_many
 
+from ..progress import counted
 from .options import (
     Clutter,
     Dataset,
@@ -39,7 +40,6 @@ from .options import (
     WithPixels,
 )
 from .output import recorded
-from .progress import counted
 from .refusals import check_options, require_no_scan
 
 SHORT_NAMES = {"random-frontier": "grounding.agents.random_frontier:random_frontier"}

@@ -16,7 +16,7 @@ from grounding.maps.files import load_memory, read_map_header
 from grounding.maps.oracle_map import oracle_home
 from grounding.types import FeatureMap
 from personal_viz.cli.grounding.ground import Ground
-from personal_viz.cli.progress import counted
+from personal_viz.progress import counted
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError
 from sim.tasks.run_files import read_run

@@ -8,7 +8,7 @@ import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from unittest.mock import MagicMock
+from types import SimpleNamespace
 
 import pytest
 from playwright.sync_api import BrowserContext, expect
@@ -197,7 +197,7 @@ def test_the_serving_process_tells_of_its_workers_and_open_pages(tmp_path: Path)
         pool = WorkerPool.__new__(WorkerPool)
         pool.workers = [Worker(number) for number in (1, 2, 3)]
         for worker, code, door in zip(pool.workers, (None, None, 1), (WorkerDoor(9001, "s"), None, None), strict=True):
-            worker.process, worker.door = MagicMock(poll=lambda code=code: code), door
+            worker.process, worker.door = SimpleNamespace(poll=lambda code=code: code), door
         pool.workers[0].codes["p01"] = 2
         with keeper.present("p01"):
             found = serving_of(pool, keeper)

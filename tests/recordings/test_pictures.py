@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from recordings.pictures import picture_cameras, rendered_jpegs
+from recordings.replay import picture_cameras, rendered_jpegs
 from sim.render.raycast import Raycaster
 from sim.render.renderer import Hits
 from sim.types import Camera, Frame, Pose

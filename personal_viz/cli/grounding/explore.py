@@ -24,9 +24,9 @@ from sim.tasks.run_files import RunInfo
 from sim.tasks.workers import run_jobs
 from sim.types import Camera, SceneKind
 
+from ...progress import counted
 from ..options import Jobs, Json, Scenes, ScenesDir, WithPixels
 from ..output import print_json, print_table, recorded
-from ..progress import counted
 from ..refusals import check_options
 
 _PLOT, _SUMMARY = "coverage.png", "explore.json"

@@ -37,6 +37,7 @@ from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id, read_run
 from sim.tasks.run_writer import RunWriter
 from sim.types import SPLITS
 
+from ...progress import counted
 from ..options import (
     Clutter,
     Dataset,
@@ -54,7 +55,6 @@ from ..options import (
     Splits,
 )
 from ..output import print_json
-from ..progress import counted
 from ..refusals import check_options
 from .ground_maps import cell_of_maps, layout_of_maps
 from .ground_tables import GroundResult, ground_document, print_ground_table

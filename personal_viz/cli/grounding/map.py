@@ -22,9 +22,9 @@ from sim.frames import CameraAxes
 from sim.plugins import build_plugin
 from sim.tasks.observers import FREE, OCCUPIED
 
+from ...progress import counted
 from ..options import Json, ModelAutocast, ModelBatch, ModelDevice
 from ..output import print_json
-from ..progress import counted
 from ..refusals import require_suffix
 
 _FLOOR_FRAMES = 40

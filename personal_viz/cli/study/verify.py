@@ -22,8 +22,8 @@ from sim.errors import StudyError
 from sim.tasks.workers import SceneJob, results
 from sim.types import EpisodeKey
 
+from ...progress import counted
 from ..options import Dataset, ScenesDir
-from ..progress import counted
 from ..refusals import check_options, require_same_dataset
 
 BATCH = 20

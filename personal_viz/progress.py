@@ -12,7 +12,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.text import Text
 
 from grounding.agents.progress_notes import read_notes
-from personal_viz.printed import Console
+
+from .printed import Console
 
 EVERY_S = 30.0
 """Seconds between two lines if there is no terminal."""
