@@ -45,4 +45,4 @@ def run_of(who: str, answers: Sequence[Answer], *, config: dict | None = None, *
 
 def keys(split: str, homes: int, each: int) -> list[EpisodeKey]:
     """`each` episodes in each of so many homes."""
-    return [EpisodeKey(split, f"Home{home}", str(number)) for home in range(homes) for number in range(each)]  # type: ignore[arg-type]
+    return [EpisodeKey(split, f"Home{home}", str(number)) for home in range(homes) for number in range(each)]

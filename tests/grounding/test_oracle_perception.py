@@ -182,11 +182,11 @@ class OneScene:
 
 def test_texts_are_captions_or_categories_and_can_be_paraphrased(small_root: Path) -> None:
     scene = OneScene(["sofa_3", "lamp_4", "toy box_77"])
-    texts = object_texts(PersonalDataset(small_root), scene)  # type: ignore[arg-type]
+    texts = object_texts(PersonalDataset(small_root), scene)
     assert texts == {1: "small yellow leather sofa", 2: "lamp", 3: "toy box"}
     scene = OneScene(["sofa_3", "lamp_4"])
     dataset = PersonalDataset(small_root)
-    assert object_texts(dataset, scene, level=3) == {1: "sofa", 2: "lamp"}  # type: ignore[arg-type]
-    half = object_texts(dataset, scene, level=2)[1].split()  # type: ignore[arg-type]
+    assert object_texts(dataset, scene, level=3) == {1: "sofa", 2: "lamp"}
+    half = object_texts(dataset, scene, level=2)[1].split()
     assert half[-1] == "sofa"
     assert len(half) == 2

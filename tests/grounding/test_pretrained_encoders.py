@@ -69,7 +69,7 @@ def load(folder: Callable[[str], Path]) -> Callable[..., DenseEncoder]:
 
     def of(kind: str, *, autocast: str = "off") -> DenseEncoder:
         if (kind, autocast) not in made:
-            options = ModelOptions(batch_size=2, autocast=autocast)  # type: ignore[arg-type]
+            options = ModelOptions(batch_size=2, autocast=autocast)
             made[(kind, autocast)] = make_image_encoder(f"{KINDS[kind].family}:{folder(kind)}", options=options)
         return made[(kind, autocast)]
 

@@ -106,7 +106,7 @@ def do_next(store: StudyStore, code: str, *, reason: str = "giveup") -> EpisodeK
     if trial is None:
         return None
     store.append(trial.trial_id, trial.epoch, ENDS[reason])
-    store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
+    store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))
     return trial.key
 
 

@@ -229,7 +229,7 @@ def test_the_data_flow_lists_everything_with_its_end() -> None:
 
 def test_marks_of_an_earlier_version_are_filled_in_and_own_words_stay(tmp_path: Path) -> None:
     text = consent_text(paged_study()) + "\nOur own sentence. [to be filled in: lunch]\n"
-    config = paged_study(**(WHOLE | {"ethics": WHOLE["ethics"] | {"pay": ""}}))  # type: ignore[operator]
+    config = paged_study(**(WHOLE | {"ethics": WHOLE["ethics"] | {"pay": ""}}))
     filled_in = filled_text(text, words_of(config), where=tmp_path)
     assert "Our own sentence." in filled_in
     assert "study@anywhere.example" in filled_in

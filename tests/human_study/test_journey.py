@@ -36,7 +36,7 @@ def trial(order_no: int, *, phase: str = "main", is_over: bool = False, is_begun
     """One assigned PAN trial."""
     key = EpisodeKey("easy", f"Home{order_no}", f"e{order_no}")
     end = "done" if is_over else None
-    return AssignedTrial(order_no, phase, "pan", "none", key, is_begun=is_begun or is_over, end=end)  # type: ignore[arg-type]
+    return AssignedTrial(order_no, phase, "pan", "none", key, is_begun=is_begun or is_over, end=end)
 
 
 def somebody(*stages: Entered, trials: Sequence[AssignedTrial] = (), is_claimed: bool = True) -> Person:

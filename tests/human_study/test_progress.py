@@ -103,7 +103,7 @@ def _numbers(value: object) -> Iterator[float]:
 def test_the_summary_is_the_same_whether_people_do_well_or_badly(tmp_path: Path) -> None:
     for name, reason in (("well", "stop"), ("badly", "giveup")):
         with opened(tmp_path / name) as (store, trial):
-            store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
+            store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))
     well, badly = (progress_of(tmp_path / name) for name in ("well", "badly"))
     assert well.people == tuple(
         dataclasses.replace(one, last_activity_s=other.last_activity_s)
@@ -133,7 +133,7 @@ def test_every_stage_has_its_place(tmp_path: Path) -> None:
             before = study_progress(reader, now_ns=0).people[0]
         places = []
         for (stage, detail), _ in WAY:
-            store.enter_stage("p01", stage, detail)  # type: ignore[arg-type]
+            store.enter_stage("p01", stage, detail)
             places.append(person(tmp_path, "p01").place)
         assert (before.place, before.state, before.last_activity_s) == ("not_arrived", "not_arrived", None)
     assert places == [place for _, place in WAY]
@@ -142,7 +142,7 @@ def test_every_stage_has_its_place(tmp_path: Path) -> None:
 @pytest.mark.parametrize("stage", ["declined", "screened_out", "full"])
 def test_who_is_out_is_shown_as_out(tmp_path: Path, stage: str) -> None:
     with filled(tmp_path) as store:
-        store.enter_stage("p01", stage)  # type: ignore[arg-type]
+        store.enter_stage("p01", stage)
         found = person(tmp_path, "p01", after_s=1e6)
     assert (found.place, found.state, found.trial_no) == (stage, "out", None)
 

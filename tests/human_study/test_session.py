@@ -64,9 +64,9 @@ def test_a_press_of_a_key_moves_the_robot_one_step_and_says_so() -> None:
     assert kinds(first.events) == ["open", "shown"]
     assert kinds(update.events) == ["key", "act", "shown"]
     key, act, shown = update.events
-    assert (key.code, key.t_cli_ms, key.t_s) == ("KeyW", 5.5, 1.0)  # type: ignore[union-attr]
-    assert act.position == (0.0, 0.0, -0.25)  # type: ignore[union-attr]
-    assert shown.frame_hash != first.events[1].frame_hash  # type: ignore[union-attr]
+    assert (key.code, key.t_cli_ms, key.t_s) == ("KeyW", 5.5, 1.0)
+    assert act.position == (0.0, 0.0, -0.25)
+    assert shown.frame_hash != first.events[1].frame_hash
     assert update.view.step == 1
     assert update.view.rgb is not None
 
@@ -108,14 +108,14 @@ def test_the_sign_of_a_blocked_step_waits_for_its_picture_and_ends_with_an_absen
 )
 def test_a_press_that_does_not_count_is_dropped_and_logged(command: Move, is_busy: bool, reason: str) -> None:
     update = begun("pan").handle(command, 1.0, busy=is_busy)
-    assert update.events[1].reason == reason  # type: ignore[union-attr]
+    assert update.events[1].reason == reason
     assert update.view.step == 0
 
 
 def test_presses_faster_than_50_ms_are_dropped_and_logged() -> None:
     session = begun("pan")
     session.handle(LEFT, 1.0)
-    assert session.handle(LEFT, 1.049).events[1].reason == "rate"  # type: ignore[union-attr]
+    assert session.handle(LEFT, 1.049).events[1].reason == "rate"
     assert session.handle(LEFT, 1.051).view.step == 2
 
 
@@ -177,7 +177,7 @@ def test_a_rebuilt_session_stands_at_the_same_step_and_pose() -> None:
     assert again.pose == world.pose
     assert again.steps == world.steps
     assert update.view.step == 7
-    assert update.events[0].frame_hash == events[-1].frame_hash  # type: ignore[union-attr]
+    assert update.events[0].frame_hash == events[-1].frame_hash
     assert rebuilt.handle(FORWARD, 8.0).events[1].t_s == pytest.approx(3.5 + 1.0)
     with pytest.raises(TaskStateError, match="expected the same episode and scene ddd"):
         PanSession(env(), **(names | {"scene_digest": "e" * 64})).after(events)
@@ -260,10 +260,10 @@ def test_an_answer_without_a_mark_and_a_storey_that_the_home_does_not_have_are_d
     session = begun("pog")
     session.handle(Click(RAY, None), 1.0)
     update = session.handle(Confirm(), 2.0)
-    assert update.events[0].reason == "nothing_marked"  # type: ignore[union-attr]
+    assert update.events[0].reason == "nothing_marked"
     assert not update.view.is_over
     update = begun("pog").handle(ShowStorey(2), 1.0)
-    assert update.events[0].reason == "storey"  # type: ignore[union-attr]
+    assert update.events[0].reason == "storey"
     assert update.view.storey == 0
 
 

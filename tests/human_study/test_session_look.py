@@ -47,7 +47,7 @@ def test_a_look_comes_first_and_says_what_is_shown_and_for_how_long(kind: TaskKi
     session = new_session(kind, terms)
     update = session.handle(Start(), 10.0)
     assert kinds(update.events) == ["open", "map_on"]
-    assert update.events[0].condition == terms.condition  # type: ignore[union-attr]
+    assert update.events[0].condition == terms.condition
     on = update.events[1]
     assert isinstance(on, MapOn)
     assert (on.what, on.min_s, on.max_s) == (terms.look.what, 5.0, 60.0)
@@ -58,7 +58,7 @@ def test_a_look_comes_first_and_says_what_is_shown_and_for_how_long(kind: TaskKi
 def test_the_map_cannot_be_left_before_the_shortest_look(kind: TaskKind, terms: TrialTerms) -> None:
     session = begun(kind, terms)
     early = session.handle(CloseMap(), 4.9)
-    assert early.events[0].reason == "too_early"  # type: ignore[union-attr]
+    assert early.events[0].reason == "too_early"
     assert isinstance(early.view, LookView)
     assert early.view.wait_s == 1
     left = session.handle(CloseMap(), 5.0)
@@ -255,7 +255,7 @@ def test_time_away_does_not_use_up_the_time_limit() -> None:
     terms = TrialTerms(condition="none", task_max_s=100.0)
     events = driven(new_session("pan", terms), [(Start(), 0.0), (LEFT, 90.0)])
     session, _ = resumed("pan", terms, events, away_s=300.0, now_s=5000.0)
-    assert session.handle(LEFT, 5009.0).view.step == 2  # type: ignore[union-attr]
+    assert session.handle(LEFT, 5009.0).view.step == 2
     assert session.handle(Tick(), 5010.0).events[0].kind == "timeout"
 
 
@@ -266,7 +266,7 @@ def test_giving_up_asks_once_again(second_s: float, kind: str) -> None:
     session = begun("pan", TrialTerms(condition="none"))
     first = session.handle(GiveUp(), 1.0)
     assert kinds(first.events) == ["giveup_armed"]
-    assert first.view.is_giving_up  # type: ignore[union-attr]
+    assert first.view.is_giving_up
     assert session.handle(GiveUp(), second_s).events[0].kind == kind
     assert session.is_over == (kind == "giveup")
 
@@ -307,7 +307,7 @@ def test_each_condition_of_a_study_has_its_own_terms() -> None:
     assert looks == {"none": None, "topdown": Look("topdown", 10, 45), "glb": Look("glb", 10, 45)}
     assert terms_of(config, "map_first").look == Look("home", 20, 90)
     assert terms_of(config, "map_open").look is terms_of(config, "map_2d").look is None
-    assert [terms_of(config, name).task_max_s for name in ("glb", "map_2d")] == [1200, 300]  # type: ignore[arg-type]
+    assert [terms_of(config, name).task_max_s for name in ("glb", "map_2d")] == [1200, 300]
     assert terms_of(config, "none").resume_within_s == 60
     assert terms_of(config, "none").asks_confidence
 

@@ -120,8 +120,8 @@ def test_a_rated_trial_is_done_when_it_is_rebuilt_and_only_five_answers_can_be_g
 @pytest.mark.parametrize("kind", ["pan", "pog"])
 def test_taking_a_trial_over_from_an_open_tab_is_logged(kind: str) -> None:
     terms = TrialTerms(condition="none" if kind == "pan" else "map_open")
-    events = driven(new_session(kind, terms), [(Start(), 0.0)])  # type: ignore[arg-type]
-    session = rebuilt_session(kind, terms, events)  # type: ignore[arg-type]
+    events = driven(new_session(kind, terms), [(Start(), 0.0)])
+    session = rebuilt_session(kind, terms, events)
     update = session.handle(Resume(away_s=0.0, took_over=True), 0.0)
     assert kinds(update.events) == ["superseded", "shown" if kind == "pan" else "storey"]
     assert isinstance(update.view, PanView | PogView)

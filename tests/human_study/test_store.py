@@ -162,8 +162,8 @@ def test_writes_of_many_threads_get_numbers_without_gaps(tmp_path: Path) -> None
 
 def _hold(folder: Path, ready: object, release: object) -> None:
     with open_small(folder):
-        ready.set()  # type: ignore[attr-defined]
-        release.wait(20)  # type: ignore[attr-defined]
+        ready.set()
+        release.wait(20)
 
 
 def test_a_second_process_is_refused_and_told_who_holds_the_study(tmp_path: Path) -> None:
@@ -194,7 +194,7 @@ def _fill_up(folder: Path, results: object) -> None:
         except StoreFullError:
             resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
         after = store.append(trial.trial_id, trial.epoch, KEY)
-    results.put((acknowledged, after))  # type: ignore[attr-defined]
+    results.put((acknowledged, after))
 
 
 def test_a_file_that_the_system_lets_grow_no_further_loses_nothing_acknowledged(tmp_path: Path) -> None:

@@ -76,7 +76,7 @@ def test_a_commit_that_fails_acknowledges_nothing_and_works_later(tmp_path: Path
     with opened(tmp_path) as (store, trial):
         before = counts(tmp_path)
         whole = store._writer._database
-        store._writer._database = BrokenDisk(whole, ERRORS[fault], rolls_back=rolls_back)  # type: ignore[assignment]
+        store._writer._database = BrokenDisk(whole, ERRORS[fault], rolls_back=rolls_back)
         for name, write in WRITES.items():
             with pytest.raises(StoreFullError, match="Nothing was lost") as caught:
                 write(store, trial)
@@ -167,7 +167,7 @@ def _between_two_keys(store: StudyStore, trial: Trial, job: Callable[[], object]
 
     jobs = {"before": press, "between": job, "after": press}
     _together(store, [threading.Thread(target=write, args=item) for item in jobs.items()])
-    assert sorted([results["before"], results["after"]]) == [2, 3]  # type: ignore[type-var]
+    assert sorted([results["before"], results["after"]]) == [2, 3]
     return results["between"]
 
 
@@ -189,7 +189,7 @@ def _together(store: StudyStore, threads: list[threading.Thread]) -> None:
         queued.release()
         return submit(*work)
 
-    writer._thread.submit = counted  # type: ignore[method-assign]
+    writer._thread.submit = counted
     for number, thread in enumerate(threads, start=1):
         thread.start()
         assert queued.acquire(timeout=30), number

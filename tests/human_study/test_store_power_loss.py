@@ -157,12 +157,12 @@ def _finish_and_die_before_the_commit(folder: Path) -> None:
 
 
 def _reach_the_end_and_die_in_the_backup(folder: Path) -> None:
-    database_module.os.replace = die  # type: ignore[assignment]
+    database_module.os.replace = die
     open_small(folder).enter_stage("p02", "finished")
 
 
 def _withdraw_and_die_before_the_key_is_deleted(folder: Path) -> None:
-    Vault.shred = die  # type: ignore[assignment,method-assign]
+    Vault.shred = die
     open_small(folder).withdraw("p02")
 
 
@@ -181,7 +181,7 @@ def test_who_was_cut_off_between_commit_and_reply_finds_the_same_outcome_once(tm
     killed(_finish_and_die_after_the_commit, tmp_path)
     with open_small(tmp_path) as store:
         for reason in ("stop", "giveup"):
-            assert store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason)) == STOP  # type: ignore[arg-type]
+            assert store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason)) == STOP
         assert trials_of(store, "p02")[0].outcome == STOP
         due = store.next_trial("p02")
         assert due.order_no == 2

@@ -102,7 +102,7 @@ class StoreMachine(RuleBasedStateMachine):
         """The first end stays, whoever tells another one later."""
         first = self.outcomes.get(trial.trial_id)
         try:
-            stored = self.store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))  # type: ignore[arg-type]
+            stored = self.store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))
         except TrialEndedError:
             assert trial.code in self.withdrawn or (first is None and self._is_over(trial))
             return

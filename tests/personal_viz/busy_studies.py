@@ -47,4 +47,4 @@ def _pass(store: StudyStore, code: str, *stages: str) -> None:
         if stage == "consented":
             store.give_consent(code, "text", given=True)
         else:
-            store.enter_stage(code, stage)  # type: ignore[arg-type]
+            store.enter_stage(code, stage)

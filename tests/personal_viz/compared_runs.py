@@ -60,7 +60,7 @@ class Compared:
         )
         key, start = episode.key, episode.start
         named = {"split": key.split, "scene": key.scene, "episode_id": key.episode_id, "participant": participant}
-        first = EpisodeStart(position=start.position, yaw=start.yaw, **named)  # type: ignore[arg-type]
+        first = EpisodeStart(position=start.position, yaw=start.yaw, **named)
         return EpisodeRun(start=first, steps=env.steps, end=EpisodeEnd(reason="stop", measures=measures))
 
     def answer(self, episode: Episode, *points: tuple[float, float, float], participant: str | None = None) -> Answer:
@@ -104,6 +104,6 @@ def written(run: Run, runs: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "run.json").write_text(run.info.model_dump_json())
     blocks: Sequence[object] = [line for item in run.episodes for line in (item.start, *item.steps, item.end)]
-    (folder / "steps.jsonl").write_text("".join(line.model_dump_json() + "\n" for line in blocks))  # type: ignore[attr-defined]
+    (folder / "steps.jsonl").write_text("".join(line.model_dump_json() + "\n" for line in blocks))
     (folder / "answers.jsonl").write_text("".join(answer.model_dump_json() + "\n" for answer in run.answers))
     return folder

@@ -308,7 +308,7 @@ def played(
     page = ScriptedPage(script, clock, fakes[1])
     raised: Exception | None = None
     with _clock(clock):
-        play = TrialPlay(page, link, home, study(**choices), link.open_trial(), name="Trial 1 of 1")  # type: ignore[arg-type]
+        play = TrialPlay(page, link, home, study(**choices), link.open_trial(), name="Trial 1 of 1")
         try:
             play.play(away_s=away_s, took_over=took_over)
         except (GoneError, SupersededError, TrialEndedError, StoreFullError, WithdrawnError) as error:

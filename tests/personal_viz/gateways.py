@@ -91,8 +91,8 @@ def admission_for(
 ) -> Admission:
     """Admission of these people."""
     config = small_config(
-        recruit=StudyRecruit(kind=recruit),  # type: ignore[arg-type]
-        privacy=StudyPrivacy(platform_id=platform_id),  # type: ignore[arg-type]
+        recruit=StudyRecruit(kind=recruit),
+        privacy=StudyPrivacy(platform_id=platform_id),
         **choices,
     )
     tokens = {code: token for token, code in people.tokens.items()}

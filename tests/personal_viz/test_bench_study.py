@@ -35,7 +35,7 @@ def test_the_command_measures_the_parts_that_it_is_asked_for(tmp_path: Path, mon
 
 def test_unknown_parts_are_refused_before_work_starts(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match="--parts nap: is none of the parts; expected some of store, load"):
-        Bench("study", out=tmp_path, quick=True, parts=("nap",)).run()  # type: ignore[arg-type]
+        Bench("study", out=tmp_path, quick=True, parts=("nap",)).run()
     with pytest.raises(PersonalVizError, match="bench sim: --parts is soak; expected none"):
         Bench("sim", out=tmp_path, parts=("soak",)).run()
 

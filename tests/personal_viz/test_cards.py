@@ -19,7 +19,7 @@ CONFIG = StudyConfig(
 def stored(order_no: int, *, phase: str = "main", is_over: bool = False, is_begun: bool = False) -> AssignedTrial:
     key = EpisodeKey("easy", "Home", str(order_no))
     end = "done" if is_over else None
-    return AssignedTrial(order_no, phase, "pan", "none", key, is_begun=is_begun or is_over, end=end)  # type: ignore[arg-type]
+    return AssignedTrial(order_no, phase, "pan", "none", key, is_begun=is_begun or is_over, end=end)
 
 
 def person(trials: list[AssignedTrial], *, rested_at: int | None = None) -> Person:

@@ -244,7 +244,7 @@ def test_served_rows_open_their_recording_in_the_viewer(out: Path, made: Compare
         link = page.locator("a.replay").first.get_attribute("href")
         assert link.startswith("/viewer/?url=http%3A%2F%2F127.0.0.1%3A")
         assert link.endswith("%2Freplay.rrd&hide_welcome_screen=1&persist=0")
-        assert page.goto(site.address + link).ok  # type: ignore[union-attr]
+        assert page.goto(site.address + link).ok
         with page.expect_response(lambda reply: reply.url.endswith("/replay.rrd")) as reply:
             page.goto(site.address + link)
         assert reply.value.ok

@@ -81,7 +81,7 @@ def test_kinds_tasks_and_oracle_maps_never_share_a_table() -> None:
     runs = [Run(info=info(kind, scene_kind=kind), episodes=(walk("d"),)) for kind in kinds]
     answer = Answer(
         split="easy", scene="Hut", episode_id="1", candidates=((0.0, 0.0, 0.0),),
-        measures={"success": True, "top3_success": True, "planar_distance": 0.1, "distance_3d": 0.1},  # type: ignore[arg-type]
+        measures={"success": True, "top3_success": True, "planar_distance": 0.1, "distance_3d": 0.1},
     )  # fmt: skip
     runs.append(Run(info=info("map", scene_kind="oracle-map"), answers=(answer,)))
     trials = [trial(kind, success=True, setting=Setting(kind)) for kind in kinds]
@@ -102,7 +102,7 @@ def test_kinds_tasks_and_oracle_maps_never_share_a_table() -> None:
 
 def gathered(runs: Path, aside: Path) -> object:
     known = {KEY: None}
-    return gather([runs], dataset_digest="d", episodes=known, into=aside)  # type: ignore[arg-type]
+    return gather([runs], dataset_digest="d", episodes=known, into=aside)
 
 
 def test_runs_on_two_versions_of_a_home_are_refused(tmp_path: Path) -> None:

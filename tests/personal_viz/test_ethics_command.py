@@ -25,7 +25,7 @@ def test_the_command_writes_all_documents_and_counts_open_places(
     assert "Written to" in printed
     assert "They are templates: no ethics board has read them." in printed
     assert "come with the plan" in printed
-    count = int(re.search(r"(\d+) places are to be filled in", printed)[1])  # type: ignore[index]
+    count = int(re.search(r"(\d+) places are to be filled in", printed)[1])
     texts = [path.read_text() for path in sorted((tmp_path / "out").iterdir())]
     assert count == sum(len(open_places(text)) for text in texts)
     assert (tmp_path / "out" / "consent.md").read_text().startswith("# Ours")

@@ -40,7 +40,7 @@ def imported(home: Path, *files: Path, run_id: str, out: Path, **options: object
         out=out,
         who="again",
         run_id=run_id,
-        **options,  # type: ignore[arg-type]
+        **options,
     ).run()
     return read_run(out / run_id)
 

@@ -25,7 +25,7 @@ from .html_tags import Tags
 
 def config(**choices: object) -> StudyConfig:
     """A study of both tasks."""
-    return StudyConfig(study="flow", dataset=StudyDataset(sha256="0" * 64), task=("pan", "pog"), **choices)  # type: ignore[arg-type]
+    return StudyConfig(study="flow", dataset=StudyDataset(sha256="0" * 64), task=("pan", "pog"), **choices)
 
 
 def tags_in(text: str) -> list[str]:

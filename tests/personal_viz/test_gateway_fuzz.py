@@ -93,7 +93,7 @@ def no_traceback(capfd: pytest.CaptureFixture[str]) -> Iterator[None]:
     """Fails the test when one was printed or logged."""
     kept: list[logging.LogRecord] = []
     handler = logging.Handler()
-    handler.emit = kept.append  # type: ignore[method-assign]
+    handler.emit = kept.append
     logging.getLogger().addHandler(handler)
     yield
     gc.collect()  # a task's exception is told when nobody can ask for it any more

@@ -180,7 +180,7 @@ def test_homes_and_contact_sheets_say_it(made: Compared, tmp_path: Path, capsys:
         assert Homes(dataset=made.data, json=as_json, folds=False).run() == 0
         assert INVENTED in capsys.readouterr().out
     options = {"scene": "Demo", "dataset": made.data, "scenes_dir": None, "invent": None, "clutter": 0}
-    assert ContactSheet(**options, out=tmp_path / "sheet.png", crops=tmp_path / "crops").run() == 0  # type: ignore[arg-type]
+    assert ContactSheet(**options, out=tmp_path / "sheet.png", crops=tmp_path / "crops").run() == 0
     assert silent_files(tmp_path, besides={path.stem for path in (tmp_path / "crops").glob("*.png")}) == []
 
 

@@ -68,7 +68,7 @@ def test_a_screen_gets_only_what_its_own_buttons_send(page: Page) -> None:
 def test_a_card_waits_for_one_of_its_buttons(page: Page) -> None:
     with ThreadPoolExecutor(1) as pool:
         chosen = pool.submit(page.choose, CARD)
-        button = page.client.gui.add_button.return_value  # type: ignore[attr-defined]
+        button = page.client.gui.add_button.return_value
         while not button.on_click.called:
             assert not chosen.done()
         run(button.on_click.call_args[0][0](None))

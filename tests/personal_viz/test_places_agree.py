@@ -76,7 +76,7 @@ def act(store: StudyStore, name: str, journey: Journey) -> None:
         case "stay away":
             store.drop_out(CODE, "away")
         case "screened_out" | "full" | "finished":
-            store.enter_stage(CODE, name)  # type: ignore[arg-type]
+            store.enter_stage(CODE, name)
 
 
 def go_on(store: StudyStore, journey: Journey) -> None:

@@ -165,10 +165,10 @@ def test_leaving_for_good_stores_nothing_more(fake_screens: Fakes) -> None:
 
 def test_a_broken_renderer_ends_the_trial_as_technical(fake_screens: Fakes, capsys: pytest.CaptureFixture[str]) -> None:
     class Broken(RenderedHere):
-        def render(self, *arguments: object) -> None:  # type: ignore[override]
+        def render(self, *arguments: object) -> None:
             if self.ahead:
                 raise RuntimeError("the renderer died")
-            return super().render(*arguments)  # type: ignore[return-value, arg-type]
+            return super().render(*arguments)
 
     trial = played(fake_screens, MemoryLink("pan"), FORWARD, home_options={"renderer": Broken()})
     assert trial.link.outcome.reason == "technical"
@@ -220,7 +220,7 @@ def test_a_lost_webgl_context_is_a_failure_of_ours_that_is_verified(fake_screens
 
 def test_a_full_disk_shows_nothing_that_is_not_stored(fake_screens: Fakes) -> None:
     class Full(MemoryLink):
-        def append_many(self, trial_id: str, epoch: int, events: list[Event]) -> None:  # type: ignore[override]
+        def append_many(self, trial_id: str, epoch: int, events: list[Event]) -> None:
             if any(event.kind == "act" for event in events):
                 raise StoreFullError("study.db: the disk is full; expected space. Free some.")
             super().append_many(trial_id, epoch, events)

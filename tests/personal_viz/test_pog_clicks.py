@@ -29,7 +29,7 @@ def ray_to(point: Vector3, eye: Vector3, *, storey_y: float) -> ClickRay:
     direction = tuple(0.7 * (to - at) for at, to in zip(eye, point, strict=True))
     return ClickRay(
         origin=eye,
-        direction=direction,  # type: ignore[arg-type]
+        direction=direction,
         camera_position=eye,
         camera_wxyz=(1.0, 0.0, 0.0, 0.0),
         storey_y=storey_y,

@@ -208,7 +208,7 @@ def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys
         return len(list((study / "exports" / "records").glob("records-*")))
 
     def say(**changes: object) -> str:
-        assert StudyExclude(study, **({"rule": "disturbed", "reason": "x"} | changes)).run() == 0  # type: ignore[arg-type]
+        assert StudyExclude(study, **({"rule": "disturbed", "reason": "x"} | changes)).run() == 0
         return capsys.readouterr().out
 
     assert run_folders() == 2
@@ -238,4 +238,4 @@ def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys
 )
 def test_impossible_exclusions_are_refused(study: Path, changes: dict[str, object], message: str) -> None:
     with pytest.raises(StudyError, match=message.replace("(", r"\(").replace("!", r"\!")):
-        StudyExclude(study, **({"rule": "disturbed", "reason": "x"} | changes)).run()  # type: ignore[arg-type]
+        StudyExclude(study, **({"rule": "disturbed", "reason": "x"} | changes)).run()

@@ -49,7 +49,7 @@ def room(*, kind: str = "scan", digest: str = "a" * 64) -> Scene:
         face_uv=np.zeros((count, 3, 2), np.float32),
     )
     item = SceneObject(1, "chest_1", "chest", (2.25, 0.75, 2.2), (0.5, 1.5, 0.4))
-    return Scene("room", kind, mesh, (item,), SquareRoom(), digest)  # type: ignore[arg-type]
+    return Scene("room", kind, mesh, (item,), SquareRoom(), digest)
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ PUSHES = 300
 def test_a_worker_knows_ticket_and_number_of_a_connection_and_opens_no_tunnel() -> None:
     server, door = open_door()
     asked, arrived, tickets = [], threading.Event(), []
-    server.request_share_url = lambda *_, **__: asked.append(True)  # type: ignore[method-assign]
+    server.request_share_url = lambda *_, **__: asked.append(True)
 
     @server.on_client_connect
     async def _(client: viser.ClientHandle) -> None:

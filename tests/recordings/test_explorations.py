@@ -123,7 +123,7 @@ def test_an_explorer_that_chooses_otherwise_is_left_out_from_there(
             return exploration.steps[9 - self.left].action if self.left > 5 else None
 
     short = exploration.model_copy(update={"steps": exploration.steps[:8], "coverage": exploration.coverage[:9]})
-    same = replay_exploration(short, home, LiveSink("file", str(out)), agent=Lefty())  # type: ignore[arg-type]
+    same = replay_exploration(short, home, LiveSink("file", str(out)), agent=Lefty())
     assert same == 4
     read = tables(out)
     assert len(read[(f"{RUN}/trail", False)]["step"]) == 8

@@ -96,7 +96,7 @@ def test_vertex_colours_stay_where_they_change() -> None:
     _, before = from_above(blended)
     _, after = from_above(few)
     assert blended.vertex_rgb is not None
-    reds = [mesh.vertex_rgb[mesh.faces[face], 0].mean(axis=1) for mesh, face in ((blended, before), (few, after))]  # type: ignore[index]
+    reds = [mesh.vertex_rgb[mesh.faces[face], 0].mean(axis=1) for mesh, face in ((blended, before), (few, after))]
     assert np.abs(reds[0] - reds[1]).mean() < 12
 
 

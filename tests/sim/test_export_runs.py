@@ -79,10 +79,10 @@ def test_two_runs_of_one_name_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("format", ["jsonl", "tum", "minari"])
 def test_a_folder_that_exists_is_never_touched(tmp_path: Path, format: str) -> None:
-    export_runs([BOTH], format=format, out=tmp_path)  # type: ignore[arg-type]
+    export_runs([BOTH], format=format, out=tmp_path)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     with pytest.raises(RunFileError, match="exists already; expected a new folder"):
-        export_runs([BOTH], format=format, out=tmp_path)  # type: ignore[arg-type]
+        export_runs([BOTH], format=format, out=tmp_path)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
@@ -98,10 +98,10 @@ def test_a_disk_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: py
 
 def test_answers_have_no_trajectory(tmp_path: Path) -> None:
     for format in ("tum", "minari"):
-        (written,) = export_runs([BOTH], format=format, out=tmp_path / format)  # type: ignore[arg-type]
+        (written,) = export_runs([BOTH], format=format, out=tmp_path / format)
         assert (written.num_episodes, written.num_left_out) == (2, 1)
         with pytest.raises(RunFileError, match=r"my\.run: found no episode with poses.*--format jsonl only"):
-            export_runs([Run(info=info(), answers=(ANSWER,))], format=format, out=tmp_path / "no")  # type: ignore[arg-type]
+            export_runs([Run(info=info(), answers=(ANSWER,))], format=format, out=tmp_path / "no")
 
 
 def test_a_tum_file_is_imported_as_the_same_run(tmp_path: Path, dataset: PersonalDataset) -> None:

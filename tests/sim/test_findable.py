@@ -49,7 +49,7 @@ def scene_of(plan: HomePlan) -> Scene:
         SceneObject(number, piece.name, piece.category, piece.centre, piece.world_size)
         for number, piece in enumerate(plan.furniture, start=1)
     )
-    return Scene(plan.name, plan.kind, None, objects, None, "")  # type: ignore[arg-type]
+    return Scene(plan.name, plan.kind, None, objects, None, "")
 
 
 def verdict(tmp_path: Path, plan: HomePlan, *, caption: str, sight: Sight | None = None, **texts: Any):

@@ -52,7 +52,7 @@ def volume(shape: Shape) -> float:
 def test_a_piece_fills_its_box_and_stays_inside(category: str) -> None:
     usual = np.array(look_of(category).size)
     for factors in ((1, 1, 1), (0.1, 1, 1), (1, 1, 0.12), (1.4, 0.3, 1.2), (0.7, 1.3, 0.7)):
-        size: Vec = tuple((usual * factors).tolist())  # type: ignore[assignment]
+        size: Vec = tuple((usual * factors).tolist())
         low, high = bounds(parts_of(piece_of(category, size=size)))
         least, most = np.array([-size[0] / 2, 0.0, -size[2] / 2]), np.array([size[0] / 2, size[1], size[2] / 2])
         assert (low >= least - TOLERANCE).all(), (factors, low)

@@ -53,7 +53,7 @@ def imported(path: Path, dataset: PersonalDataset, reading: PoseReading) -> list
 def test_json_with_arrays_gives_the_same_runs(golden, tmp_path: Path, frame: str, order: str) -> None:
     dataset, runs = golden
     path = write_json(tmp_path / "log.json", runs, frame, order=order)
-    assert_same(imported(path, dataset, PoseReading(frame=frame, quaternion=order)), runs)  # type: ignore[arg-type]
+    assert_same(imported(path, dataset, PoseReading(frame=frame, quaternion=order)), runs)
 
 
 @pytest.mark.parametrize("camera", ["opencv", "opengl", "flu"])
@@ -63,7 +63,7 @@ def test_camera_poses_give_the_same_runs_and_the_looks_without_any_action(
 ) -> None:
     dataset, runs = golden
     path = write_json(tmp_path / "log.json", runs, frame, order="xyzw", camera=camera, actions=False)
-    reading = PoseReading(frame=frame, quaternion="xyzw", poses="camera", camera_axes=camera)  # type: ignore[arg-type]
+    reading = PoseReading(frame=frame, quaternion="xyzw", poses="camera", camera_axes=camera)
     found = imported(path, dataset, reading)
     assert sum(step.action in (Action.LOOK_UP, Action.LOOK_DOWN) for run in found for step in run.steps) > 10
     assert_same(found, runs)
@@ -75,7 +75,7 @@ def test_csv_with_named_columns_gives_the_same_run(golden, tmp_path: Path, frame
     dataset, runs = golden
     for run in runs[:8]:
         path = write_csv(tmp_path / "log.csv", run, frame, delimiter=delimiter, allow_sliding=run.start.allow_sliding)
-        assert_same(imported(path, dataset, PoseReading(frame=frame)), [run])  # type: ignore[arg-type]
+        assert_same(imported(path, dataset, PoseReading(frame=frame)), [run])
 
 
 @pytest.mark.parametrize("frame", FRAMES)
@@ -83,7 +83,7 @@ def test_matrices_in_npz_give_the_same_run(golden, tmp_path: Path, frame: str) -
     dataset, runs = golden
     for run in runs[:8]:
         path = write_npz(tmp_path / "log.npz", run, frame)
-        assert_same(imported(path, dataset, PoseReading(frame=frame)), [run])  # type: ignore[arg-type]
+        assert_same(imported(path, dataset, PoseReading(frame=frame)), [run])
 
 
 def test_gps_and_compass_give_the_same_run_at_the_starts_height(golden, tmp_path: Path) -> None:
@@ -102,7 +102,7 @@ def test_a_wrong_frame_is_refused_and_never_another_run(golden, tmp_path: Path) 
         for read in FRAMES:
             if read == wrote:
                 continue
-            reading = replace(PoseReading(frame=read), quaternion="xyzw")  # type: ignore[arg-type]
+            reading = replace(PoseReading(frame=read), quaternion="xyzw")
             with pytest.raises(Exception, match=r"log\.json.*(begins|tilted)"):
                 imported(path, dataset, reading)
 
