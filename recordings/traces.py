@@ -128,7 +128,7 @@ def require_same_home(traces: Sequence[Trace], scene: Scene) -> None:
             raise RecordingError(
                 f"{trace.info.run_id}: was made on {scene.name} with scene_digest {measures.scene_digest[:12]!r}, the "
                 f"home opened now has {scene.digest[:12]!r}; expected the same version of the home. Give the "
-                "--dataset or --scenes-dir of the run, or leave the run out."
+                "--dataset and --evidence, or the --scenes-dir of the run, or leave the run out."
             )
 
 

@@ -29,7 +29,7 @@ STEPS = 40
 METHODS = ("reset", "act")
 """Methods of an agent."""
 SLOW_S = 2.0
-"""A mean time per action above this is worth a note: 500 steps then take a quarter of an hour."""
+"""A mean time per action above this causes a warning: 500 steps then take a quarter of an hour."""
 _HOME_SEED = 1
 
 
@@ -97,7 +97,7 @@ def _in_second_process(
     if second is None or second[0] == before:
         return []
     return [
-        _difference(trial, before, second[0], "a second process does something else", "the same seed to decide all")
+        _difference(trial, before, second[0], "a second process does something else", "the seed to decide everything")
     ]
 
 
@@ -188,9 +188,9 @@ def _copied_arrays(observation: Observation) -> dict[str, np.ndarray]:
 def _differences(
     trial: Trial, before: list[Action], *, again: list[Action] | None, fresh: list[Action] | None
 ) -> list[str]:
-    """The problem that unequal repetitions of a trial show: of one agent after another episode, and of a new agent."""
+    """The problem where a new agent, or the same agent after another episode, repeats a trial with other actions."""
     if fresh is not None and fresh != before:
-        return [_difference(trial, before, fresh, "a new agent does something else", "the same seed to decide all")]
+        return [_difference(trial, before, fresh, "a new agent does something else", "the seed to decide everything")]
     if again is None or again == before:
         return []
     if fresh is None:

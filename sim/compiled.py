@@ -1,7 +1,7 @@
-"""Compiled loops: numba's `njit`, whose files on disk are kept apart by the content of all our kernels.
+"""Compiled loops: numba's `njit`, with a separate cache on disk for each state of all our kernels.
 
-numba looks only at the file that holds a function. After a pull or an edit, a caller kept on disk would silently go on
-with the old code of a function in another file. Every module with kernels takes `njit` from here.
+numba checks only the file that defines a function. After an edit, a cached caller in another file would silently keep
+the function's old code. Every module with kernels takes `njit` from here.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ _MARK = "import njit"
 
 
 def kernels_digest() -> str:
-    """sha256, shortened, of every module of this package that holds kernels, and of numba's version."""
+    """sha256 (16 hex digits) of every module of this package that holds kernels, and of numba's version."""
     total = hashlib.sha256(numba.__version__.encode())
     for path in sorted(_ROOT.rglob("*.py")):
         content = path.read_bytes()
@@ -31,8 +31,8 @@ def kernels_digest() -> str:
 def keep_apart(digest: str) -> Path:
     """Tells numba to keep compiled code in a folder of its own for this digest, and returns the folder.
 
-    The folder lies in the user's `NUMBA_CACHE_DIR`; without one, beside this file, where folders of other digests are
-    removed; and if that cannot be written, in the cache folder.
+    The folder lies in `NUMBA_CACHE_DIR` if the user set it. Otherwise it lies beside this file, where folders of other
+    digests are removed, or in the cache folder if that place cannot be written.
     """
     beside = _ROOT / "__pycache__"
     named: str = getattr(config, "CACHE_DIR")  # noqa: B009 - numba makes its settings at run time

@@ -1,7 +1,7 @@
 """Files that are never half-written, and files from elsewhere that are read up to a limit.
 
-A small file can announce a huge content, or unpack to one. `bounded_bytes` and `bounded_json` are the door for such
-files. Above a limit they raise `TooLargeError`, an OSError, so callers report it like any file that cannot be read.
+A small file can announce huge content, or unpack to it. Read such files with `bounded_bytes` and `bounded_json`. Above
+a limit they raise `TooLargeError`, an OSError, so callers report it like any file that cannot be read.
 """
 
 import errno
@@ -44,12 +44,12 @@ def bounded_bytes(path: Path, most: int) -> bytes:
     """All bytes of a file.
 
     Raises:
-        TooLargeError: There are more than `most`, or the file is not a regular one and could have any number.
+        TooLargeError: There are more than `most` bytes, or the file is not a regular one and could have any number.
         OSError: It cannot be read.
     """
     with open(path, "rb", opener=_open_at_once) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise TooLargeError("is no regular file")
+            raise TooLargeError("is not a regular file")
         data = file.read(most + 1)
     if len(data) > most:
         raise TooLargeError(f"has more than {_amount(most)}")
@@ -60,7 +60,7 @@ def bounded_json(path: Path, *, most: int = MAX_JSON_BYTES, most_values: int = M
     """The text of a JSON file, unpacked when its name ends in .gz; not parsed, but safe to parse.
 
     Raises:
-        TooLargeError: It holds more bytes or values than that.
+        TooLargeError: It holds more than `most` bytes or `most_values` values.
         OSError: It cannot be read.
         EOFError: It ends in the middle of the packed data.
         zlib.error: It is not a gzip file.
@@ -97,7 +97,7 @@ def npy_array(data: bytes) -> NDArray[np.generic]:
     """The array of a `.npy` file's bytes, read-only and without a copy; its announced size must be that of its bytes.
 
     Raises:
-        ValueError, SyntaxError, TypeError: It is no such file, or holds Python objects.
+        ValueError, SyntaxError, TypeError: The bytes are not such a file, or hold Python objects.
     """
     stream = io.BytesIO(data)
     version = np.lib.format.read_magic(stream)
@@ -108,7 +108,7 @@ def npy_array(data: bytes) -> NDArray[np.generic]:
     left = len(data) - stream.tell()
     if math.prod(shape) * dtype.itemsize != left:
         raise ValueError(f"it announces {shape} x {dtype.itemsize} bytes and holds {left}")
-    if not dtype.itemsize:  # texts of no length
+    if not dtype.itemsize:  # empty texts
         return np.zeros(shape, dtype)
     values = np.frombuffer(data, dtype, offset=stream.tell())
     return values.reshape(shape, order="F" if is_fortran else "C")
@@ -132,7 +132,7 @@ def _unpacked(data: bytes, most: int) -> bytes:
         if sum(map(len, parts)) > most:
             raise TooLargeError(f"unpacks to more than {_amount(most)}")
         if not member.eof:
-            raise EOFError("it ends in the middle of what is packed")
+            raise EOFError("it ends in the middle of the packed data")
         data = member.unused_data.lstrip(b"\0")
         if not data:
             return b"".join(parts)

@@ -21,7 +21,7 @@ UNNAMED_LABELS: dict[SceneKind, str] = {
     "schematic": "schematic home, not a scan",
     "invented": "invented home",
 }
-"""What participants read about a home of each kind."""
+"""The label that participants see for a home of each kind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ class SceneObject:
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Scene:
-    """A home that can be rendered and walked in; equal to itself alone."""
+    """A home that can be rendered and walked in; equal only to itself."""
 
     name: str
     """`TEEsavR23oF`; the content files' name."""
@@ -115,16 +115,15 @@ class Scene:
     """sha256 of everything that distances and pictures depend on."""
     clutter: ClutterLevel = 0
     """How much furniture without a caption was added to a planned home."""
+    labels: bool = False
+    """Whether the pictures of robots in this home (`renderer_of`) name the category of each object in view."""
 
     @property
     def label(self) -> str:
         """The name of the scene in views and reports, with its kind."""
-        added = f", clutter {self.clutter}" if self.clutter else ""
-        return {
-            "scan": self.name,
-            "schematic": f"{self.name} (schematic, not HM3D{added})",
-            "invented": f"{self.name} (invented home{added})",
-        }[self.kind]
+        kind = {"scan": (), "schematic": ("schematic, not HM3D",), "invented": ("invented home",)}[self.kind]
+        facts = [*kind, *([f"clutter {self.clutter}"] if self.clutter else []), *(["labels"] if self.labels else [])]
+        return f"{self.name} ({', '.join(facts)})" if facts else self.name
 
     @property
     def unnamed_label(self) -> str:

@@ -1,6 +1,6 @@
 """Plug-ins: users' own objects, named `package.module:factory`. Options, functions and checks all find them here.
 
-The module is also searched in the present folder, and the factory is called without arguments unless the option says
+The module is also looked for in the current folder, and the factory is called without arguments unless the option says
 otherwise. A run keeps `plugin_digest`, so that answers of changed code are never mixed with older ones.
 """
 
@@ -68,10 +68,10 @@ def build_plugin(name: str, *arguments: Any, option: str = "plug-in", methods: S
 
 
 def call_plugin(kind: str, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
-    """What a factory or a method of the user's returns.
+    """Calls a factory or a method of the user's plug-in and returns its result.
 
     Raises:
-        AgentError: It raised something; `kind`, such as "agent", tells what is to be corrected.
+        AgentError: It raised something; the message asks to correct the `kind`, such as "agent".
     """
     try:
         return function(*args, **kwargs)
@@ -90,7 +90,7 @@ def require_methods(made: Any, methods: Sequence[str], *, where: str, need: str)
     for method in methods:
         if not callable(getattr(made, method, None)):
             raise AgentError(
-                f"{where}: found no method {method}(); expected one, as {need} needs. Correct the plug-in."
+                f"{where}: found no method {method}(); expected one, because {need} needs it. Correct the plug-in."
             )
     return made
 
@@ -127,7 +127,7 @@ def plugin_digest(name: str) -> str:
 
 
 def _see_present_folder() -> None:
-    """Lets modules be found in the present folder, as with `python -m`; an installed program does not look there."""
+    """Lets modules be found in the current folder, as with `python -m`; an installed program does not look there."""
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())
 
@@ -177,14 +177,14 @@ def problems_of(
     arguments: Sequence[Any] = (),
     kind: str = "plug-in",
 ) -> list[str]:
-    """Does any check: makes the plug-in, checks it here, and repeats the questions in a second process.
+    """Runs a check: makes the plug-in, checks it here, and repeats the questions in a second process.
 
     Args:
         plugin: The object, a factory, or its name as package.module:factory.
         check: Raises AgentError at the first breach of the contract.
         methods: Methods that the object must have.
-        again: A function of a module, whose answer must be the same here and in a second process, where Python's
-            `hash()` gives other numbers. Left out where the plug-in cannot be sent there, as a class of a script.
+        again: A module-level function whose answer must be the same here and in a second process, where Python's
+            `hash()` gives other numbers. Left out for a plug-in that cannot be sent there, such as a class of a script.
         arguments: Arguments of the factory.
         kind: The kind of plug-in, for errors.
 
@@ -240,7 +240,7 @@ def second_answer(
     if done.returncode == _UNSENT:
         return None
     if done.returncode:
-        lines = done.stderr.decode(errors="replace").strip().splitlines() or ["nothing was said"]
+        lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no error text"]
         raise AgentError(f"in a second process: {lines[-1]}. Correct the plug-in.")
     return (pickle.loads(done.stdout),)
 
@@ -257,8 +257,8 @@ def _difference(
     if second is None or _same(again(made), second[0]):
         return None
     return (
-        "a second process gives another answer to the same question; expected the same in all, since worker processes "
-        "and later runs share maps. Use hashlib instead of hash(), and do not draw without a seed."
+        "a second process gives another answer to the same question; expected the same answer, because worker "
+        "processes and later runs share maps. Use hashlib instead of hash(), and do not draw without a seed."
     )
 
 

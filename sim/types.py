@@ -49,7 +49,7 @@ RULE_NOTES: dict[SuccessRule, str] = {
     "authors": "authors = the robot ends within 0.2 m, on the floor plan, of a view point that the episode lists, with "
     "or without STOP, as the authors' result reader counts",
 }
-"""The success that each rule counts, for help texts and below tables (sim/tasks/rules.py has the figures)."""
+"""The meaning of each rule, for help texts and notes below tables (sim/tasks/rules.py has the figures)."""
 
 
 class Action(enum.StrEnum):
@@ -116,7 +116,7 @@ class Camera:
 
     @property
     def lens(self) -> tuple[float, float, float, float]:
-        """(fx, fy, cx, cy) in pixels: focal lengths, and the point of the picture straight ahead."""
+        """(fx, fy, cx, cy) in pixels: focal lengths and principal point."""
         if self.measured is not None:
             return self.measured
         focal = self.width / 2 / math.tan(math.radians(self.hfov_deg) / 2)
@@ -185,16 +185,16 @@ class Observation:
     """(4, 4) camera (OpenCV axes) in the start frame."""
     camera: Camera
     collided: bool
-    """Whether the last action was a forward that a wall shortened."""
+    """Whether the last action was a forward step that a wall shortened."""
     step: int
-    """How many actions were taken, 0 at reset."""
+    """Number of actions taken so far, 0 at reset."""
 
 
 @dataclass(frozen=True, slots=True)
 class GridSpec:
     """A regular grid on the floor plane: rows grow with z, columns with x."""
 
-    __pydantic_config__ = ConfigDict(extra="forbid")  # in files: a field that is unknown is refused
+    __pydantic_config__ = ConfigDict(extra="forbid")  # in files: unknown fields are refused
 
     origin_xz: tuple[float, float]
     """World (x, z) of the corner of cell (0, 0), metres."""

@@ -1,4 +1,4 @@
-"""What is dear to make and only read: made once per run, whichever worker asks first."""
+"""Folders that are slow to build and only read: one worker builds each of them once per test run."""
 
 import fcntl
 import shutil
@@ -7,12 +7,12 @@ from pathlib import Path
 
 
 def built_once(shared: Path, name: str, build: Callable[[Path], None]) -> Path:
-    """The folder that `build` filled; the first process that asks builds it, others wait until it is whole.
+    """The folder that `build` filled; the first process that asks builds it, others wait until it is complete.
 
     Args:
-        shared: A folder of this run that all workers know: the fixture `shared_dir`.
-        name: Of the folder below it.
-        build: Fills the empty folder that it is given. Where it raises, the next who asks builds again.
+        shared: A folder of this run that all workers share: the fixture `shared_dir`.
+        name: Name of the folder, inside `shared`.
+        build: Fills the empty folder that it is given. If it raises, the next process that asks builds again.
     """
     whole = shared / name
     with (shared / f"{name}.lock").open("w") as lock:

@@ -1,4 +1,4 @@
-"""Fixtures that every test may use; tests on shared data skip with a reason where the folder is absent."""
+"""Fixtures that every test may use; tests on shared data are skipped with a reason if the folder is missing."""
 
 import os
 import shutil
@@ -21,7 +21,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Long files first."""
+    """Runs files with many long tests first."""
     long_files_first(items)
 
 
@@ -36,7 +36,7 @@ def dataset_root() -> Path:
 
 @pytest.fixture(scope="session")
 def golden_root() -> Path:
-    """Folder of the real Habitat's answers."""
+    """Folder of answers recorded from the real Habitat."""
     root = SHARED / "habitat-golden"
     if not root.is_dir():
         pytest.skip(f"Habitat's golden answers are not at {root}")
@@ -45,7 +45,7 @@ def golden_root() -> Path:
 
 @pytest.fixture(scope="session")
 def shared_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of this run that all of its workers share."""
+    """A folder of this run that all its workers share."""
     own = tmp_path_factory.getbasetemp()
     shared = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "shared"
     shared.mkdir(exist_ok=True)
@@ -54,7 +54,7 @@ def shared_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(shared_dir: Path) -> None:
-    """Converted textures and browser copies of this run only: nothing of an earlier one is read."""
+    """Gives this run its own cache of converted textures and browser copies, so that no earlier run's are read."""
     os.environ[VARIABLE] = str(shared_dir / "cache")
 
 
@@ -69,13 +69,13 @@ def demo_root(own_cache: None) -> Path:
 
 @pytest.fixture(scope="session")
 def small_home_root(own_cache: None) -> Path:
-    """The same for the invented home Small (seed 3), which has one storey and costs the least."""
+    """The same for the invented home Small (seed 3), which has one storey and is the fastest to build."""
     return _made_dataset("Small", 3)
 
 
 @pytest.fixture(scope="session")
 def invented_root(shared_dir: Path, demo_root: Path, small_home_root: Path) -> Path:
-    """Both homes in one dataset, only read."""
+    """Dataset of both homes, Demo and Small; tests only read it."""
 
     def build(out: Path) -> None:
         for root in (demo_root, small_home_root):

@@ -1,4 +1,4 @@
-"""What `make` says on a machine that lacks something."""
+"""`make` says what a machine lacks and how to install it."""
 
 import importlib.util
 import subprocess
@@ -28,7 +28,7 @@ def test_this_machine_is_fine() -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="libraries are checked on Linux only")
-def test_missing_libraries_are_named_with_the_command_that_brings_them(
+def test_missing_libraries_are_named_with_the_command_that_installs_them(
     machine: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(machine.LIBRARIES, "libnowhere.so.9", "libnowhere9")
@@ -40,14 +40,14 @@ def test_missing_libraries_are_named_with_the_command_that_brings_them(
     assert said.endswith("apt-get install -y --no-install-recommends libnowhere9\n")
 
 
-def test_the_demo_asks_for_no_library_and_no_browser(machine: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_demo_needs_no_library_and_no_browser(machine: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "loads", lambda _: False)
     monkeypatch.setattr(machine.shutil, "which", lambda _: None)
     monkeypatch.setattr(machine.sys, "argv", ["check_machine.py"])
     assert machine.main() == 0
 
 
-def test_root_on_debian_gets_what_the_tests_need(machine: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_root_on_debian_gets_libraries_and_a_browser(machine: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     there, commands = set(), []
 
     def run(command: str, **_: object) -> subprocess.CompletedProcess:

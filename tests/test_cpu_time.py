@@ -1,4 +1,4 @@
-"""Tests that take too much CPU time fail the run, whatever the clock says; long files first; homes are built once."""
+"""A test with too much CPU time fails the run, waiting does not; long files run first; homes are built once."""
 
 import os
 from multiprocessing import get_context
@@ -37,12 +37,12 @@ def burn(seconds):
 
 @pytest.fixture(autouse=True)
 def no_other_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those of other packages take a second to import."""
+    """Plugins of other packages take a second to import."""
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
 
 
 def run(pytester: pytest.Pytester, tests: str, *arguments: str, **files: str) -> pytest.RunResult:
-    """A run of these tests with limits of 0.2 s (shown) and 0.5 s (failed)."""
+    """Runs these tests with limits of 0.2 s (printed) and 0.5 s (failed)."""
     pytester.makeconftest(CONFTEST)
     pytester.makepyfile(test_few=BURN + tests, **{name: BURN + text for name, text in files.items()})
     return pytester.runpytest_inprocess("-p", "no:cacheprovider", "-p", "xdist.plugin", *arguments)
@@ -62,7 +62,7 @@ def test_short(): pass
     assert done.ret == pytest.ExitCode.TESTS_FAILED
     shown = [line.rpartition("::")[2] for line in done.outlines if " s of CPU in " in line]
     assert shown == ["test_long", "test_middling"]
-    done.stdout.fnmatch_lines(["FAILED: 1 unmarked took more than 0.5 s of CPU time; *"])
+    done.stdout.fnmatch_lines(["FAILED: 1 unmarked tests took more than 0.5 s of CPU time; *"])
 
 
 def test_fixtures_and_ended_children_count(pytester: pytest.Pytester) -> None:
@@ -81,10 +81,10 @@ def test_child():
         "test_fixture",
         "test_child",
     }
-    done.stdout.fnmatch_lines(["FAILED: 2 unmarked took *"])
+    done.stdout.fnmatch_lines(["FAILED: 2 unmarked tests took *"])
 
 
-def test_a_child_of_an_earlier_fixture_that_ends_in_a_short_test_does_not_count_as_its_time() -> None:
+def test_an_older_child_that_ends_during_a_short_test_does_not_make_it_long() -> None:
     times = CpuTimes(limit_s=1.0)
     report = pytest.TestReport(
         "test_short", ("", 0, ""), {}, "passed", None, "teardown", duration=0.01,
@@ -94,7 +94,7 @@ def test_a_child_of_an_earlier_fixture_that_ends_in_a_short_test_does_not_count_
     assert times._too_long() == set()
 
 
-def test_what_numba_compiles_does_not_count(pytester: pytest.Pytester) -> None:
+def test_compilation_by_numba_does_not_count(pytester: pytest.Pytester) -> None:
     tests = """
 import numba
 made = [numba.njit(lambda x, k=k: [x + k for _ in range(k)]) for k in range(2)]
@@ -110,7 +110,7 @@ def test_compiles():
     assert done.ret == pytest.ExitCode.OK, done.outlines
 
 
-def test_waiting_is_shown_but_fails_nobody_and_a_marked_test_may_take_its_time(pytester: pytest.Pytester) -> None:
+def test_a_test_that_waits_is_printed_but_passes_and_a_marked_test_may_compute_long(pytester: pytest.Pytester) -> None:
     tests = """
 def test_waits(): time.sleep(0.7)
 
@@ -135,14 +135,14 @@ def fill(folder: Path) -> None:
     (folder / str(os.getpid())).touch()
 
 
-def test_a_folder_is_built_once_however_many_ask(tmp_path: Path) -> None:
+def test_a_folder_is_built_once_however_many_processes_ask(tmp_path: Path) -> None:
     with get_context("spawn").Pool(2) as pool:
         folders = pool.starmap(built_once, [(tmp_path, "home", fill)] * 8)
     assert set(folders) == {tmp_path / "home"}
     assert len(list((tmp_path / "home").iterdir())) == 1
 
 
-def test_a_folder_that_could_not_be_built_is_built_by_the_next(tmp_path: Path) -> None:
+def test_the_next_process_builds_a_folder_whose_first_build_failed(tmp_path: Path) -> None:
     def fails(folder: Path) -> None:
         fill(folder)
         raise OSError(28, "No space left on device")

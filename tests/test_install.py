@@ -1,4 +1,4 @@
-"""What `make` installs, what it says of that, and that the locks hold all of it."""
+"""What `make` installs, what it says about that, and that the lock files hold every requirement."""
 
 import importlib.util
 import re
@@ -20,7 +20,7 @@ NO_CPU_BUILD = (1, "ERROR: No matching distribution found for torch==2.13.0+cpu"
 
 @pytest.fixture
 def install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ModuleType:
-    """The script as a module: on Linux, without a driver, torch or TORCH_INDEX."""
+    """The script as a module that sees Linux and neither a driver nor torch nor TORCH_INDEX."""
     spec = importlib.util.spec_from_file_location("install", ROOT / ".ci" / "install.py")
     assert spec is not None
     assert spec.loader is not None
@@ -38,7 +38,7 @@ def install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ModuleType:
 
 
 def asked(install: ModuleType, monkeypatch: pytest.MonkeyPatch, probe: tuple[int, str, float]) -> list[list[str]]:
-    """What pip is asked for, in turn, where the search for a build without CUDA ends with `probe`."""
+    """The arguments of each call of pip, in order, when the search for a build without CUDA ends with `probe`."""
     commands: list[list[str]] = []
 
     def run_pip(arguments: list[str]) -> tuple[int, str, float]:
@@ -50,7 +50,7 @@ def asked(install: ModuleType, monkeypatch: pytest.MonkeyPatch, probe: tuple[int
     return commands
 
 
-def test_no_cuda_where_there_is_no_driver_and_a_build_without_it(
+def test_without_a_driver_torch_is_installed_without_cuda_if_such_a_build_exists(
     install: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     commands = asked(install, monkeypatch, (0, "Would install torch-2.13.0+cpu", 0.0))
@@ -58,7 +58,7 @@ def test_no_cuda_where_there_is_no_driver_and_a_build_without_it(
     assert "TORCH_INDEX" not in capsys.readouterr().out
 
 
-def test_where_there_is_only_cuda_a_line_says_first_what_would_be_saved(
+def test_if_only_a_cuda_build_exists_a_line_says_how_many_megabytes_another_index_would_save(
     install: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     commands = asked(install, monkeypatch, NO_CPU_BUILD)
@@ -67,7 +67,7 @@ def test_where_there_is_only_cuda_a_line_says_first_what_would_be_saved(
     assert re.search(r"TORCH_INDEX=<.*> would save 2\d\d\d MB of them\n", capsys.readouterr().out)
 
 
-def test_nothing_is_said_of_cuda_where_pip_reaches_nothing(
+def test_cuda_is_not_mentioned_when_pip_reaches_no_index(
     install: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     unreached = "ERROR: Could not find a version (from versions: none)\n" + NO_CPU_BUILD[1]
@@ -75,12 +75,12 @@ def test_nothing_is_said_of_cuda_where_pip_reaches_nothing(
     assert "CUDA" not in capsys.readouterr().out
 
 
-def test_with_a_driver_pip_takes_what_it_prefers(install: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_a_driver_pip_chooses_the_build(install: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(install, "has_nvidia_driver", lambda: True)
     assert asked(install, monkeypatch, NO_CPU_BUILD) == [["-c", "constraints.txt", "-e", "."]]
 
 
-def test_torch_comes_alone_from_a_named_index(install: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_torch_comes_from_the_named_index(install: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TORCH_INDEX", "https://index.invalid/cpu")
     first = asked(install, monkeypatch, NO_CPU_BUILD)[0]
     assert " ".join(first) == "-c constraints.txt --no-deps --index-url https://index.invalid/cpu torch"
@@ -98,7 +98,7 @@ def test_the_locks_are_installed_with_every_digest_checked(
         assert [command[-1] for command in commands[:-1]] == list(LOCKS if needs_cuda else LOCKS[:2])
 
 
-def test_the_locks_bring_no_cuda_either(install: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_locks_install_no_cuda_either(install: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(install.sys, "argv", ["install.py", "--locked"])
     monkeypatch.setattr(install, "wants_cuda", lambda: False)
     commands = asked(install, monkeypatch, (0, "Would install torch-2.13.0+cpu", 0.0))
@@ -106,7 +106,7 @@ def test_the_locks_bring_no_cuda_either(install: ModuleType, monkeypatch: pytest
     assert Path(torch[torch.index("-c") + 1]).read_text() == f"torch=={install.pinned_torch()}+cpu"
 
 
-def test_a_failure_shows_its_error_and_none_of_pips_noise(
+def test_a_failure_shows_the_error_without_pips_warnings(
     install: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     noise = "WARNING: Location 'file:///opt/nowhere/' is ignored: it is neither a file nor a directory."
@@ -122,11 +122,11 @@ def test_a_failure_shows_its_error_and_none_of_pips_noise(
 
 
 def locked(name: str) -> dict[str, str]:
-    """Versions by the name of the package."""
+    """Locked version of each package, by package name."""
     return {canonicalize_name(package): version for package, version, _ in PINNED.findall((ROOT / name).read_text())}
 
 
-def test_every_requirement_is_locked_in_the_version_that_the_tests_ran_with() -> None:
+def test_every_requirement_is_locked_at_the_version_in_constraints() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
     wanted = [*project["dependencies"], *extras["test"]]
@@ -152,5 +152,5 @@ def test_a_lock_holds_digests_and_names_no_host(lock: str) -> None:
     assert "://" not in text
 
 
-def test_torch_is_locked_in_several_builds() -> None:
+def test_torch_is_locked_for_many_platforms() -> None:
     assert (ROOT / "requirements-torch.lock").read_text().count("--hash=") >= 20

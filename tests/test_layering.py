@@ -1,4 +1,4 @@
-"""Which package may import which (DESIGN.md), and which modules must start without the heavy libraries."""
+"""Which package may import which (DESIGN.md), and which modules must import no heavy library."""
 
 import ast
 import graphlib
@@ -43,9 +43,9 @@ ROOMS = {
         browse contact_sheet compare pog_report bots bench cli screenshots examples __main__
     """,
 }
-"""Rooms of each package from the ground up, some with a part that stands lower or higher than the rest.
+"""Rooms of each package from the bottom up; some parts of a room stand lower or higher than the rest of it.
 
-A module belongs to the longest name that fits, and imports nothing that stands after it."""
+A module belongs to the longest name that matches it, and imports nothing that comes later."""
 ENTRANCES = {
     "personal_viz.__main__",
     "personal_viz.bench.page",
@@ -56,7 +56,7 @@ ENTRANCES = {
     "recordings.habitat_writer",
     "sim.checks",
 }
-"""Modules that nothing imports by a statement: commands, plug-ins named in text, files to copy, checks for users.
+"""Modules that no import statement names: commands, plug-ins named in text, files to copy, checks for users.
 
 The examples are entrances too."""
 HEAVY = ("viser", "rerun", "torch", "open3d", "trimesh")
@@ -78,7 +78,7 @@ LIGHT_MODULES = (
 
 @cache
 def parsed(path: Path) -> ast.Module:
-    """The syntax tree of a file, which several tests look at."""
+    """The syntax tree of a file, cached because several tests read it."""
     return ast.parse(path.read_text())
 
 
@@ -101,7 +101,7 @@ def imports_of(path: Path) -> set[str]:
 
 
 def module_of(path: Path) -> str:
-    """Its dotted name."""
+    """Dotted name of the module in this file."""
     return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
@@ -120,7 +120,7 @@ def modules_imported(path: Path, known: set[str]) -> set[str]:
 
 
 def rank_of(module: str, package: str) -> int:
-    """Where its room stands in ROOMS; the package itself may import all."""
+    """Position of the module's room in ROOMS; modules in no room may import all rooms."""
     rooms = ROOMS[package].split()
     name = module.removeprefix(package).removeprefix(".")
     fitting = [room for room in rooms if f"{name}.".startswith(f"{room}.")]
@@ -156,7 +156,7 @@ def test_a_room_imports_only_from_below(package: str) -> None:
 
 
 @pytest.mark.parametrize("package", ALLOWED)
-def test_a_room_says_its_purpose_and_has_at_most_20_modules(package: str) -> None:
+def test_a_room_states_its_purpose_and_has_at_most_20_modules(package: str) -> None:
     for init in (ROOT / package).rglob("__init__.py"):
         assert ast.get_docstring(parsed(init)), init
         num_modules = len(list(init.parent.glob("*.py")))
@@ -186,7 +186,7 @@ def test_rerun_stays_in_recordings(library: str) -> None:
             assert library not in imports_of(path), path.relative_to(ROOT)
 
 
-def test_light_modules_start_without_heavy_libraries() -> None:
+def test_light_modules_import_no_heavy_library() -> None:
     program = f"""
 import importlib, sys
 for module in {LIGHT_MODULES!r}:

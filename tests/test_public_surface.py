@@ -1,4 +1,4 @@
-"""The public names of each package (DESIGN.md, section 3) are there and light to import; the README's code runs."""
+"""The public names of each package (DESIGN.md section 3) exist and import fast; the README's code runs."""
 
 import importlib
 import subprocess

@@ -73,7 +73,7 @@ def save_exploration(path: Path, exploration: Exploration) -> None:
         write_whole(path, exploration.model_dump_json() + "\n")
     except OSError as error:
         raise RunFileError(
-            f"{path}: cannot be written ({error}); expected a place for a file. Give a folder that you can write."
+            f"{path}: cannot be written ({error}); expected a writable folder. Give another folder."
         ) from None
 
 

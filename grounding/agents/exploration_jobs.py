@@ -67,8 +67,8 @@ def invented_home(name: str) -> tuple[Scene, HomePlan]:
     found = _INVENTED.fullmatch(name)
     if found is None:
         raise SceneError(
-            f"home {name!r}: is none that is made of its name alone; expected {invented_name(0)}, {invented_name(1)}, "
-            "... Give --dataset, the folder of the home's episodes."
+            f"home {name!r}: is not the name of an invented home; expected {invented_name(0)}, {invented_name(1)}, ... "
+            "For another home, give --dataset, the folder of its episodes."
         )
     plan = invent_plan(name, seed=int(found[1]))
     return scene_from_plan(plan), plan
@@ -88,6 +88,8 @@ class ExploreJob:
     """Folder of the exploration files."""
     dataset_root: Path | None = None
     """The dataset of the home; None = an invented home, whose name contains its seed."""
+    evidence: tuple[Path, ...] = ()
+    """Folders of the dataset's evidence."""
     scenes_dir: Path | None = None
     watch: Watch | None = None
 
@@ -130,7 +132,7 @@ def _opened(job: ExploreJob) -> tuple[Scene, HomePlan | None]:
 
     if job.dataset_root is None:
         return invented_home(job.scene)
-    dataset = PersonalDataset(job.dataset_root)
+    dataset = PersonalDataset(job.dataset_root, evidence=job.evidence)
     scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir)
     plan = plan_of(dataset, job.scene)
     return scene, recover_plan(dataset, job.scene) if plan is None and scene.kind == "schematic" else plan
@@ -147,9 +149,8 @@ def _checked(found: Exploration, job: ExploreJob, scene: Scene, path: Path) -> E
             f"{len(found.steps)} steps (stopped: {found.stop_reason}) in home {found.scene_digest[:12]} by policy "
             f"{found.policy!r}; expected seed {job.seed}, {job.camera.width} x {job.camera.height}, "
             f"{job.max_steps} steps or fewer where exploring ended by itself, home {scene.digest[:12]}, policy "
-            f"{EXPLORER_VERSION!r}. "
-            "Give another --out, or remove the file."
+            f"{EXPLORER_VERSION!r}. Give another --out, or remove the file."
         )
     if found.scene != scene.name:
-        raise SceneError(f"{path}: of home {found.scene!r}; expected {scene.name!r}. Remove the file.")
+        raise SceneError(f"{path}: explores home {found.scene!r}; expected {scene.name!r}. Remove the file.")
     return found

@@ -33,7 +33,7 @@ _FLOOR_AROUND, _FLOOR_BIN = 0.3, 0.02
 _FLOOR_FRAMES = 14
 """Number of views after which the floor's height is fixed: a full look around and a little more."""
 _BUMP_STEPS = 300
-"""Steps for which a collision blocks its place; blocking for ever would seal doors."""
+"""Steps for which a collision blocks its place; blocking it forever would seal doors."""
 _BUMP_AHEAD, _BUMP_ASIDE = (0.03, 0.07), (-0.04, 0.0, 0.04)
 """A collision blocks the robot's centre this far ahead and aside (metres), but never where it has been."""
 _BUMP_FORE, _BUMP_REACH, _BUMP_TIMES, _BUMP_MOST = 0.2, 0.15, 7.0, 40.0
@@ -110,7 +110,7 @@ class FloorMemory:
         """
         if observation.depth_m is None:
             raise AgentError(
-                f"step {observation.step}: the observation has no depth; expected some, a map grows from it. "
+                f"step {observation.step}: the observation has no depth; expected depth, from which the map is made. "
                 "Run this agent with a renderer."
             )
         self._ground = None

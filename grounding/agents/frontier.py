@@ -27,7 +27,7 @@ _MOVED = 0.02
 _STUCK = 60
 """After this many forwards in a row without a move the robot gives up."""
 _REPLAN_STEPS = 4
-"""Steps between two searches for a nearer goal while the present goal is valid."""
+"""Steps between two searches for a nearer goal while the current goal is valid."""
 _SWITCH_GAIN = 3.0
 """Actions that another frontier must save to become the goal."""
 

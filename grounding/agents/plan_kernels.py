@@ -196,7 +196,7 @@ def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, clos
         turn_step: Radians of one turn.
         most_forwards: Length of the longest straight way to try, in forwards.
         closed_cost: Actions to cross a blocked cell; a robot that stands in one may do so for one forward.
-        extra: (num_turns,) extra cost of headings in actions, by turns to the left of the present one; inf = forbidden.
+        extra: (num_turns,) extra cost of headings in actions, by turns to the left of the current one; inf = forbidden.
 
     Returns:
         Cost is inf where every heading is blocked; a way that leads away is chosen where none leads nearer.

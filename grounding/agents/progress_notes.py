@@ -1,4 +1,4 @@
-"""The present work in each scene, for a progress bar: each worker process keeps a line in a small file."""
+"""The current work in each scene, for a progress bar: each worker process keeps a line in a small file."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ Say = Callable[[str], None]
 
 @contextlib.contextmanager
 def scene_note(folder: Path | None, scene: str) -> Iterator[Say]:
-    """Yields a function that notes the present work in the scene in a few words; the note is removed at the end.
+    """Yields a function that notes the current work in the scene in a few words; the note is removed at the end.
 
     Without a folder, or where it cannot be written, there are no notes.
     """
@@ -30,7 +30,7 @@ def scene_note(folder: Path | None, scene: str) -> Iterator[Say]:
 
 
 def read_notes(folder: Path) -> list[str]:
-    """Lines `scene: present work`, sorted by scene."""
+    """Lines `scene: current work`, sorted by scene."""
     found = []
     with contextlib.suppress(OSError):
         for path in sorted(folder.iterdir()):

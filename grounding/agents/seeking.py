@@ -44,7 +44,7 @@ _BEYOND = 12.0
 _STEPS_PER_CELL, _LONGEST = 12, 60
 """Steps without new floor that each cell of the longest frontier adds to the limit, and the most cells that count."""
 _MOST_MISSES = 5
-"""Each time a frontier could not be reached it is ignored twice as long as before; this doubles at most this often."""
+"""The time for which a frontier is ignored doubles each time it could not be reached, at most this often."""
 _PROGRESS = 0.5
 """The robot has come nearer when its way is shorter by this many actions."""
 _PATIENCE = 15
@@ -58,10 +58,10 @@ _BAN_STEPS = 150
 _TRIES = 3
 """A frontier that stayed unknown after this many looks is given up."""
 _DULL_STEPS = 150
-"""Steps without new floor after which the present goal has failed; each later goal fails after a third of that."""
+"""Steps without new floor after which the current goal has failed; each later goal fails after a third of that."""
 _ROUNDS, _LAST_STEPS = 12, 200
-"""Number of times in a row, without new floor, that all ignored frontiers come back before the robot is done; which is
-at the earliest this many steps after the last new floor."""
+"""All ignored frontiers come back this many times in a row without new floor; then the robot is done, but not earlier
+than this many steps after the last new floor."""
 
 
 class _Way(NamedTuple):

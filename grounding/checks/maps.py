@@ -85,8 +85,8 @@ def _require_builder(builder: MapBuilder, *, encoder: TextEncoder) -> None:
     for low, high in BOXES.values():
         footprint = np.array([low, high])[:, [0, 2]]
         changed = _changes(maps[0].storeys[0].memory, exchanged.storeys[0].memory, footprint)
-        expected = "another one when the boxes exchange their colours: check rows and columns"
-        require(changed, where, f"what is stored around {footprint.mean(axis=0).tolist()}", "the same", expected)
+        expected = "other content when the boxes exchange their colours: check rows and columns"
+        require(changed, where, f"content around {footprint.mean(axis=0).tolist()}", "the same", expected)
 
 
 def _add_unchanged(builder: MapBuilder, view: CheckView, where: str) -> None:
@@ -142,7 +142,7 @@ def _check_objects(memory: ObjectMap, seen: NDArray[np.float64], where: str) -> 
     tree = KDTree(seen)
     for item in memory.objects:
         far = float(np.max(tree.query(item.points)[0]))
-        name = f"distance of object {item.caption!r} from what was seen"
+        name = f"distance of object {item.caption!r} from the nearest seen place"
         require(far <= _NEAR, where, name, round(far, 3), f"at most {_NEAR} m: check yaw and axes")
         length = float(np.linalg.norm(item.feature))
         require(abs(length - 1) <= 1e-3, where, "length of an object's feature", length, "1")

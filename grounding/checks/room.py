@@ -24,7 +24,7 @@ class CheckView:
 
     frame: Frame
     points: NDArray[np.float64]
-    """(H, W, 3) what each pixel shows, map frame."""
+    """(H, W, 3) the point that each pixel shows, map frame, metres."""
 
 
 def check_views(*, T_map_room: NDArray[np.float64] | None = None, exchanged: bool = False) -> list[CheckView]:

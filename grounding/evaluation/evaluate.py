@@ -130,8 +130,17 @@ def select_jobs(
     found = dataset.sample(splits=splits, scenes=scenes, per_split=limit, seed=sample_seed)
     keys = [episode.key for episode in found]
     names = sorted({key.scene for key in keys})
+    evidence = tuple(edition.root for edition in dataset.evidence)
     return [
-        GroundJob(dataset.root, name, tuple(key for key in keys if key.scene == name), settings, folders, model)
+        GroundJob(
+            dataset.root,
+            name,
+            tuple(key for key in keys if key.scene == name),
+            settings,
+            folders,
+            model,
+            evidence=evidence,
+        )
         for name in names
     ]
 
@@ -176,7 +185,7 @@ def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answer]:
         DatasetError: The scene is unknown or a file is damaged.
         SceneError: The home does not fit a map.
     """
-    dataset = PersonalDataset(job.dataset_root)
+    dataset = PersonalDataset(job.dataset_root, evidence=job.evidence)
     grounder = SceneGrounder(dataset, job.scene, job.settings, folders=job.folders, model=job.model)
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
     return lambda key: grounder.answer(episodes[key])

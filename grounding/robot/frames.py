@@ -161,8 +161,8 @@ def _poses(files: RobotFiles) -> dict[str, NDArray[np.float64] | BadPose]:
         return {key: _pose_at(key, lines.nearest) for key in files.colour}
     if len(lines.poses) != len(files.colour):
         raise SceneError(
-            f"{files.trajectory}: holds {len(lines.poses)} poses for {len(files.colour)} colour pictures; expected as "
-            "many, in the same order. Write them with times, or one file per picture."
+            f"{files.trajectory}: holds {len(lines.poses)} poses for {len(files.colour)} colour pictures; expected one "
+            "per picture, in the same order. Write them with times, or one file per picture."
         )
     return dict(zip(files.colour, lines.poses, strict=True))
 

@@ -131,7 +131,7 @@ def read_intrinsics(
         if colour_size != depth_size and not any(name in path.stem for name in named):
             raise SceneError(
                 f"{path}: colour is {colour_size[0]} x {colour_size[1]}, depth {depth_size[0]} x {depth_size[1]}; "
-                "expected intrinsics that say which size they are of. Name the file intrinsics_depth.txt or "
+                "expected intrinsics that say which size they belong to. Name the file intrinsics_depth.txt or "
                 "intrinsics_color.txt, or write intrinsics.json with width and height."
             )
     fx, fy, cx, cy = values
@@ -140,7 +140,7 @@ def read_intrinsics(
     if not (fx > 0 and fy > 0 and 0 < cx < depth_size[0] and 0 < cy < depth_size[1]):
         raise SceneError(
             f"{path}: fx fy cx cy are {values} for pictures of {size[0]} x {size[1]}; expected positive focal lengths "
-            "and a middle inside of the picture, in pixels. Correct the file."
+            "and a principal point inside the picture, in pixels. Correct the file."
         )
     return Camera.of_lens(*depth_size, fx=fx * across, fy=fy * down, cx=cx, cy=cy), scale
 
@@ -172,7 +172,7 @@ def _by_key(paths: list[Path]) -> dict[str, Path]:
         key = _key(path)
         if key in keyed:
             raise SceneError(
-                f"{path.parent}: {keyed[key].name} and {path.name} have one number; expected one file per frame. "
+                f"{path.parent}: {keyed[key].name} and {path.name} have the same number; expected one file per frame. "
                 "Rename or remove one."
             )
         keyed[key] = path

@@ -16,7 +16,7 @@ BadPose = Literal["no pose", "pose not readable", "pose not finite", "pose not a
 MAX_APART = 0.02
 """A pose or depth picture belongs to a picture taken at most this many seconds earlier or later (TUM's own tools)."""
 _ROTATION_TOLERANCE = 0.02
-_ADVICE = "Write one pose per frame, camera to world, or leave lines of lost poses out."
+_ADVICE = "Write one pose per frame, camera to world, and leave out frames whose pose was lost."
 
 
 class PoseLines(NamedTuple):
@@ -116,7 +116,7 @@ def T_map_camera_of(T_recording_body: NDArray[np.float64], *, up: Up, camera_axe
 
 
 def up_warning(Ts_map_camera: Sequence[NDArray[np.float64]]) -> str:
-    """A warning if the pictures' up axis points sideways or down on average, else ""; few cameras lie on their side."""
+    """A warning if the pictures' mean up axis points sideways or down, as few cameras are mounted so; else ""."""
     if not len(Ts_map_camera):
         return ""
     mean = -np.mean([T[:3, 1] for T in Ts_map_camera], axis=0)

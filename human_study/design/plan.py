@@ -5,10 +5,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from sim.errors import StudyError, line_from_validation_error
 from sim.files import bounded_json
+from sim.homes.plan import HOMES_VERSION
 from sim.types import ClutterLevel, EpisodeKey, SceneKind, Split, TaskKind
 
 from ..private_files import write_private
@@ -30,8 +31,23 @@ class StudyScene(BaseModel):
     kind: SceneKind
     clutter: ClutterLevel = 0
     """Amount of furniture without a caption in the home."""
+    labels: bool = False
+    """Whether the robot's picture names the category of each object in view."""
     group: int = Field(default=0, ge=0)
     """Homes of one group have one condition for a person; 0 where there is one condition."""
+    plan_digest: str = ""
+    """`sim.homes.plan.plan_digest` of the plan from which the home is made; empty for scans, and where not known."""
+
+
+def facts_of_version_2(
+    scenes: tuple[StudyScene, ...], practice_scenes: tuple[StudyScene, ...]
+) -> dict[str, tuple[StudyScene, ...] | int | str]:
+    """Facts that plans and exports of version 2 do not name: schematic homes had labels, homes were of version 2."""
+    homes = {
+        name: tuple(scene.model_copy(update={"labels": scene.kind == "schematic"}) for scene in found)
+        for name, found in (("scenes", scenes), ("practice_scenes", practice_scenes))
+    }
+    return {**homes, "homes_version": 2, "made_by": "the personal-viz 0.1.0 of 2026-11-25 or earlier that planned it"}
 
 
 class Slot(NamedTuple):
@@ -102,8 +118,13 @@ class StudyPlan(BaseModel):
     """The whole plan of one frozen study."""
 
     model_config = _MODEL
-    schema_version: Literal[2] = 2
+    schema_version: Literal[2, 3] = 3
+    """Version 2 did not say anything about labels and versions of homes."""
     study_version: str
+    homes_version: int = HOMES_VERSION
+    """`HOMES_VERSION` of the program that made the plan: homes that are no scans look as in that version."""
+    made_by: str = "the release that made the plan"
+    """Name and commit of that release."""
     scenes: tuple[StudyScene, ...] = Field(min_length=1)
     """The study's homes."""
     practice_scenes: tuple[StudyScene, ...] = ()
@@ -116,14 +137,24 @@ class StudyPlan(BaseModel):
     changes: tuple[str, ...] = ()
     """Requests of the study file that the plan does not meet, and why; a sentence each, without its full stop."""
 
+    @model_validator(mode="after")
+    def _read_version_2(self) -> "StudyPlan":
+        """Reads version 2."""
+        if self.schema_version == 3:
+            return self
+        return self.model_copy(update=facts_of_version_2(self.scenes, self.practice_scenes))
+
     @property
     def plan_version(self) -> str:
         """sha256 of the canonical JSON: 64 hex digits."""
         return hashlib.sha256(self.canonical_json().encode()).hexdigest()
 
     def canonical_json(self) -> str:
-        """The text that is hashed and stored; without empty `changes`, as in plans of earlier versions."""
-        return self.model_dump_json(exclude=None if self.changes else {"changes"})
+        """The text that is hashed and stored; without empty `changes` and newer fields, as plans of its version."""
+        of_scenes = {"__all__": {"labels", "plan_digest"}}
+        newer = {"scenes": of_scenes, "practice_scenes": of_scenes, "homes_version": True, "made_by": True}
+        left_out = newer if self.schema_version == 2 else {}
+        return self.model_dump_json(exclude=left_out | ({} if self.changes else {"changes": True}))
 
     def scene(self, name: str) -> StudyScene:
         """One of the plan's homes, practice homes included.

@@ -9,6 +9,8 @@ from typing import TypeVar
 import numpy as np
 
 from sim.errors import StudyError
+from sim.homes.plan import HOMES_VERSION
+from sim.tasks.provenance import program_release
 from sim.types import EpisodeKey, Split, TaskKind
 from sim.words.english import how_many
 
@@ -66,6 +68,8 @@ def make_plan(
         people.append((config.task[number % len(config.task)], number // len(config.task), []))
     draft = StudyPlan(
         study_version=config.study_version,
+        homes_version=HOMES_VERSION,
+        made_by=program_release(),
         scenes=tuple(sorted(grouped, key=lambda scene: scene.name)),
         practice_scenes=practice.scenes,
         is_pilot=is_pilot,

@@ -66,7 +66,7 @@ class StudyDataset(BaseModel):
 
     model_config = _MODEL
     sha256: str = Field(min_length=1)
-    """Digest of the dataset (`PersonalDataset.digest`)."""
+    """Digest of the dataset and of its evidence (`PersonalDataset.digest`)."""
     splits: dict[Split, Annotated[int, Field(ge=1)] | Literal["all"]] = dict.fromkeys(SPLITS, 50)
     """Number of episodes of each split."""
     scenes: tuple[str, ...] = ()
@@ -245,6 +245,8 @@ class StudyConfig(BaseModel):
     camera: StudyCamera = StudyCamera()
     clutter: ClutterLevel = 0
     """Amount of furniture without a caption in schematic and invented homes."""
+    labels: bool = False
+    """Whether the robot's picture names the category of each object in view; agents beside people need the same."""
     transition: Literal["none"] = "none"
     """Pictures between two poses: there are none, so that people see the same pictures as an agent."""
     display_scale: Annotated[float, Field(gt=0, le=4)] = 2.0

@@ -5,12 +5,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from sim.errors import StudyError, line_from_validation_error
+from sim.homes.plan import HOMES_VERSION
 from sim.types import TaskKind
 
-from ..design.plan import StudyScene
+from ..design.plan import StudyScene, facts_of_version_2
 
 MANIFEST_FILE = "manifest.json"
 _MODEL = ConfigDict(frozen=True, extra="forbid")
@@ -39,7 +40,8 @@ class Manifest(BaseModel):
     """`manifest.json`."""
 
     model_config = _MODEL
-    schema_version: Literal[2] = 2
+    schema_version: Literal[2, 3] = 3
+    """Version 2 did not say anything about labels and versions of homes."""
     study: str
     study_version: str
     """sha256 of the study's choices; all hash chains begin with it."""
@@ -51,6 +53,9 @@ class Manifest(BaseModel):
     dataset_digest: str
     app_version: str
     """Version of personal-viz that took the records."""
+    homes_version: int = HOMES_VERSION
+    made_by: str = "the release that planned the study"
+    """Both as in the study's plan."""
     tasks: tuple[TaskKind, ...]
     scenes: tuple[StudyScene, ...]
     practice_scenes: tuple[StudyScene, ...]
@@ -71,6 +76,13 @@ class Manifest(BaseModel):
     """Labels that results in these homes must carry; () for scans, and in exports of older programs."""
     scene_terms: tuple[str, ...] = ()
     """Terms that may apply to the homes; () for invented homes and scans, and in exports of older programs."""
+
+    @model_validator(mode="after")
+    def _read_version_2(self) -> "Manifest":
+        """Reads version 2."""
+        if self.schema_version == 3:
+            return self
+        return self.model_copy(update=facts_of_version_2(self.scenes, self.practice_scenes))
 
 
 def exported_file(content: bytes, num_rows: int | None) -> ExportedFile:

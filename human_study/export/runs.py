@@ -69,6 +69,7 @@ def trial_run_info(
         versions={"personal-viz": app_version},
         created_utc=created_utc,
         made_for=config.success if task == "pan" else None,
+        labels=home.labels and task == "pan",
     )
 
 

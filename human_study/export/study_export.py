@@ -100,6 +100,8 @@ def _manifest(reader: StudyReader, found: Collected, files: Mapping[str, tuple[b
         plan_changes=plan.changes,
         dataset_digest=config.dataset.sha256,
         app_version=reader.app_version,
+        homes_version=plan.homes_version,
+        made_by=plan.made_by,
         tasks=config.task,
         scenes=plan.scenes,
         practice_scenes=plan.practice_scenes,

@@ -8,6 +8,7 @@ from sim.homes.kind import scene_labels
 from sim.tasks.metrics import made_for_warning, metric_rows, require_comparable
 from sim.tasks.run_files import Run
 from sim.types import SuccessRule
+from sim.words.english import how_many
 
 from ..design.study import StudyConfig
 from .agreement import (
@@ -166,12 +167,6 @@ def report_of(
     flow = flow_counts(records.people, records.rows, num_deleted=records.num_deleted) if records.people else []
     exclusions = exclusion_counts(records.rows, records.exclusions)
     is_pilot = records.is_pilot or (config is None and told.get("pilot") == "True")
-    questions = []
-    if config is not None:
-        changes = records.plan_changes
-        questions = checklist(
-            config, rows=rows, flow=flow, exclusions=exclusions, is_pilot=is_pilot, plan_changes=changes
-        )
     versions = {f"{name} {version}" for run in runs for name, version in run.info.versions.items()}
     information = tuple(told["information"].split(",")) if told.get("information") else None
     return StudyReport(
@@ -179,7 +174,7 @@ def report_of(
         study_version=config.study_version if config else told.get("study_version"),
         is_pilot=is_pilot,
         num_open=sum(row.phase == "main" and row.end_reason is None and not row.is_released for row in records.rows),
-        information=config.information if config else information,
+        information=_with_labels(config.information if config else information, runs),
         rule=rule,
         total=aggregate.total,
         weight=aggregate.weight,
@@ -206,7 +201,7 @@ def report_of(
         hidden=hidden_count(records.rows, config.hidden_max_s) if config else None,
         exclusions=tuple(exclusions),
         left_out=groups.left_out,
-        checklist=tuple(questions),
+        checklist=tuple(_answers(records, rows, flow, exclusions, is_pilot=is_pilot)),
         outcomes=tuple(outcome for group in (*people, *groups.averaged) for outcome in _outcomes(group)),
         dataset_digest=runs[0].info.dataset_digest,
         versions=tuple(sorted(versions)),
@@ -223,13 +218,48 @@ def _aggregate_of(config: StudyConfig | None, split_sizes: Mapping[str, int] | N
     return found
 
 
+def _answers(
+    records: StudyRecords,
+    rows: Sequence[ReportRow],
+    flow: Sequence[FlowCount],
+    exclusions: Sequence[ExclusionCount],
+    *,
+    is_pilot: bool,
+) -> list[ChecklistItem]:
+    """The questions of the checklist with their answers; none without a study file."""
+    config, changes = records.config, records.plan_changes
+    if config is None:
+        return []
+    return checklist(config, rows=rows, flow=flow, exclusions=exclusions, is_pilot=is_pilot, plan_changes=changes)
+
+
+def _with_labels(information: Sequence[str] | None, runs: Sequence[Run]) -> tuple[str, ...] | None:
+    """The information that people had, with the words on objects if their pictures had them."""
+    has_labels = any(run.info.labels for run in runs if run.info.who_kind == "human")
+    words = ("categories written on objects",) if has_labels else ()
+    return None if information is None else (*information, *words)
+
+
 def _warnings(runs: Sequence[Run], rule: SuccessRule) -> tuple[str, ...]:
-    """One line per row name whose PAN runs were made for another rule."""
+    """One line per row name whose PAN runs were made for another rule, and one about homes of several versions."""
     others: dict[str, set[SuccessRule]] = {}
     for run in runs:
         if run.episodes and run.info.made_for not in (None, rule):
             others.setdefault(run.info.who, set()).add(run.info.made_for)
-    return tuple(made_for_warning(who, sorted(rules), rule=rule) for who, rules in sorted(others.items()))
+    lines = [made_for_warning(who, sorted(rules), rule=rule) for who, rules in sorted(others.items())]
+    versions: dict[str, dict[str, str]] = {}
+    for run in runs:
+        for item in run.episodes:
+            if item.end.measures is not None:
+                versions.setdefault(item.key.scene, {}).setdefault(item.end.measures.scene_digest, run.info.run_id)
+    several = sorted(scene for scene, found in versions.items() if len(found) > 1)
+    if several:
+        names = ", ".join(f"{digest[:12]} ({run_id})" for digest, run_id in sorted(versions[several[0]].items()))
+        lines.append(
+            f"Warning: runs in {how_many(len(several), 'home')} are on several versions of the home, whose distances "
+            f"may differ; in {several[0]}: {names}."
+        )
+    return tuple(lines)
 
 
 def _rows(groups: ReportGroups, aggregate: Aggregate) -> list[ReportRow]:

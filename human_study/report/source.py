@@ -33,6 +33,8 @@ class StudyRecords:
     is_pilot: bool = False
     plan_changes: tuple[str, ...] = ()
     """Wishes of the study file that the plan could not fulfil, each with the reason."""
+    homes_version: int | None = None
+    """`HOMES_VERSION` with which the study was planned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +85,7 @@ def _of_study(folder: Path) -> tuple[list[Run], StudyRecords]:
             num_deleted=found.num_deleted,
             is_pilot=reader.is_pilot,
             plan_changes=reader.plan.changes,
+            homes_version=reader.plan.homes_version,
         )
     return [run for _, run in sorted(found.runs.items())], records
 
@@ -109,6 +112,7 @@ def read_records(folder: Path) -> StudyRecords:
         num_deleted=manifest.num_deleted if manifest else 0,
         is_pilot=manifest.is_pilot if manifest else False,
         plan_changes=manifest.plan_changes if manifest else (),
+        homes_version=manifest.homes_version if manifest else None,
     )
 
 

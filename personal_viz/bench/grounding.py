@@ -61,7 +61,7 @@ class GroundingSettings(BaseModel):
     scenes: int | None = None
     """Number of scenes, from the first on; None = all."""
     encoders: tuple[str, ...] = ("hashed", "minilm")
-    """Encoders of the last two figures; `minilm` is left out if its extra is not installed."""
+    """Encoders for `cold_s`, `cold_phrase_s` and `query_ms`; `minilm` is left out if its extra is not installed."""
     cold: bool = True
 
 
@@ -74,7 +74,7 @@ def measure(settings: GroundingSettings, progress: Progress) -> Findings:
 
     Args:
         settings: Sizes and numbers of the cases.
-        progress: Gets a line about the present work.
+        progress: Gets a line about the current work.
 
     Returns:
         Values: `b1` and `b64` on random maps and `all_episodes`. Each holds medians of elapsed

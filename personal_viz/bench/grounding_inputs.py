@@ -34,7 +34,7 @@ CELLS = 175
 
 @dataclass(frozen=True, slots=True)
 class MapBatch:
-    """B episodes on one map, ready for the product; tensors are only read."""
+    """B episodes on one map, ready for the matrix product; tensors are only read."""
 
     memory: FeatureMap
     rows: Tensor

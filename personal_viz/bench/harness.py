@@ -28,7 +28,7 @@ from sim.render.raycast import own_cores
 from sim.tasks.provenance import git_commit, package_versions
 
 Progress = Callable[[str], None]
-"""Callback that gets lines about the present work."""
+"""Callback that gets lines about the current work."""
 Values = Mapping[str, Any]
 """Numbers, None for numbers that could not be measured, and mappings of these; anything else is not a figure."""
 _UNITS = {
@@ -132,13 +132,13 @@ class Plan(NamedTuple):
     targets: Mapping[str, Target] = {}
     """Targets by name. A name that is not among the values is reported as not measured, if its first part is there."""
     references: Mapping[str, str] = {}
-    """By the end of a figure's name: the end of the name of its reference in the same case."""
+    """Last part of a figure's name -> last part of the name of its reference, which is in the same case."""
     units: Mapping[str, str] = {}
     """Units by the end of a name, or by its case, if the name does not tell the unit."""
 
 
 class Findings(NamedTuple):
-    """What a benchmark has measured."""
+    """The results of a benchmark's work."""
 
     values: Values
     notes: Sequence[str] = ()
@@ -268,11 +268,11 @@ def since_process_start_s() -> float:
 
 
 def peak_mb(process: psutil.Process) -> float:
-    """The largest resident memory of a process so far, MB of 10^6 bytes; the present one if only that is known."""
+    """The largest resident memory of a process so far, MB of 10^6 bytes; the current one if only that is known."""
     resident_mb = process.memory_info().rss / 1e6
     with contextlib.suppress(OSError), open(f"/proc/{process.pid}/status") as file:
         for line in file:
-            if line.startswith("VmHWM"):  # updated lazily: may be a little below the present one
+            if line.startswith("VmHWM"):  # updated lazily: may be a little below the current one
                 return max(int(line.split()[1]) * 1024 / 1e6, resident_mb)
     return resident_mb
 

@@ -125,7 +125,7 @@ def measure(settings: RecordingSettings, progress: Progress) -> Findings:
 
     Args:
         settings: Sizes and numbers of the runs.
-        progress: Gets a line about the present work.
+        progress: Gets a line about the current work.
 
     Returns:
         Values: `steps_per_s`, an episode's steps per elapsed second of the live observer that

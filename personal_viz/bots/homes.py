@@ -67,7 +67,8 @@ class BotHomes:
         with self._lock:
             if name not in self._homes:
                 is_practice, site = name in self._practice, self._site
-                dataset = PersonalDataset(site.folder / PRACTICE_FOLDER if is_practice else site.dataset)
+                counted = PersonalDataset(site.dataset, evidence=site.evidence)
+                dataset = PersonalDataset(site.folder / PRACTICE_FOLDER) if is_practice else counted
                 scans = None if is_practice else site.scenes_dir
                 self._homes[name] = open_trial_home(dataset, self._plan.scene(name), scans)
             return self._homes[name]

@@ -94,6 +94,6 @@ class PanBot(Bot):
         if command is None:
             return press
         self._note(press, self.log.presses)
-        await connection.tell({"kind": "press", "n": 0, "code": code, "t_cli_ms": press.mark})
+        await connection.tell({"kind": "press", "n": 0, "action": action.value, "code": code, "t_cli_ms": press.mark})
         await connection.trigger(command.uuid)
         return press

@@ -26,6 +26,7 @@ class Server:
         folder: Path,
         dataset: Path,
         *,
+        evidence: tuple[Path, ...] = (),
         scenes_dir: Path | None = None,
         cache: Path | None = None,
         workers: int | None = None,
@@ -35,13 +36,16 @@ class Server:
         Args:
             folder: Folder of a planned study. The program's output is kept beside it, in `serve.log`.
             dataset: Dataset of the study.
+            evidence: Folders of the dataset's evidence.
             scenes_dir: Folder of scans.
             cache: Cache folder of the program; None = the user's own.
             workers: Number of workers; None = the usual number.
         """
         self.log = folder.parent / "serve.log"
-        self._folder, self._dataset, self._scenes_dir = folder, dataset, scenes_dir
-        self._command = serve_command(folder, dataset, port=free_port(), workers=workers, scenes_dir=scenes_dir)
+        self._folder, self._dataset, self._evidence, self._scenes_dir = folder, dataset, evidence, scenes_dir
+        self._command = serve_command(
+            folder, dataset, port=free_port(), workers=workers, evidence=evidence, scenes_dir=scenes_dir
+        )
         self._environment = {VARIABLE: str(cache)} if cache else {}
         self._study: ServedStudy | None = None
 
@@ -97,7 +101,7 @@ class Server:
             self._served.await_ready()
         except StudyError as error:
             raise StudyError(f"{error} Its last lines: {self.log.read_text().splitlines()[-5:]}") from None
-        return Site(self._folder, self._dataset, self._scenes_dir, self._served.people, self.pid)
+        return Site(self._folder, self._dataset, self._scenes_dir, self._served.people, self.pid, self._evidence)
 
     def kill(self) -> None:
         """Kills the serving process with kill -9."""

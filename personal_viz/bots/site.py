@@ -38,6 +38,8 @@ class Site:
     everybody: tuple[Person, ...]
     pid: int | None
     """Id of the serving process; None if somebody else started it."""
+    evidence: tuple[Path, ...] = ()
+    """Folders of the dataset's evidence."""
 
     def people(self, tasks: Sequence[TaskKind]) -> list[Person]:
         """Everybody who does one of the tasks, in the plan's order."""
@@ -50,6 +52,7 @@ def make_pilot(
     dataset: Path,
     *,
     participants: int,
+    evidence: tuple[Path, ...] = (),
     scenes_dir: Path | None = None,
     splits: dict[Split, int | Literal["all"]] | None = None,
     seed: int = 0,
@@ -61,6 +64,7 @@ def make_pilot(
         folder: A new folder.
         dataset: Dataset of its episodes.
         participants: Number for each task, and in POG for each condition.
+        evidence: Folders of the dataset's evidence.
         scenes_dir: Folder of licensed scans.
         splits: Number of episodes of each split; None = all.
         seed: Seed of the plan.
@@ -72,7 +76,7 @@ def make_pilot(
         "study": "bots",
         "task": ("pan",),
         "dataset": StudyDataset(
-            sha256=PersonalDataset(dataset).digest(),
+            sha256=PersonalDataset(dataset, evidence=evidence).digest(),
             splits=splits or dict.fromkeys(SPLITS, "all"),
             stratify="none",
             max_per_scene=None,
@@ -85,7 +89,7 @@ def make_pilot(
     }
     config = StudyConfig(**(usual | choices))
     save_study(folder, config)
-    plan_study(folder, dataset, scenes_dir, pilot=True)
+    plan_study(folder, dataset, scenes_dir, evidence=evidence, pilot=True)
     return config
 
 
@@ -124,7 +128,7 @@ def copy_plan(study: Path, folder: Path) -> None:
             shutil.copytree(study / name, folder / name)
 
 
-def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str) -> Site:
+def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str, *, evidence: tuple[Path, ...] = ()) -> Site:
     """A study that is already being served, on this machine or through a proxy.
 
     Args:
@@ -132,9 +136,10 @@ def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str) -> S
         dataset: Dataset of the study.
         scenes_dir: Folder of licensed scans.
         url: The address for browsers, such as `http://127.0.0.1:8080`.
+        evidence: Folders of the dataset's evidence.
     """
     plan: StudyPlan = load_plan(folder, load_study(folder))
     tokens, address = load_secrets(folder).tokens, url.rstrip("/")
     people = (person for person in plan.participants if person.code in tokens)
     everybody = tuple(Person(one.code, one.task, f"{address}/#{tokens[one.code]}") for one in people)
-    return Site(folder, dataset, scenes_dir, everybody, None)
+    return Site(folder, dataset, scenes_dir, everybody, None, evidence)

@@ -165,22 +165,26 @@ def neighbour(matching: Sequence[int], number: int, by: int) -> int | None:
 def open_library(
     dataset: Path,
     *,
+    evidence: tuple[Path, ...] = (),
     runs: tuple[Path, ...] = (),
     scenes_dir: Path | None = None,
     scenes: tuple[str, ...] = (),
     clutter: ClutterLevel = 0,
+    labels: bool = False,
 ) -> Library:
     """Reads all episodes and runs; homes are opened when somebody looks at them.
 
     Args:
+        evidence: Folders of the dataset's evidence.
         scenes_dir: Folder of the scans; None = invented or schematic homes.
         scenes: Scenes to list; () = all.
+        labels: Whether robots' pictures name the category of each object in view.
 
     Raises:
         DatasetError: An episode file is damaged, a scene is unknown, or there is no episode.
         RunFileError: A run folder is damaged.
     """
-    found = PersonalDataset(dataset)
+    found = PersonalDataset(dataset, evidence=evidence)
     read = [read_run(folder) for folder in runs]
     episodes = tuple(found.episodes(scenes=scenes or None))
     if not episodes:
@@ -191,7 +195,7 @@ def open_library(
     texts = {scene: SceneTexts.from_episodes(found.goals(scene), there) for scene, there in by_scene.items()}
 
     def open_home(name: str) -> OpenHome:
-        scene = open_scene(found, name, scenes_dir=scenes_dir, clutter=clutter)
+        scene = open_scene(found, name, scenes_dir=scenes_dir, clutter=clutter, labels=labels)
         return OpenHome(scene, StoreyCopies(scene), renderer_of(scene))
 
     return Library(episodes, read, texts, HomeLibrary(open_home, kept=KEPT_HOMES))

@@ -12,7 +12,7 @@ from tyro.conf import arg
 from personal_viz.printed import Console
 from sim.words.english import how_many
 
-from .options import Clutter, Dataset, Scenes, ScenesDir
+from .options import Clutter, Dataset, Evidence, Labels, Scenes, ScenesDir
 from .refusals import require_no_scan
 
 
@@ -21,10 +21,12 @@ class Browse:
     """Walk through episodes, homes, owners and runs in the browser; for researchers, it shows the truth."""
 
     dataset: Dataset
+    evidence: Evidence = ()
     runs: Annotated[tuple[Path, ...], arg(help="Run folders to show beside the episodes.")] = ()
     scenes_dir: ScenesDir = None
     scene: Scenes = ()
     clutter: Clutter = 0
+    labels: Labels = "off"
     port: Annotated[int, arg(help="0 takes a free one.")] = 8090
 
     def run(self) -> int:
@@ -35,7 +37,13 @@ class Browse:
         console = Console(stderr=True)
         with console.status("Reading episodes and runs") if console.is_terminal else contextlib.nullcontext():
             library = open_library(
-                self.dataset, runs=self.runs, scenes_dir=self.scenes_dir, scenes=self.scene, clutter=self.clutter
+                self.dataset,
+                evidence=self.evidence,
+                runs=self.runs,
+                scenes_dir=self.scenes_dir,
+                scenes=self.scene,
+                clutter=self.clutter,
+                labels=self.labels == "on",
             )
         ended = threading.Event()
         signal.signal(signal.SIGTERM, lambda *_: ended.set())

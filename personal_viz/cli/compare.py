@@ -10,7 +10,7 @@ from sim.errors import PersonalVizError
 
 from ..compare import PICTURE_WIDTH
 from ..progress import counted
-from .options import Dataset, OpenIt, ScenesDir, WithPixels
+from .options import Dataset, Evidence, OpenIt, ScenesDir, WithPixels
 from .refusals import check_options
 
 
@@ -21,6 +21,7 @@ class Compare:
     runs: Positional[tuple[Path, ...]]
     dataset: Dataset
     out: Annotated[Path, arg(help="Folder of index.html, index.md, recordings and contact sheets.")]
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
     with_pixels: WithPixels = False
     picture_width: Annotated[int, arg(help="Width of what robots saw in the recordings, in pixels; 0 = none.")] = (
@@ -43,6 +44,7 @@ class Compare:
                 self.runs,
                 dataset=self.dataset,
                 out=self.out,
+                evidence=self.evidence,
                 scenes_dir=self.scenes_dir,
                 with_pixels=self.with_pixels,
                 picture_width=self.picture_width,

@@ -17,8 +17,8 @@ from sim.homes.plan import HomePlan
 from sim.mesh import Scene
 
 from ..contact_sheet.sheet import contact_sheet_picture, png_bytes, write_crops
-from .options import Clutter, ScenesDir
-from .refusals import require_suffix, writing
+from .options import Clutter, Evidence, ScenesDir
+from .refusals import check_options, require_suffix, writing
 
 
 @dataclass
@@ -28,6 +28,7 @@ class ContactSheet:
     scene: Positional[Annotated[str | None, arg(help="Scene name; left out with --invent.")]] = None
     out: Annotated[Path, arg(help="A PNG file.")] = Path("runs/contact-sheet.png")
     dataset: Annotated[Path | None, arg(help="Folder of the episodes.")] = None
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
     invent: Annotated[int | None, arg(help="Seed of an invented home, instead of SCENE and --dataset.")] = None
     clutter: Clutter = 0
@@ -36,6 +37,7 @@ class ContactSheet:
     ] = None
 
     def run(self) -> int:
+        check_options(self)
         require_suffix("--out", self.out, ".png")
         home, plan = self._home()
         picture = contact_sheet_picture(home, plan)
@@ -64,7 +66,7 @@ class ContactSheet:
             raise PersonalVizError(
                 "contact-sheet: found no home; expected SCENE with --dataset DIR, or --invent SEED. Give one of them."
             )
-        episodes = PersonalDataset(self.dataset)
+        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         episodes.require_scene(self.scene)
         if self.scenes_dir is not None:
             return open_scene(episodes, self.scene, scenes_dir=self.scenes_dir, clutter=self.clutter), None

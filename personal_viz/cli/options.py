@@ -8,6 +8,10 @@ from tyro.conf import arg
 from sim.types import ClutterLevel, Split
 
 Dataset = Annotated[Path, arg(help="Folder with easy/, medium/, hard/ (data/split in the authors' repository).")]
+Evidence = Annotated[
+    tuple[Path, ...],
+    arg(help="Further editions of the dataset: their places and objects also make the homes without a scan."),
+]
 ScenesDir = Annotated[
     Path | None, arg(help="Folder below which <Scene>.glb files lie; without it, homes are rebuilt from the episodes.")
 ]
@@ -20,6 +24,10 @@ Limit = Annotated[
 SampleSeed = Annotated[int, arg(help="Which sample --limit draws; use the same for all runs that you compare.")]
 Clutter = Annotated[
     ClutterLevel, arg(help="How much furniture and small things without a caption stand in homes without a scan.")
+]
+Labels = Annotated[
+    Literal["off", "on"],
+    arg(help="on writes the category on each object in the robot's pictures, where vision agents can read it."),
 ]
 ModelDevice = Annotated[Literal["cpu", "cuda"], arg(help="Where a real model runs.")]
 ModelAutocast = Annotated[
@@ -38,3 +46,8 @@ Rerun = Annotated[
 ]
 WithPixels = Annotated[bool, arg(help="Store pictures of licensed scans too; you must have the right to share them.")]
 OpenIt = Annotated[bool, arg(help="Open it in a viewer on this machine, until Ctrl-C or until the viewer is closed.")]
+
+
+def dataset_options(dataset: Path, evidence: tuple[Path, ...]) -> str:
+    """The options of a dataset and its evidence as a person types them, for the next verb to call."""
+    return " ".join(map(str, ("--dataset", dataset, *(("--evidence", *evidence) if evidence else ()))))

@@ -21,7 +21,7 @@ _LEAST = {
 
 
 def check_options(verb: object) -> None:
-    """Refuses invalid values of `--run-id` and of the numbers that several verbs have.
+    """Refuses invalid values of `--run-id` and of the numbers that several verbs have, and evidence of no dataset.
 
     Raises:
         PersonalVizError: A value is invalid; the message names the option, the value and the expected values.
@@ -33,6 +33,12 @@ def check_options(verb: object) -> None:
                 f"--{name.replace('_', '-')} is {value}; expected a whole number from {least}. "
                 "Leave it out for the default."
             )
+    evidence = getattr(verb, "evidence", ())
+    if evidence and not getattr(verb, "dataset", None):
+        raise PersonalVizError(
+            f"--evidence {evidence[0]}: found no --dataset; expected both, since evidence helps to recover a dataset's "
+            "homes. Give --dataset, or leave --evidence out."
+        )
     run_id = getattr(verb, "run_id", None)
     if run_id is not None and not re.fullmatch(RUN_ID, run_id):
         raise PersonalVizError(
@@ -142,5 +148,5 @@ def require_same_dataset(dataset: PersonalDataset, digests: Collection[str], *, 
         expected = " and ".join(sorted(digest[:12] for digest in digests))
         raise DatasetError(
             f"--dataset {dataset.root}: has digest {dataset.digest()[:12]}; expected {expected}, {whose}. Give the "
-            "dataset that was used then."
+            "--dataset that was used then, with the same --evidence."
         )

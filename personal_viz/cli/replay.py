@@ -14,9 +14,10 @@ from sim.errors import RecordingError
 from sim.homes.open_home import open_scene
 from sim.homes.renderers import renderer_of
 from sim.tasks.run_files import Run, read_run
-from sim.types import ClutterLevel
+from sim.types import ClutterLevel, EpisodeKey
 
-from .options import Dataset, OpenIt, ScenesDir, WithPixels
+from .options import Dataset, Evidence, OpenIt, ScenesDir, WithPixels
+from .refusals import require_same_dataset
 
 
 @dataclass
@@ -26,6 +27,7 @@ class Replay:
     dataset: Dataset
     runs: Annotated[tuple[Path, ...], arg(help="Run folders of people, agents, grounders and imports.")]
     out: Annotated[Path, arg(help="An .rrd file.")]
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
     episode: Annotated[str | None, arg(help="SPLIT/SCENE/ID; needed when the runs share several episodes.")] = None
     with_pixels: WithPixels = False
@@ -36,9 +38,16 @@ class Replay:
 
         read = [read_run(folder) for folder in self.runs]
         key = common_episode(read) if self.episode is None else key_from_text(self.episode, where="--episode")
-        episodes = PersonalDataset(self.dataset)
+        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
+        require_same_dataset(episodes, {run.info.dataset_digest for run in read}, whose="the runs'")
         found = episodes.episode(key)
-        scene = open_scene(episodes, key.scene, scenes_dir=self.scenes_dir, clutter=_common_clutter(read))
+        scene = open_scene(
+            episodes,
+            key.scene,
+            scenes_dir=self.scenes_dir,
+            clutter=_common_clutter(read),
+            labels=_common_labels(read, key),
+        )
         has_pictures = scene.kind != "scan" or self.with_pixels
         log_comparison(
             read,
@@ -76,3 +85,18 @@ def _common_clutter(runs: Sequence[Run]) -> ClutterLevel:
         raise RecordingError(f"runs: found clutter levels {found}; expected one in a recording. Leave the others out.")
     level = next(iter(levels), "0")
     return 1 if level == "1" else 2 if level == "2" else 0
+
+
+def _common_labels(runs: Sequence[Run], key: EpisodeKey) -> bool:
+    """Whether the pictures of all PAN runs of the episode named the objects; the recording shows what they showed.
+
+    Raises:
+        RecordingError: Some did and some did not.
+    """
+    found = {run.info.labels: run.info.run_id for run in runs if any(item.key == key for item in run.episodes)}
+    if len(found) > 1:
+        raise RecordingError(
+            f"runs: found pictures with the categories of objects written on them ({found[True]}) and without "
+            f"({found[False]}); expected one of the two in a recording. Leave the others out."
+        )
+    return next(iter(found), False)

@@ -17,7 +17,7 @@ from sim.mesh import Scene
 from sim.plugins import is_plugin, own_name, plugin_digest
 from sim.tasks.agents import load_agent
 from sim.tasks.observers import Observer
-from sim.tasks.provenance import make_run_info
+from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
@@ -28,8 +28,10 @@ from ..progress import counted
 from .options import (
     Clutter,
     Dataset,
+    Evidence,
     Jobs,
     Label,
+    Labels,
     Limit,
     Rerun,
     RunId,
@@ -55,6 +57,7 @@ class Run:
         str, arg(help="random, random-frontier, shortest-path (knows the goal), or your own as package.module:factory.")
     ]
     out: Path = Path("runs")
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
     scene: Scenes = ()
     split: Splits = ()
@@ -65,6 +68,7 @@ class Run:
     run_id: RunId = None
     label: Label = None
     clutter: Clutter = 0
+    labels: Labels = "off"
     episode: Annotated[str | None, arg(help="SPLIT/SCENE/ID: this episode only, instead of --scene and --split.")] = (
         None
     )
@@ -78,7 +82,7 @@ class Run:
     def run(self) -> int:
         made_for, who, code = self._agent()
         check_options(self)
-        episodes = PersonalDataset(self.dataset)
+        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         chosen = self._chosen(episodes)
         kind = common_kind(episodes, {item.key.scene for item in chosen}, self.scenes_dir)
         require_no_scan(kind, clutter=self.clutter)
@@ -133,7 +137,8 @@ class Run:
         code: dict[str, str],
     ) -> RunInfo:
         """The contents of run.json."""
-        level = f"-clutter{self.clutter}" if self.clutter else ""
+        level = f"{'-evidence' if self.evidence else ''}{f'-clutter{self.clutter}' if self.clutter else ''}"
+        level += "-labels" if self.labels == "on" else ""
         return make_run_info(
             self.run_id or fitting_run_id(f"{who.replace(':', '.')}-{kind}{level}-seed{self.seed}"),
             who=fitting_name(who),
@@ -142,8 +147,9 @@ class Run:
             scene_kind=kind,
             dataset_digest=episodes.digest(),
             seed=self.seed,
-            config={"actions": "paper6", "clutter": self.clutter, **code},
+            config={"actions": "paper6", "clutter": self.clutter, **evidence_config(episodes), **code},
             made_for=made_for,
+            labels=self.labels == "on",
         )
 
     def _jobs(
@@ -159,10 +165,12 @@ class Run:
                 self.dataset,
                 name,
                 tuple(keys),
+                evidence=self.evidence,
                 scenes_dir=self.scenes_dir,
                 agent=SHORT_NAMES.get(self.agent, self.agent),
                 seed=self.seed,
                 clutter=self.clutter,
+                labels=self.labels == "on",
                 make_observer=make_observer,
                 rule=rule,
             )

@@ -60,6 +60,7 @@ def write_comparison(
     *,
     dataset: Path,
     out: Path,
+    evidence: tuple[Path, ...] = (),
     scenes_dir: Path | None = None,
     with_pixels: bool = False,
     picture_width: int = PICTURE_WIDTH,
@@ -73,6 +74,7 @@ def write_comparison(
         folders: Run folders, or folders of run folders.
         dataset: Folder of the episodes.
         out: Folder for `index.html`, `index.md` and `episodes/`.
+        evidence: Folders of the dataset's evidence.
         scenes_dir: Folder of the scans; None = invented or schematic homes.
         with_pixels: Write maps, geometry and pictures of scans too (their terms of use hold for the folder).
         picture_width: Width of the robots' pictures in recordings; 0 leaves them out.
@@ -85,37 +87,23 @@ def write_comparison(
         RecordingError: A home is another version than that of the runs, or the folder cannot be written.
         PersonalVizError: A home cannot be opened, or a worker process was ended from outside.
     """
-    episodes = PersonalDataset(dataset)
+    episodes = PersonalDataset(dataset, evidence=evidence)
     digest = episodes.digest()
     known = {episode.key: episode for episode in episodes.episodes()}
-    given = [folder.resolve() for folder in folders]
     with tempfile.TemporaryDirectory(prefix="personal-compare-") as aside:
         gathered = gather(folders, dataset_digest=digest, episodes=known, into=Path(aside))
         homes = _homes(gathered.trials, episodes, scenes_dir)
         page = _page(gathered, homes, known, has_scan_pixels=with_pixels)  # refuses before hours of work
-        options = {"dataset": digest, "with_pixels": with_pixels, "picture_width": picture_width}
-        work = []
-        for home in homes:
-            inputs = _inputs(home, dataset, options)
-            names = {key: folder_name(key, home.suffix) for key in inputs}
-            versions = [trial.scene_digest for trials in home.trials.values() for trial in trials if trial.scene_digest]
-            work.append(
-                FoldersJob(
-                    dataset,
-                    home.scene,
-                    tuple(key for key in inputs if not is_made(out / EPISODES / names[key], inputs[key])),
-                    setting=home.setting,
-                    scenes_dir=home.scenes_dir,
-                    runs=Path(aside),
-                    scene_digest=versions[0] if versions else None,
-                    out=out / EPISODES,
-                    suffix=home.suffix,
-                    inputs=inputs,
-                    with_pixels=with_pixels,
-                    picture_width=picture_width,
-                    beside=tuple(dict.fromkeys([*given, *(folder.parent for folder in given)])),
-                )
-            )
+        work = _folder_jobs(
+            homes,
+            folders,
+            dataset=episodes,
+            dataset_digest=digest,
+            runs=Path(aside),
+            out=out / EPISODES,
+            with_pixels=with_pixels,
+            picture_width=picture_width,
+        )
         num_left = sum(len(job.keys) for job in work)
         on_plan(num_left)
         for _ in results(open_home, work, processes=min(jobs, len(work)), batch=max(1, num_left)):
@@ -127,6 +115,46 @@ def write_comparison(
         raise cannot_write(out, error) from None
     num_episodes = sum(len(home.trials) for home in homes)
     return Written(out / "index.html", num_episodes, num_left, len(gathered.runs), page.has_left_out_pixels)
+
+
+def _folder_jobs(
+    homes: Sequence[_Home],
+    folders: Sequence[Path],
+    *,
+    dataset: PersonalDataset,
+    dataset_digest: str,
+    runs: Path,
+    out: Path,
+    with_pixels: bool,
+    picture_width: int,
+) -> list[FoldersJob]:
+    """A job for each home: the episodes whose folder is missing, incomplete or made from other inputs."""
+    given = [folder.resolve() for folder in folders]
+    options = {"dataset": dataset_digest, "with_pixels": with_pixels, "picture_width": picture_width}
+    work = []
+    for home in homes:
+        inputs = _inputs(home, dataset.root, options)
+        names = {key: folder_name(key, home.suffix) for key in inputs}
+        versions = [trial.scene_digest for trials in home.trials.values() for trial in trials if trial.scene_digest]
+        work.append(
+            FoldersJob(
+                dataset.root,
+                home.scene,
+                tuple(key for key in inputs if not is_made(out / names[key], inputs[key])),
+                setting=home.setting,
+                scenes_dir=home.scenes_dir,
+                runs=runs,
+                scene_digest=versions[0] if versions else None,
+                out=out,
+                suffix=home.suffix,
+                inputs=inputs,
+                with_pixels=with_pixels,
+                picture_width=picture_width,
+                beside=tuple(dict.fromkeys([*given, *(folder.parent for folder in given)])),
+                evidence=tuple(edition.root for edition in dataset.evidence),
+            )
+        )
+    return work
 
 
 def _homes(trials: Sequence[Trial], dataset: PersonalDataset, scenes_dir: Path | None) -> list[_Home]:
@@ -155,7 +183,7 @@ def _source(
     trials: Mapping[EpisodeKey, Sequence[Trial]],
 ) -> tuple[Path | None, str]:
     """`_Home.scenes_dir` and `_Home.suffix` of a home."""
-    level = f"-clutter{setting.clutter}" if setting.clutter else ""
+    level = (f"-clutter{setting.clutter}" if setting.clutter else "") + ("-labels" if setting.labels else "")
     if scene_kind(dataset, scene, scenes_dir) == setting.kind:
         return scenes_dir, level
     if scene_kind(dataset, scene, None) == setting.kind:

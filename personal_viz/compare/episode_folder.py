@@ -88,17 +88,17 @@ def open_home(job: FoldersJob) -> Callable[[EpisodeKey], EpisodeKey]:
     Raises:
         RecordingError: The home is another version than that of the runs.
     """
-    dataset = PersonalDataset(job.dataset_root)
-    scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir, clutter=job.setting.clutter)
+    dataset, setting = PersonalDataset(job.dataset_root, evidence=job.evidence), job.setting
+    scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir, clutter=setting.clutter, labels=setting.labels)
     if job.scene_digest not in (None, scene.digest):
         raise RecordingError(
             f"{job.scene}: the runs were made on scene_digest {job.scene_digest[:12]!r}, the home opened now has "
-            f"{scene.digest[:12]!r}; expected the same version of the home. Give the --dataset or --scenes-dir of the "
-            "runs, or run them again."
+            f"{scene.digest[:12]!r}; expected the same version of the home. Give the --dataset and --evidence, or "
+            "the --scenes-dir of the runs, or run them again."
         )
     has_map = scene.kind != "scan" or job.with_pixels
     renderer = renderer_of(scene) if has_map else None
-    runs = [run for run in scene_runs(job.runs, job.scene) if setting_of(run.info) in (job.setting, None)]
+    runs = [run for run in scene_runs(job.runs, job.scene) if setting_of(run.info) in (setting, None)]
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
     camera = Camera(job.picture_width, job.picture_width * 3 // 4) if job.picture_width else Camera()
 

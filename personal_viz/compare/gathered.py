@@ -27,6 +27,8 @@ class Setting:
 
     kind: SceneKind
     clutter: ClutterLevel = 0
+    labels: bool = False
+    """Whether the robots' pictures named the category of each object in view."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,15 +130,15 @@ def setting_of(info: RunInfo) -> Setting | None:
     """The run's setting; None = an oracle map."""
     if info.scene_kind == "oracle-map":
         return None
-    return Setting(info.scene_kind, _CLUTTER.get(str(info.config.get("clutter", 0)), 0))
+    return Setting(info.scene_kind, _CLUTTER.get(str(info.config.get("clutter", 0)), 0), info.labels)
 
 
 def _require_dataset(run: Run, dataset_digest: str, episodes: Mapping[EpisodeKey, Episode]) -> None:
     if run.info.dataset_digest != dataset_digest:
         raise RunFileError(
             f"{run.info.run_id}: dataset_digest is {run.info.dataset_digest[:12]!r}, that of --dataset "
-            f"{dataset_digest[:12]!r}; expected runs on the same episode files. Give the --dataset of the run, or "
-            "leave the run out."
+            f"{dataset_digest[:12]!r}; expected runs on the same episode files. Give the --dataset and --evidence of "
+            "the run, or leave the run out."
         )
     for item in (*run.episodes, *run.answers):
         if item.key not in episodes:

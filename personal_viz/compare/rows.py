@@ -98,7 +98,8 @@ class Section:
         if self.setting is None:
             return f"{task}, oracle maps"
         clutter = f", clutter {self.setting.clutter}" if self.setting.clutter else ""
-        return f"{task}, {_KINDS[self.setting.kind]}{clutter}"
+        labels = ", categories written on objects" if self.setting.labels else ""
+        return f"{task}, {_KINDS[self.setting.kind]}{clutter}{labels}"
 
     @property
     def remark(self) -> str:
@@ -177,10 +178,10 @@ def figure_of(trial: Trial, name: FigureName) -> float | None:
     return getattr(trial, name)
 
 
-def _place(setting: Setting | None, task: TaskKind) -> tuple[int, int, str]:
+def _place(setting: Setting | None, task: TaskKind) -> tuple[int, int, bool, str]:
     if setting is None:
-        return len(_KINDS), 0, task
-    return list(_KINDS).index(setting.kind), setting.clutter, task
+        return len(_KINDS), 0, False, task
+    return list(_KINDS).index(setting.kind), setting.clutter, setting.labels, task
 
 
 def _runs_of(runs: Sequence[Run], setting: Setting | None, task: TaskKind) -> list[Run]:

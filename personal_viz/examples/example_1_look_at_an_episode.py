@@ -1,8 +1,8 @@
-"""What an episode asks, the home it takes place in, what the robot sees first, and the shortest way to the target.
+"""Shows an episode's task, its home, the robot's first view, and the shortest path to the target.
 
     python -m personal_viz.examples.example_1_look_at_an_episode DATASET [SPLIT/SCENE/ID]
 
-Writes first_view.png and from_above.png into the present folder. `DATASET` is data/split, or a folder of `invent`.
+Writes first_view.png and from_above.png into the current folder. `DATASET` is data/split, or a folder of `invent`.
 """
 
 import sys

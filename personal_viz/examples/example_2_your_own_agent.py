@@ -1,9 +1,9 @@
-r"""An agent that explores and shows what it has in mind: its map, its frontiers, where it goes and why.
+r"""An agent that explores and shows its reasons: its map, its frontiers, where it goes and why.
 
     personal-viz run --dataset DATA --limit 1 --rerun live \
         --agent personal_viz.examples.example_2_your_own_agent:ExplainingAgent
 
-It walks to the nearest edge of what it knows, until there is none. All it is told and shows is in the start frame.
+It walks to the nearest edge of the known floor until there is none. All places that it uses are in the start frame.
 """
 
 import numpy as np
@@ -29,7 +29,7 @@ class ExplainingAgent:
         self._insight: Insight | None = None
 
     def act(self, observation: Observation) -> Action:
-        """A look around first; then a turn towards the next place on the way, or a step when it lies ahead."""
+        """Looks around first; then turns towards the next place on the path, or steps forward when it lies ahead."""
         x, y, z = observation.T_start_camera[:3, 3]
         self._draw(observation, np.array([x, z]))
         is_free = self._map == FREE
@@ -56,11 +56,11 @@ class ExplainingAgent:
         return Action.FORWARD if abs(turn) <= 0.6 * TURN_STEP else side
 
     def insight(self) -> Insight | None:
-        """What the last action was chosen from."""
+        """The map, the goal and the reason of the last action."""
         return self._insight
 
     def _draw(self, observation: Observation, here: NDArray[np.float64]) -> None:
-        """What depth shows: free along each ray, occupied where it ends between ankle and head, or in a collision."""
+        """Draws free cells along rays, and occupied ones where they end between ankle and head, or at a collision."""
         assert observation.depth_m is not None, "this agent needs pictures"
         camera, T = observation.camera, observation.T_start_camera
         rows, cols = np.mgrid[4 : camera.height : 8, 4 : camera.width : 8]
@@ -86,7 +86,7 @@ def grown(cells: NDArray[np.bool_], num_cells: int) -> NDArray[np.bool_]:
 
 
 def shortest_way(start: np.ndarray, goals: np.ndarray, walkable: np.ndarray) -> NDArray[np.int64] | None:
-    """Cells (K, 2) from the start to the nearest goal that can be walked to; None if there is none."""
+    """Cells (K, 2) from the start to the nearest goal that can be reached; None if there is none."""
     reached = [start]
     while not (reached[-1] & goals).any():
         reached.append(reached[-1] | (grown(reached[-1], 1) & walkable))

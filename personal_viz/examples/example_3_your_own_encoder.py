@@ -2,8 +2,8 @@
 
     personal-viz ground --dataset DATASET --method qs --encoder personal_viz.examples.example_3_your_own_encoder:make
 
-This one makes a vector of the letters' triples, so that "backpacks" is near "backpack". A real one would call a model;
-`encode_images` beside `encode_texts` makes it one that sees (grounding.encoders.protocol.TextImageEncoder).
+This one makes vectors from character trigrams, so that "backpacks" is near "backpack". A real one would call a model;
+with `encode_images` beside `encode_texts` it could also encode pictures (grounding.encoders.protocol.TextImageEncoder).
 """
 
 import hashlib
@@ -20,7 +20,7 @@ from sim import Dataset
 
 
 class LetterTriples:
-    """Each text is the sum of the fixed random vectors of its letters' triples."""
+    """Encodes a text as the sum of fixed random vectors, one for each of its character trigrams."""
 
     name = "letter-triples-256"
     """Names the vector space; runs and maps carry it."""
@@ -38,7 +38,7 @@ class LetterTriples:
 
 
 def _vector(triple: str) -> NDArray[np.float32]:
-    """The same in every process: hashlib, not Python's hash()."""
+    """The vector of a trigram; the same in every process, because it uses hashlib, not Python's hash()."""
     seed = int.from_bytes(hashlib.sha256(triple.encode()).digest()[:8], "big")
     return np.random.default_rng(seed).normal(size=LetterTriples.dim).astype(np.float32)
 
@@ -47,7 +47,7 @@ make = LetterTriples
 
 
 def nearest(dataset: Path, encoder_name: str) -> float:
-    """Metres from the target to where query scoring points, for the first episode on its oracle map."""
+    """Metres from the target to the answer of query scoring, for the first episode on its oracle map."""
     episodes = Dataset(dataset)
     episode = next(episodes.episodes())
     grounder = SceneGrounder(episodes, episode.key.scene, GroundSettings("qs", encoder=encoder_name))

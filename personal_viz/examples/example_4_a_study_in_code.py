@@ -2,7 +2,7 @@
 
     python -m personal_viz.examples.example_4_a_study_in_code DATASET FOLDER
 
-What it writes is a study as `personal-viz study init` and `study plan` write it: serve it with
+It writes a study just as `personal-viz study init` and `study plan` do: serve it with
 `personal-viz study serve FOLDER --dataset DATASET --pilot`.
 """
 
@@ -20,7 +20,7 @@ from sim.types import SPLITS
 
 
 def plan(dataset: Path, folder: Path, *, people_per_episode: int = 2, per_split: int = 2) -> StudyPlan:
-    """A pilot on invented or reconstructed homes: each episode of each split by some people, nobody twice."""
+    """A pilot on invented or reconstructed homes: several people do each episode, and nobody does one twice."""
     episodes = Dataset(dataset)
     study = Study(
         study="example",
@@ -38,7 +38,7 @@ def plan(dataset: Path, folder: Path, *, people_per_episode: int = 2, per_split:
     made = make_plan(study, homes, keys, is_pilot=True)
     save_study(folder, study)
     save_plan(folder, made)
-    with open_store(folder, study, made):  # makes the database; `study serve` goes on with it
+    with open_store(folder, study, made):  # makes the database; `study serve` continues it
         pass
     return made
 

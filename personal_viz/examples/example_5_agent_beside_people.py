@@ -1,8 +1,8 @@
-"""People and your agent on one time line in Rerun: their ways, what each saw, and when each stopped.
+"""People and your agent on one timeline in Rerun: their paths, what each saw, and when each stopped.
 
     python -m personal_viz.examples.example_5_agent_beside_people DATASET pair.rrd PEOPLE_RUN...
 
-`PEOPLE_RUN` are run folders of `personal-viz study export`. The agent plays the episode that they share, here and now.
+`PEOPLE_RUN` are run folders of `personal-viz study export`. The agent now plays the episode that they share.
 Open the file with: rerun pair.rrd
 """
 

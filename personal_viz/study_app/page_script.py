@@ -55,8 +55,9 @@ class Device(_Said, frozen=True, tag="device"):
 
 
 class Pressed(_Said, frozen=True, tag="press"):
-    """A key is about to be sent as a command."""
+    """A key is about to be sent as the command of an action."""
 
+    action: KeyAction
     code: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9]{0,32}\Z")]
     """`KeyboardEvent.code`, before any remapping; empty for keys that have none."""
 

@@ -63,7 +63,7 @@ def open_study(task: WorkerTask) -> Study:
     folder, scenes_dir = Path(task.study), Path(task.scenes_dir) if task.scenes_dir else None
     config = load_study(folder)
     plan = load_plan(folder, config)
-    counted = PersonalDataset(Path(task.dataset))
+    counted = PersonalDataset(task.dataset, evidence=task.evidence)
     practice = PersonalDataset(folder / PRACTICE_FOLDER) if plan.practice_scenes else None
     threads = RenderThreads()
 
@@ -94,7 +94,7 @@ def open_home(
         PersonalVizError: Scene or episodes cannot be read, or a system library is missing.
     """
     name = study_scene.name
-    scene = open_scene(dataset, name, scenes_dir=scenes_dir, clutter=study_scene.clutter)
+    scene = open_scene(dataset, name, scenes_dir=scenes_dir, clutter=study_scene.clutter, labels=study_scene.labels)
     renderer = Frames(renderer_of(scene, threads=1), threads, keep_depth=rerun is not None)
     observers = None
     if rerun is not None:

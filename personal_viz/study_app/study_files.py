@@ -1,6 +1,7 @@
 """The plan and the texts of a study before anybody takes part."""
 
 import hashlib
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,15 @@ from human_study.design.study import (
     StudyConfig,
     load_study,
 )
+from human_study.export.manifest import Manifest
 from human_study.store.records import DATABASE_FILE
 from human_study.texts.participants import TEXT_FILES, freeze_texts
 from human_study.texts.words import open_places
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.homes.kind import scene_kind
+from sim.homes.plan import HOMES_VERSION, plan_digest
+from sim.tasks.provenance import program_release
 from sim.types import EpisodeKey
 
 PRACTICE_HOME = "PracticeHome"
@@ -26,29 +30,87 @@ _IN_VIEW = 0.004
 """Least share of the first picture that the target of an attention trial fills."""
 
 
-def plan_study(folder: Path, dataset: Path, scenes_dir: Path | None, *, pilot: bool) -> StudyPlan:
+def plan_study(
+    folder: Path, dataset: Path, scenes_dir: Path | None, *, evidence: tuple[Path, ...] = (), pilot: bool
+) -> StudyPlan:
     """Makes the plan of a study folder, writes it and returns it.
 
     Raises:
         PersonalVizError: The study file, the dataset or a home cannot be used.
     """
-    config, episodes = load_study(folder), PersonalDataset(dataset)
+    config, episodes = load_study(folder), PersonalDataset(dataset, evidence=evidence)
     digest = episodes.digest()
     if config.dataset.sha256 != digest:
         raise StudyError(
             f"{folder / STUDY_FILE}: dataset.sha256 is {config.dataset.sha256[:12]}; expected {digest[:12]}, that of "
-            f"{dataset}. Give the dataset that the study is about, or correct the field."
+            f"{dataset}. Give the dataset that the study is about with its evidence, or correct the field."
         )
     keys = sample_episodes(config, [episode.key for episode in episodes.episodes()])
-    scenes = [
-        StudyScene(name=name, kind=kind, clutter=0 if kind == "scan" else config.clutter)
-        for name in sorted({key.scene for key in keys})
-        for kind in (scene_kind(episodes, name, scenes_dir),)
-    ]
+    scenes = [study_scene(config, episodes, name, scenes_dir) for name in sorted({key.scene for key in keys})]
     made = make_plan(config, scenes, keys, practice=_practice(folder, config), is_pilot=pilot)
     made = made.model_copy(update={"texts": freeze_texts(folder, config, made)})
     save_plan(folder, made)
     return made
+
+
+def study_scene(config: StudyConfig, dataset: PersonalDataset, name: str, scenes_dir: Path | None) -> StudyScene:
+    """A home of the study as it is now, with the digest of its plan if it is made from one.
+
+    Raises:
+        PersonalVizError: The home's plan is damaged or cannot be recovered.
+    """
+    from sim.homes.open_home import home_plan  # loads numba
+
+    kind = scene_kind(dataset, name, scenes_dir)
+    clutter = 0 if kind == "scan" else config.clutter
+    digest = plan_digest(home_plan(dataset, name, clutter=clutter)) if scenes_dir is None else ""
+    return StudyScene(name=name, kind=kind, clutter=clutter, labels=config.labels, plan_digest=digest)
+
+
+def require_same_homes(
+    planned: StudyPlan | Manifest, scenes: Iterable[StudyScene], dataset: PersonalDataset, scenes_dir: Path | None
+) -> None:
+    """Refuses homes that differ from those on which a study was planned.
+
+    A home in a file of `scenes_dir` does not depend on the program; trials tell other files by their scene digest.
+
+    Args:
+        planned: The study's plan, or an export of it.
+        scenes: Homes of the plan that are to be opened.
+        dataset: The dataset of these homes.
+        scenes_dir: The folder of scans.
+
+    Raises:
+        StudyError: A home is of another kind, of another version, or made from another plan.
+    """
+    from sim.homes.open_home import home_plan
+
+    for scene in scenes:
+        kind = scene_kind(dataset, scene.name, scenes_dir)
+        if kind != scene.kind:
+            advice = "Give --scenes-dir" if scene.kind == "scan" else "Give the study's --dataset, without --scenes-dir"
+            raise StudyError(
+                f"{dataset.root}: home {scene.name} opens as {kind!r} here; expected {scene.kind!r}, as the study was "
+                f"planned. {advice}."
+            )
+        if scenes_dir is not None:
+            continue
+        if planned.homes_version != HOMES_VERSION:
+            raise StudyError(
+                f"home {scene.name}: the study was planned on homes of version {planned.homes_version}, this program "
+                f"({program_release()}) makes version {HOMES_VERSION}; expected the same, because people walk in one "
+                f"home. Serve and verify it with {planned.made_by}, or plan it again while nobody has taken part; "
+                "export and report work with any."
+            )
+        if (
+            scene.plan_digest
+            and plan_digest(home_plan(dataset, scene.name, clutter=scene.clutter)) != scene.plan_digest
+        ):
+            raise StudyError(
+                f"{dataset.root}: the plan of home {scene.name} differs from the one on which the study was "
+                f"planned ({scene.plan_digest[:12]}); expected the same. Restore scenes/{scene.name}.plan.json, or the "
+                f"dataset and the packages of that time ({planned.made_by})."
+            )
 
 
 def require_texts(folder: Path, config: StudyConfig, made: StudyPlan) -> None:
@@ -92,7 +154,8 @@ def _practice(folder: Path, config: StudyConfig) -> Practice | None:
             f"study {config.study}: no episode of the practice home begins with its target in plain view; expected one "
             "for attention trials. Change dataset.seed, or set checks.every to null."
         )
-    scene = StudyScene(name=PRACTICE_HOME, kind="invented")
+    practice = config.model_copy(update={"clutter": 0})
+    scene = study_scene(practice, PersonalDataset(root), PRACTICE_HOME, None)
     return Practice((scene,), tuple(key for key, _ in in_view), plain)
 
 

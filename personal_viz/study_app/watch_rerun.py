@@ -58,7 +58,9 @@ class RerunObservers:
         """The `run.json` that `personal-viz study export` writes, but with the participant's code in the study."""
         return trial_run_info(
             self._config,
-            StudyScene(name=self._scene.name, kind=self._scene.kind, clutter=self._scene.clutter),
+            StudyScene(
+                name=self._scene.name, kind=self._scene.kind, clutter=self._scene.clutter, labels=self._scene.labels
+            ),
             trial.code,
             trial.task,
             condition=trial.condition,

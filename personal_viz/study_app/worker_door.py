@@ -48,6 +48,8 @@ class WorkerTask(msgspec.Struct, frozen=True):
     """Folder of the dataset of the counted trials; practice episodes are in the study's folder."""
     scenes_dir: str | None = None
     """Folder of licensed scans."""
+    evidence: tuple[str, ...] = ()
+    """Folders of the dataset's evidence."""
     rerun: str | None = None
     """A folder or a viewer's address, to which trials are streamed for a researcher."""
     with_pixels: bool = False

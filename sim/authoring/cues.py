@@ -1,4 +1,4 @@
-"""Differences between two objects of one category that the description says and that our home shows.
+"""Differences between two objects of one category that the description mentions and our home shows.
 
 `Described` + two pieces of a plan -> cues in words. Used by findable.py.
 """

@@ -100,7 +100,7 @@ def write_files(out: Path, files: dict[str, bytes]) -> None:
     except OSError as error:
         for beside, _ in staged:
             beside.unlink(missing_ok=True)
-        raise DatasetError(f"{out}: cannot be written ({error}). Give --out a folder that you can write.") from None
+        raise DatasetError(f"{out}: cannot be written ({error}); expected a writable folder. Change --out.") from None
 
 
 def _home(name: str, seed: int) -> tuple[Scene, FurnishedHome]:

@@ -79,7 +79,7 @@ def broken_rule(split: Split, edges: list[Edge]) -> str | None:
     per_person = Counter(edge.person for edge in edges)
     per_item = Counter(edge.item for edge in edges)
     if len(set(edges)) < len(edges):
-        return "an edge stands twice"
+        return "an edge appears twice"
     if max(per_person.values()) > MAX_OBJECTS_PER_PERSON:
         return f"somebody owns more than {MAX_OBJECTS_PER_PERSON} objects"
     shares, owns_several = max(per_item.values()) > 1, max(per_person.values()) > 1

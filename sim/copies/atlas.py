@@ -16,7 +16,7 @@ SHEET_SIDE = 1024
 NUM_SHEETS = 4
 """The result's textures have at most the pixels of this many square sheets."""
 _PAD = 4
-"""Pixels around a tile that repeat its rim, so that neighbours do not shine through."""
+"""Pixels around a tile that repeat its rim, so that neighbours do not bleed into it."""
 _STEPS = 24
 """Rounds of the search for the finest scale that fits."""
 

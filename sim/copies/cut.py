@@ -19,10 +19,9 @@ from sim.walk.navigation_map import NavigationMap
 from ..mesh import Scene, TriangleMesh
 
 CUT_BELOW = 0.4
-"""Storeys begin this far below their lowest floor (metres): they keep their floor and the first steps of a stair down.
-"""
+"""Storeys begin this far below their lowest floor (metres), to keep it and the first steps of a stair down."""
 CUT_RANGE = (1.6, 2.2)
-"""Lowest and highest cut above the floor (metres): over an eye's height and the furniture, around door heads."""
+"""Lowest and highest cut above the floor (metres): above eye height and furniture, near the tops of doors."""
 UNDER_CEILING = 0.15
 """Distance of the cut below the ceiling (metres); ceilings of scans are not level."""
 _MIN_CLEARANCE = 1.5

@@ -28,8 +28,8 @@ def glb_from_mesh(mesh: TriangleMesh, *, srgb_colours: bool = False) -> bytes:
 
     Args:
         mesh: Any mesh with faces; object ids are not written.
-        srgb_colours: Whether vertex colours are written as sRGB instead of light, against the standard. Rerun 0.41
-            reads them so.
+        srgb_colours: Whether vertex colours are written as sRGB, as Rerun 0.41 reads them, instead of the linear light
+            of the standard.
     """
     writer = _GlbWriter()
     flat = mesh.face_texture == FLAT

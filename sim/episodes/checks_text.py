@@ -219,7 +219,7 @@ TEXT_RULES = (
          _names_without_edge),
     Rule(17, "owner-lacks-target", "defect", "episodes", "the text gives the target to other people only (heuristic)",
          _records_where(_owner_lacks_target)),
-    Rule(18, "sentence-repeated", "defect", "episodes", "an ownership sentence stands twice",
+    Rule(18, "sentence-repeated", "defect", "episodes", "an ownership sentence appears twice",
          _records_where(lambda record: len(set(record.extracted_summary)) < len(record.extracted_summary))),
     Rule(19, "two-objects-one-sentence", "defect", "episodes", "two people's own objects have the same sentence",
          _episodes_where(_has_private_sentence_twice)),

@@ -36,11 +36,17 @@ class PersonalDataset:
     Layout: `<root>/<split>/content/<SceneName>.json.gz` (or plain `.json`; where both exist the `.gz` counts).
     """
 
-    def __init__(self, root: Path | str) -> None:
+    def __init__(self, root: Path | str, *, evidence: Sequence[Path | str] = ()) -> None:
         """Lists the files without reading them.
 
+        Args:
+            root: The folder of the episodes.
+            evidence: Folders of further editions of the dataset. Their places and objects help to recover homes that
+                have no scan; none of their episodes is among this dataset's.
+
         Raises:
-            DatasetError: The folder does not exist or holds no content file.
+            DatasetError: A folder does not exist or holds no content file, or an edition of the evidence is named
+                twice or holds none of the scenes.
         """
         self.root = Path(root)
         self.files: dict[tuple[Split, str], Path] = {}
@@ -52,9 +58,12 @@ class PersonalDataset:
         if not self.files:
             raise DatasetError(
                 f"{self.root}: found no episode file; expected {self.root}/easy|medium|hard/content/<Scene>.json.gz. "
-                "Give --dataset the folder that holds the splits (data/split in the authors' repository)."
+                "Give the folder that holds the splits (data/split in the authors' repository)."
             )
         self._contents: dict[tuple[Split, str], SceneFile] = {}
+        self.evidence = tuple(PersonalDataset(other) for other in evidence)
+        """Further editions that help to recover homes, in the order in which their facts count."""
+        _require_other_editions(self)
 
     @property
     def scenes(self) -> tuple[str, ...]:
@@ -75,7 +84,7 @@ class PersonalDataset:
         if not re.fullmatch(NAME_PATTERN, scene):
             raise DatasetError(
                 f"{self.files[key]}: the scene's name is {short(scene, most=80)}; expected 1-64 letters, digits, _ or "
-                "-. Name the file <SceneName>.json.gz again."
+                "-. Rename the file to <SceneName>.json.gz."
             )
         if key not in self._contents:
             self._contents[key] = read_scene_file(self.files[key])
@@ -126,7 +135,7 @@ class PersonalDataset:
         """One episode, by its key or by its name as a person types it, such as "easy/TEEsavR23oF/240".
 
         Raises:
-            DatasetError: There is no such episode, or the text is no key.
+            DatasetError: There is no such episode, or the text is not a key.
         """
         key = key_from_text(key) if isinstance(key, str) else key
         for episode in self.episodes(splits=(key.split,), scenes=(key.scene,)):
@@ -151,11 +160,22 @@ class PersonalDataset:
             raise DatasetError(f"{self.root}: found no scene {scene!r}; expected one of: {', '.join(self.scenes)}.")
 
     def digest(self) -> str:
-        """sha256 over the decompressed bytes of all content files, in order of split and scene."""
+        """sha256 over the decompressed bytes of all content files, in order of split and scene, and over the digests of
+        the evidence: homes recovered with other evidence are other homes."""
         total = hashlib.sha256()
         for (split, scene), path in sorted(self.files.items()):
             total.update(f"{split}/{scene}\n".encode())
             total.update(read_bytes(path))
+        for edition in self.evidence:
+            total.update(f"evidence {edition.digest()}\n".encode())
+        return total.hexdigest()
+
+    def scene_digest(self, scene: str, *, splits: tuple[Split, ...] = SPLITS) -> str:
+        """sha256 over the decompressed bytes of one scene's files in these splits, without the evidence."""
+        total = hashlib.sha256()
+        for split in splits:
+            if (split, scene) in self.files:
+                total.update(f"{split}\n".encode() + read_bytes(self.files[split, scene]))
         return total.hexdigest()
 
 
@@ -192,6 +212,21 @@ def sample_keys(keys: Sequence[EpisodeKey], *, per_split: int | None, seed: int)
         turns = [(turn, order, key) for order, found in scenes for turn, key in enumerate(found)]
         drawn |= {key for _, _, key in sorted(turns)[:per_split]}
     return [key for key in keys if key in drawn]
+
+
+def _require_other_editions(dataset: PersonalDataset) -> None:
+    """Raises DatasetError when evidence is the dataset itself, is named twice, or shares no scene with the dataset."""
+    seen = {dataset.root.resolve(): "the dataset itself"}
+    for edition in dataset.evidence:
+        folder = edition.root.resolve()
+        if folder in seen:
+            raise DatasetError(f"evidence {edition.root}: is {seen[folder]}; expected another edition. Leave it out.")
+        seen[folder] = "named twice"
+        if not set(dataset.scenes) & set(edition.scenes):
+            raise DatasetError(
+                f"evidence {edition.root}: holds none of the scenes of {dataset.root}; expected another edition of the "
+                "same homes. Give its folder, or leave it out."
+            )
 
 
 def _require_distinct_ids(path: Path, content: SceneFile) -> None:

@@ -135,7 +135,7 @@ def _parts(text: str, category: str) -> tuple[list[str], set[str], set[str]]:
 
 
 def _furniture_words(caption: str, category: str) -> list[str]:
-    """Words for finishes as the makers of furniture read them: they know misspellings and parts of things."""
+    """Words for finishes, found as for building furniture: misspellings are corrected, parts of things recognised."""
     words = own_words(caption, category)
     return [*words.noun, *words.rest, *words.parts]
 

@@ -239,5 +239,5 @@ def _digest(files: Sequence[Path]) -> str:
         try:
             total.update(path.read_bytes())
         except OSError as error:
-            raise RunFileError(f"{path}: cannot be read ({error}); expected JSON lines. Check the path.") from None
+            raise RunFileError(f"{path}: cannot be read ({error}); expected steps or poses. Check the path.") from None
     return total.hexdigest()

@@ -1,4 +1,4 @@
-"""Turns a row of poses into a run: with the file's actions, or with the only actions that fit from pose to pose."""
+"""Turns a sequence of poses into a run: with the file's actions, or the only actions that fit from pose to pose."""
 
 import math
 from collections.abc import Sequence
@@ -115,8 +115,8 @@ def _given_walk(
     count = len(poses)
     if len(actions) not in (count - 1, count):
         raise RunFileError(
-            f"{table.where}: found {len(actions)} actions and {count} poses; expected as many, or one action fewer "
-            "(the first pose is the start). Write the file again."
+            f"{table.where}: found {len(actions)} actions and {count} poses; expected one action per pose, or one "
+            "action fewer (the first pose is the start). Write the file again."
         )
     is_full = len(actions) == count
     rows = reading.rows
@@ -249,6 +249,6 @@ def _times(table: PoseTable) -> list[float]:
         if times[row] < (times[row - 1] if row else 0.0):
             raise RunFileError(
                 f"{table.wheres[row]}: {name} is {times[row]:.3f}, before the row above (or negative); expected "
-                "seconds that grow. Write the row again."
+                "increasing seconds. Write the row again."
             )
     return times.tolist()

@@ -219,15 +219,15 @@ def _rotations(table: PoseTable, reading: PoseReading, way: str) -> NDArray[np.f
     if (yaws := table.angles("yaw")) is not None:
         return Rs_from_yaws(yaws, frame=reading.frame)
     if reading.frame == "gps":
-        raise RunFileError(f"{table.where}: found a rotation in frame gps; expected a compass (yaw). Declare start.")
+        raise RunFileError(f"{table.where}: found a rotation in frame gps; expected a compass. Give --frame start.")
     if way == "matrix":
         Ts = table.numbers(*MATRIX).reshape(-1, 4, 4)
         for row, T in enumerate(Ts):
             is_rigid = np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=_UNIT_TOLERANCE)
             if not is_rigid or np.linalg.det(T[:3, :3]) < 0 or not np.allclose(T[3], [0, 0, 0, 1], atol=1e-9):
                 raise RunFileError(
-                    f"{table.wheres[row]}: the matrix is no rigid transform; expected T_frame_body: a rotation, metres "
-                    "in the last column, (0, 0, 0, 1) in the last row. Write it again (row by row)."
+                    f"{table.wheres[row]}: the matrix is not a rigid transform; expected T_frame_body: a rotation, "
+                    "metres in the last column, (0, 0, 0, 1) in the last row. Write it again in row-major order."
                 )
         return Ts[:, :3, :3]
     if way == "named":

@@ -132,7 +132,7 @@ def read_npz_table(path: Path) -> PoseTable:
     """The episode of a `.npz` file; nothing pickled is ever loaded.
 
     Raises:
-        RunFileError: The file is no archive of plain arrays, is too large, or its arrays do not fit together.
+        RunFileError: The file is not an archive of plain arrays, is too large, or its arrays do not fit together.
     """
     fields: Row = {}
     for name, array in _read_arrays(path).items():
@@ -200,7 +200,7 @@ def _records(
     for number, cells in rows:
         if len(cells) != width:
             raise RunFileError(
-                f"{path}:{number}: found {len(cells)} cells; expected {width}, as many as there are columns. "
+                f"{path}:{number}: found {len(cells)} cells; expected {width}, one per column. "
                 "Write the row again; decimal commas need ';' or tabs between cells and are not understood."
             )
         yield f"{path}:{number}", {name: cells[place] or None for place, name in kept.items()}
@@ -324,7 +324,7 @@ def _vector(where: str, name: str, value: object) -> Row:
         raise RunFileError(f"{where} is {short(value)}; expected a list of numbers. Write the row again.")
     if value and all(isinstance(part, list) for part in value):
         if len(value) != 4 or any(len(part) != 4 for part in value):
-            raise RunFileError(f"{where}: is no 4x4 matrix; expected 4 rows of 4 numbers. Write the row again.")
+            raise RunFileError(f"{where}: is not a 4x4 matrix; expected 4 rows of 4 numbers. Write the row again.")
         value = [number for part in value for number in part]
     return dict(zip(vector_columns(where, name, len(value)), value, strict=True))
 
@@ -355,7 +355,7 @@ def _read_arrays(path: Path) -> dict[str, NDArray[np.generic]]:
             "Save pictures elsewhere."
         ) from None
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError) as error:
-        raise RunFileError(f"{path}: is no .npz file ({error}); expected {_ARRAYS}. Write it again.") from None
+        raise RunFileError(f"{path}: is not an .npz file ({error}); expected {_ARRAYS}. Write it again.") from None
 
 
 def _array(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[np.generic]:
@@ -363,5 +363,5 @@ def _array(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArr
         return npy_array(archive.read(info))
     except (ValueError, SyntaxError, TypeError) as error:
         raise RunFileError(
-            f"{path}: {info.filename} is no NumPy array ({error}); expected {_ARRAYS}. Write it again."
+            f"{path}: {info.filename} is not a NumPy array ({error}); expected {_ARRAYS}. Write it again."
         ) from None

@@ -172,7 +172,7 @@ def read_text(path: Path) -> str:
     """The text of a file.
 
     Raises:
-        RunFileError: The file cannot be read, is too large, or is no UTF-8 text.
+        RunFileError: The file cannot be read, is too large, or is not UTF-8 text.
     """
     try:
         text = read_limited(path).decode("utf-8-sig")

@@ -56,7 +56,7 @@ def cells_of(mask: Image) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def neighbours(image: NDArray) -> list[tuple[tuple[int, int], NDArray]]:
-    """(row step, col step) and the image shifted from that direction, for the four sides of its last two axes."""
+    """For each of four sides: its (row, col) step, and the image of each cell's neighbour there; nan or 0 outside."""
     rows, cols = image.shape[-2:]
     around = [(0, 0)] * (image.ndim - 2) + [(1, 1), (1, 1)]
     wide = np.pad(image, around, constant_values=np.nan if image.dtype.kind == "f" else 0)

@@ -23,7 +23,7 @@ _TERMS = {
 
 
 def scene_terms(kind: str) -> str:
-    """Words on terms that may apply to pictures and exports of such homes; empty for invented homes and scans.
+    """Licence terms that may apply to pictures and exports of homes of this kind; empty for invented homes and scans.
 
     The person who brings a scan knows its licence.
     """
@@ -50,8 +50,13 @@ def scene_kind(dataset: PersonalDataset, scene: str, scenes_dir: Path | None) ->
     schematic home beside it is still a scan.
 
     Raises:
-        SceneError: The plan is damaged or of another home.
+        SceneError: The plan is damaged or of another home, or the dataset has evidence, which is of no use for a scan.
     """
+    if scenes_dir is not None and dataset.evidence:
+        raise SceneError(
+            f"{scenes_dir}: found evidence {dataset.evidence[0].root} for the scan of {scene!r}; expected none, since "
+            "a scan shows its whole home. Leave out --evidence, or --scenes-dir to use the home made from the episodes."
+        )
     plan = plan_of(dataset, scene)
     if plan is not None and (scenes_dir is None or plan.kind == "invented"):
         return plan.kind
@@ -59,7 +64,7 @@ def scene_kind(dataset: PersonalDataset, scene: str, scenes_dir: Path | None) ->
 
 
 def common_kind(dataset: PersonalDataset, scenes: Iterable[str], scenes_dir: Path | None) -> SceneKind:
-    """The one kind of all these scenes; at least one is named.
+    """The common kind of these scenes; `scenes` names at least one.
 
     Raises:
         SceneError: They are of several kinds, whose results never share a run; or a plan is damaged.
@@ -69,5 +74,6 @@ def common_kind(dataset: PersonalDataset, scenes: Iterable[str], scenes_dir: Pat
         examples.setdefault(scene_kind(dataset, scene, scenes_dir), scene)
     if len(examples) > 1:
         found = ", ".join(f"{kind} ({scene})" for kind, scene in sorted(examples.items()))
-        raise SceneError(f"{dataset.root}: found scene kinds {found}; expected one kind per run. Choose scenes of one.")
+        message = f"{dataset.root}: found scene kinds {found}; expected one kind per run. Choose scenes of one kind."
+        raise SceneError(message)
     return next(iter(examples))

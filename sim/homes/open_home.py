@@ -3,6 +3,7 @@
 import hashlib
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,12 @@ _SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
 
 
 def open_scene(
-    dataset: PersonalDataset, name: str, *, scenes_dir: Path | None = None, clutter: ClutterLevel = 0
+    dataset: PersonalDataset,
+    name: str,
+    *,
+    scenes_dir: Path | None = None,
+    clutter: ClutterLevel = 0,
+    labels: bool = False,
 ) -> Scene:
     """The scene of the dataset's episodes of `name`.
 
@@ -43,6 +49,7 @@ def open_scene(
             the navigation map; without one the map is made from the mesh. Files are z-up like HM3D's, unless Habitat's
             configuration files say otherwise (`up_axis`). None = a plan, or else a schematic home.
         clutter: Level of furniture without a caption that is added to a plan or schematic home (`with_clutter`).
+        labels: Whether robots' pictures name the category of each object in view; vision agents can read that.
 
     Raises:
         DatasetError: The dataset has no such scene.
@@ -55,11 +62,13 @@ def open_scene(
         if clutter:
             raise SceneError(
                 f"{scenes_dir}: found clutter level {clutter} for the scan of {name!r}; expected 0, since a scan "
-                "has its own. Leave out --clutter, or --scenes-dir to use the home made from its plan or episodes."
+                "shows its own. Leave out --clutter, or --scenes-dir to use the home made from its plan or episodes."
             )
         scan = find_scan(name, scenes_dir)
-        return _scan(scan, name, scene_kind(dataset, name, scenes_dir), up_axis(scan, root=scenes_dir))
-    return scene_from_plan(home_plan(dataset, name, clutter=clutter))
+        scene = _scan(scan, name, scene_kind(dataset, name, scenes_dir), up_axis(scan, root=scenes_dir))
+    else:
+        scene = scene_from_plan(home_plan(dataset, name, clutter=clutter))
+    return replace(scene, labels=True) if labels else scene
 
 
 def home_plan(dataset: PersonalDataset, name: str, *, clutter: ClutterLevel = 0) -> HomePlan:
@@ -99,8 +108,8 @@ def find_scan(name: str, scenes_dir: Path) -> Path:
     """The file of a scan, in any folder below `scenes_dir`, such as HM3D's `00800-<name>/<name>.basis.glb`.
 
     `<name>.glb` comes before `<name>.basis.glb`, which needs the extra `basis`; then come `.gltf`, `.ply` and `.obj`.
-    Links to folders are followed, because Habitat's downloader makes such links. Of several files the one reached
-    through the fewest links counts, then the first by path. Links in the returned path are not resolved.
+    Links to folders are followed, because Habitat's downloader makes such links. If several files match, the one
+    reached through the fewest links counts, then the first by path. Links in the returned path are not resolved.
 
     Raises:
         SceneError: No folder below `scenes_dir` holds such a file.

@@ -1,5 +1,6 @@
 """`HomePlan`: a home as a small JSON file before it has triangles, invented from a seed or recovered from episodes."""
 
+import hashlib
 import json
 import math
 from collections.abc import Callable
@@ -22,12 +23,12 @@ from sim.words.finishes import Material, Pattern, Rgb
 from .cells import AreaRun, CellGrid, Metres, Positive, Xz
 
 HOMES_VERSION = 2
-"""Raise this when homes made of plans, seeds or episode files look different or allow different ways.
+"""Raise this when homes made of plans, seeds or episode files look different or allow different paths.
 
-Stored plans, light and maps of explorations are made again for homes with a different number.
+Stored plans, light and maps of explorations are made again for each new number.
 """
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 Finite = Annotated[float, AllowInfNan(False)]
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 _MATERIALS = {
@@ -250,11 +251,26 @@ class Furniture(BaseModel):
         return np.array([rect.x0, self.bottom_y, rect.z0, rect.x1, self.top_y, rect.z1])
 
 
+class Source(BaseModel):
+    """What one edition of the dataset gave to a recovered home; what several editions hold counts for the first."""
+
+    model_config = _MODEL
+    digest: str
+    """sha256 of the edition's files of this scene (`PersonalDataset.scene_digest`)."""
+    starts: int
+    """Number of places where episodes start."""
+    view_points: int
+    """Number of places of view points."""
+    objects: int
+    left_out: tuple[str, ...] = ()
+    """Objects that contradict an earlier edition; neither they nor their episodes count."""
+
+
 class HomePlan(BaseModel):
     """A home: its levels, rooms, walls, stairs and furniture."""
 
     model_config = _MODEL
-    schema_version: Literal[2] = SCHEMA_VERSION
+    schema_version: Literal[3] = SCHEMA_VERSION
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     kind: Literal["schematic", "invented"]
     storeys: tuple[Storey, ...] = Field(min_length=1)
@@ -266,6 +282,8 @@ class HomePlan(BaseModel):
     """Floor of a schematic home; None for invented homes, whose walkable floor follows from the mesh."""
     clutter: ClutterLevel = 0
     """Level of added furniture without a caption."""
+    sources: tuple[Source, ...] = ()
+    """Where the facts of a recovered home came from: the dataset, then its evidence; empty for other homes."""
 
     @model_validator(mode="after")
     def _every_storey_exists(self) -> "HomePlan":
@@ -333,7 +351,7 @@ def save_plan(plan: HomePlan, path: Path) -> None:
     try:
         write_whole(path, plan_bytes(plan))
     except OSError as error:
-        raise SceneError(f"{path}: cannot be written ({error}). Give a folder that you can write.") from None
+        raise SceneError(f"{path}: cannot be written ({error}). Give a folder that you can write to.") from None
 
 
 def plan_bytes(plan: HomePlan) -> bytes:
@@ -341,12 +359,18 @@ def plan_bytes(plan: HomePlan) -> bytes:
     return plan.model_dump_json().encode() + b"\n"
 
 
+def plan_digest(plan: HomePlan) -> str:
+    """sha256 of what a plan says: 64 hex digits. New fields of later versions leave it as it is until they are used."""
+    return hashlib.sha256(plan.model_dump_json(exclude={"schema_version"}, exclude_defaults=True).encode()).hexdigest()
+
+
 def stored_plan(key: str, make: Callable[[], HomePlan]) -> HomePlan:
     """The plan that `make` gives, made once and kept in the cache folder.
 
-    `key` holds everything that the plan depends on besides `HOMES_VERSION` and the numerical libraries.
+    `key` holds everything that the plan depends on besides the versions of homes, of their files and of numerical
+    libraries.
     """
-    versions = f"{HOMES_VERSION} {np.__version__} {scipy.__version__}"
+    versions = f"{HOMES_VERSION} {SCHEMA_VERSION} {np.__version__} {scipy.__version__}"
     return HomePlan.model_validate_json(cached_bytes("plan", f"{key} {versions}", lambda: plan_bytes(make())))
 
 
@@ -356,10 +380,11 @@ def _current(data: bytes) -> bytes:
         plan = json.loads(data)
     except (ValueError, RecursionError):
         return data
-    if not isinstance(plan, dict) or plan.get("schema_version") != 1:
+    if not isinstance(plan, dict) or plan.get("schema_version") not in (1, 2):
         return data
     try:
-        return json.dumps(_from_version_1(plan)).encode()
+        found = _from_version_1(plan) if plan["schema_version"] == 1 else plan
+        return json.dumps({**found, "schema_version": SCHEMA_VERSION}).encode()  # version 2 had no sources
     except (AttributeError, TypeError):  # not a plan of version 1 either: the current check reports it
         return data
 
@@ -367,7 +392,7 @@ def _current(data: bytes) -> bytes:
 def _from_version_1(plan: dict[str, Any]) -> dict[str, Any]:
     rooms = [_room(room) for room in plan.get("rooms", [])]
     furniture = [_piece(piece) for piece in plan.get("furniture", [])]
-    return {**plan, "schema_version": 2, "rooms": rooms, "furniture": furniture}
+    return {**plan, "rooms": rooms, "furniture": furniture}
 
 
 def _room(room: dict[str, Any]) -> dict[str, Any]:

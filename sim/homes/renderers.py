@@ -1,4 +1,4 @@
-"""The renderer of a scene. In schematic homes, whose shapes are guesses, it writes category names on the objects."""
+"""The renderer of a scene; where the scene has labels, it writes category names on the objects."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -81,14 +81,14 @@ def raycaster_of(scene: Scene, *, threads: int | None = None) -> "Raycaster":
 
 
 def renderer_of(scene: Scene, *, threads: int | None = None) -> Renderer:
-    """The renderer of the pictures for people and agents: with words in schematic homes, without in all others.
+    """The renderer of the pictures for people and agents; `Scene.labels` says whether it names the objects.
 
     Without `threads` (see `Raycaster`; they change no pixel), all calls for a scene give the same renderer.
     """
     if threads is None and scene in _RENDERERS:
         return _RENDERERS[scene]
     renderer: Renderer = raycaster_of(scene, threads=threads)
-    if scene.kind == "schematic":
+    if scene.labels:
         renderer = LabelledRenderer(renderer, scene)
     if threads is None:
         _RENDERERS[scene] = renderer

@@ -31,7 +31,7 @@ class StoreyMap:
         return storey_name(self.index)
 
     def pixels(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Places (..., 2) in the picture, column first, of world points (..., 3)."""
+        """Picture coordinates (..., 2), column first, of world points (..., 3)."""
         return (points[..., [0, 2]] - np.asarray(self.grid.origin_xz)) / self.grid.cell
 
     def flat_boxes(

@@ -32,6 +32,7 @@ VERSION = 40400
 """The version that the library reports: major * 10000 + minor * 100 + patch."""
 WIDTHS = (16, 8, 4)
 """Packet widths, best first."""
+_AGAIN = f"Run: pip install --force-reinstall embreex=={WHEEL}"
 INVALID = np.uint32(0xFFFFFFFF)
 """Geometry of a ray that hit nothing."""
 Tracer = tuple[int, int, int]
@@ -88,8 +89,8 @@ def trace(scene, arguments, valid, packet, width):
 def packet_dtype(width: int) -> np.dtype:
     """A packet of rays and their hits (RTCRayHit4, 8 or 16); the end is padded to a multiple of 64 bytes.
 
-    `dir` need not be unit length, `tfar` is in its lengths; `geom` is INVALID, and `prim`, `u`, `v` are not written,
-    where nothing was hit. `ng` is the face's normal, as long as twice its area.
+    `dir` need not have unit length; `tfar` is measured in lengths of `dir`. Where nothing was hit, `geom` is INVALID,
+    and `prim`, `u`, `v` are not written. `ng` is the face's normal, as long as twice the face's area.
     """
     ray = ["org_x", "org_y", "org_z", "tnear", "dir_x", "dir_y", "dir_z", "time", "tfar"]
     hit = ["ng_x", "ng_y", "ng_z", "u", "v"]
@@ -135,7 +136,7 @@ def library_path() -> Path:
     paths = sorted((package.parent / "embreex.libs").glob("libembree4*"))
     if not paths:
         raise MissingDependencyError(
-            f"{package.parent}/embreex.libs holds no libembree4; expected the one of the Linux x86-64 wheel."
+            f"{package.parent}/embreex.libs holds no libembree4; expected the one of the Linux x86-64 wheel. {_AGAIN}"
         )
     return paths[0]
 
@@ -154,7 +155,7 @@ def library() -> ctypes.CDLL:
             function = getattr(embree, name)
             function.restype, function.argtypes = result, arguments
     except (OSError, AttributeError) as error:
-        raise MissingDependencyError(f"{path} cannot be used: {error}; expected Embree {VERSION}.") from error
+        raise MissingDependencyError(f"{path} cannot be used: {error}; expected Embree {VERSION}. {_AGAIN}") from error
     for width in WIDTHS:
         address = ctypes.cast(getattr(embree, f"rtcIntersect{width}"), _POINTER).value
         llvmlite.binding.add_symbol(_SYMBOL.format(width), address)
@@ -176,8 +177,7 @@ class EmbreeScene:
         """Builds the tree over copies of vertices (V, 3), finite metres, and faces (F, 3).
 
         It takes 0.1-0.3 s for a million faces, on all cores. The robust flag costs 13 % and closes the gaps between
-        faces: without it 3 of 7 million pixels looked out of a closed house of a million faces, and one pixel of
-        Habitat's golden pictures differed.
+        faces: without it, single pixels look out of a closed house.
 
         Raises:
             MissingDependencyError: Embree is missing or has another version.
@@ -226,7 +226,7 @@ def _all_lanes_valid() -> NDArray[np.int32]:
 def _new_device(embree: ctypes.CDLL) -> int:
     device = embree.rtcNewDevice(b"")
     if not device:
-        raise MissingDependencyError(f"Embree's error {embree.rtcGetDeviceError(None)}; expected a device.")
+        raise MissingDependencyError(f"Embree's error {embree.rtcGetDeviceError(None)}; expected a device. {_AGAIN}")
     return device
 
 

@@ -56,7 +56,7 @@ class Raycaster:
     """Implements `Renderer` for one mesh: unlit colours, no near or far plane, both sides of faces visible.
 
     Immutable after construction; all methods may be called from several threads at once. The same pose gives the same
-    bytes whatever the number of threads, on processors with one instruction set. A forked child process may go on using
+    bytes with any number of threads, on processors with the same instruction set. A forked child process may keep using
     it, but spawning is better, as in sim/tasks/workers.py.
     """
 
@@ -120,7 +120,7 @@ class Raycaster:
         return self._workers.map(lambda T: self._rendered(T, camera, _here), list(Ts_world_camera))
 
     def depth(self, T_world_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.float32]:
-        """`render`'s depth alone, (H, W) planar metres, 0 where nothing was hit; takes half the time.
+        """Only the depth of `render`, (H, W) planar metres, 0 where nothing was hit; takes half the time.
 
         Raises:
             SceneError: The pose is not finite.
@@ -133,8 +133,8 @@ class Raycaster:
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
         """First hits of rays; both (N, 3), directions need not be unit length.
 
-        Rays with a zero direction, or with nan or inf, hit nothing. The face is found in single precision, its range is
-        that to the face's plane in double precision.
+        Rays with a zero direction, or with nan or inf, hit nothing. The face is found in single precision, the range to
+        its plane is computed in double precision.
         """
         origins = np.ascontiguousarray(origins, np.float64).reshape(-1, 3)
         directions = np.asarray(directions, float).reshape(-1, 3)

@@ -3,9 +3,8 @@
 Rows of pixels are traced and coloured packet by packet in one pass.
 
 A picture is cut into tiles of one packet each (4 x 4, 4 x 2 or 2 x 2 pixels: square tiles trace 5-20 % faster than
-16 x 1). The lanes of a packet go through each stage together, which the compiler turns into vector code; that is 25 %
-faster than one pixel after the other. Colours are packed: red + 256 green + 65536 blue. All helpers are in this file,
-because numba's cache sees changes of this file only.
+16 x 1). The lanes of a packet go through each stage together, which the compiler turns into vector code. Colours are
+packed: red + 256 green + 65536 blue.
 
 `view` has four numbers for each of x, y, z: one pixel to the right, one down, the ray of pixel (0, 0) with forward
 component 1 (which makes hits planar depths), and the camera's place. They are tuples, so that they stay in registers,
@@ -34,7 +33,7 @@ TILES = {16: (4, 4), 8: (4, 2), 4: (2, 2)}
 Rows = tuple[int, int]
 """First row of tiles and last + 1."""
 View = tuple[tuple[float, ...], ...]
-"""Where the rays of pixels start and go, see above."""
+"""Origin and directions of the pixels' rays, see above."""
 Sampling = tuple[int, float]
 """Number of the texture filter and focal length^2."""
 Picture = tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32]]
@@ -97,7 +96,7 @@ def colour_rows(found, mesh, packets, all_lanes, view, surfaces, sampling, rows,
     Args:
         found: Hits of the pixels of these rows alone: range (R, W), face (R, W), weights of corners 1 and 2 (R, W, 2).
         mesh: Vertices (V, 3) and faces (F, 3).
-        packets: See `render_rows`, as the others.
+        packets: As in `render_rows`, like all arguments that follow.
     """
     packet, lanes = packets[0], all_lanes[0]
     records, levels, id_levels, id_uv, light = surfaces

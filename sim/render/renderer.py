@@ -1,4 +1,4 @@
-"""The protocol of renderers, and their pictures as JPEG; sim/render/raycast.py is one. Light to import."""
+"""The protocol of renderers, which sim/render/raycast.py implements, and pictures as JPEG. Light to import."""
 
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -48,7 +48,7 @@ class Renderer(Protocol):
         ...
 
     def depth(self, T_world_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.float32]:
-        """`render`'s depth alone, (H, W) planar metres, 0 where nothing was hit; it costs less than `render`."""
+        """Only the depth of `render`, (H, W) planar metres, 0 where nothing was hit; it costs less than `render`."""
         ...
 
     def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
@@ -57,5 +57,5 @@ class Renderer(Protocol):
 
 
 def jpeg_bytes(rgb: NDArray[np.uint8]) -> bytes:
-    """A picture (H, W, 3) as JPEG; the same picture gives the same bytes. Other threads run on, unlike with Pillow."""
+    """A picture (H, W, 3) as JPEG; the same picture gives the same bytes. It does not block other threads."""
     return bytes(imagecodecs.jpeg8_encode(rgb, level=JPEG_QUALITY, subsampling="420"))

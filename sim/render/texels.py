@@ -179,7 +179,7 @@ def _records(mesh: TriangleMesh) -> NDArray[np.void]:
 
 
 def _light(mesh: TriangleMesh) -> NDArray[np.int32]:
-    """`Surfaces.light`: twelve bytes per face only where a textured face has a corner that is not white."""
+    """`Surfaces.light`; empty unless a textured face has a corner that is not white."""
     if mesh.vertex_rgb is None or not mesh.textures:
         return np.empty((0, 3), np.int32)
     light = _packed(mesh.vertex_rgb)[mesh.faces]

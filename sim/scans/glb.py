@@ -49,7 +49,7 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linea
     Args:
         path: A `.glb`, or a `.gltf` with its buffers and images inside or in the same folder.
         up: The file's up axis; HM3D is z-up, glTF's own convention is y-up.
-        colours: Vertex colours stay the file's numbers, or are encoded from linear light, as in the glTF standard.
+        colours: `linear` keeps the numbers of vertex colours; `srgb` encodes them, as glTF stores linear light.
 
     Raises:
         SceneError: The file is missing, damaged, without faces, too large, or uses features that we cannot read.
@@ -174,7 +174,7 @@ def _top_nodes(file: GltfFile) -> dict[int, None]:
         reached += 1
         stack += nodes[stack.pop()].children
     if reached < len(nodes):
-        raise file.refused(f"{len(nodes) - reached} nodes are children of each other in a circle", "trees of nodes")
+        raise file.refused(f"{len(nodes) - reached} nodes are children of each other in a cycle", "trees of nodes")
     return tops
 
 
@@ -222,7 +222,7 @@ def _place_vertices(file: GltfFile, part: _Part, out: NDArray[np.float32]) -> No
 
 
 def _corners(file: GltfFile, part: _Part) -> NDArray[np.integer]:
-    """(F, 3) vertices of each face within the part; faces of a mirroring node are reversed, so that they keep sides."""
+    """(F, 3) vertices of each face within the part; a mirroring node's faces are reversed, to keep their front side."""
     primitive, count = part.primitive, part.vertices.stop - part.vertices.start
     if primitive.indices is None:
         index = np.arange(count, dtype=np.uint32)
@@ -257,7 +257,7 @@ def _attribute(file: GltfFile, part: _Part, name: str, *, widths: tuple[int, ...
     values = file.elements(accessor, of=name)
     if values.shape[1] not in widths or values.dtype == np.uint32:
         found = f"{name} (accessors.{accessor}) has {values.shape[1]} numbers of {values.dtype} each"
-        raise file.refused(found, f"{' or '.join(map(str, widths))} that a vertex can have")
+        raise file.refused(found, f"{' or '.join(map(str, widths))} numbers, not of uint32")
     return values
 
 

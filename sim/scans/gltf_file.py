@@ -66,7 +66,7 @@ class GltfFile:
         the error.
 
         Raises:
-            SceneError: The list is shorter.
+            SceneError: The list has no such element.
         """
         items = getattr(self.document, kind)
         if index >= len(items):
@@ -143,7 +143,7 @@ class GltfFile:
         where, sparse = f"accessors.{index}.sparse", accessor.sparse
         assert sparse is not None
         if accessor.count + sum(map(len, self._sparse.values())) > MAX_ELEMENTS:
-            raise self.refused("sparse accessors", f"at most {MAX_ELEMENTS} elements together", advice=_PLAIN)
+            raise self.refused("too many sparse elements", f"at most {MAX_ELEMENTS} together", advice=_PLAIN)
         kind = _COMPONENTS.get(sparse.indices.component_type, np.dtype("<f4"))
         if kind.kind != "u" or sparse.count > accessor.count:
             raise self.refused(f"{where} has other indices", f"at most {accessor.count} unsigned integers")
@@ -180,7 +180,7 @@ def read_gltf(path: Path) -> GltfFile:
     """Opens a `.glb` or `.gltf` file.
 
     Raises:
-        SceneError: The file is missing, cut off, no glTF 2.0, or needs an extension that we cannot read.
+        SceneError: The file is missing, cut off, not glTF 2.0, or needs an extension that we cannot read.
     """
     data = mapped(path, what="a glTF file")
     if path.suffix.lower() == ".gltf" and bytes(data[:4]) != b"glTF":

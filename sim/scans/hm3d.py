@@ -50,9 +50,9 @@ def load_semantics(
     """The objects of a scan, and the scan with their ids.
 
     Colours in textures (HM3D-Semantics v0.2) are read texel by texel, those of vertices (v0.1) face by face; vertex
-    colours that fit the text only after encoding from linear light are encoded. A colour without a line is no object
-    (id 0; Habitat gives such colours new ids after the largest); of two lines with one colour the first counts. The box
-    of an object is Habitat's: the largest box, in world axes, of any of its connected parts. Its name is
+    colours that fit the text only after encoding from linear light are encoded. A colour without a line gets id 0, no
+    object (Habitat gives such colours new ids after the largest). Where two lines name one colour, the first counts.
+    The box of an object is Habitat's: the largest box, in world axes, of any of its connected parts. Its name is
     `<category>_<id>`, as in PersONAL's episodes.
 
     Args:

@@ -1,4 +1,4 @@
-"""PNG, JPEG and Basis images as arrays; sizes are read from the headers first, so that no image is too large."""
+"""PNG, JPEG and Basis images as arrays; sizes are read from the headers first, to refuse images that are too large."""
 
 import io
 import struct
@@ -24,7 +24,7 @@ _BASIS_WORK = 8
 _CMYK_WORK = 12
 _PROGRESSIVE = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
 _MAX_SCANS = 100
-"""Most scans of a progressive JPEG; more than encoders make would take minutes to decode."""
+"""Most scans of a progressive JPEG; encoders make fewer, and more would take minutes to decode."""
 _SIZE_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD8)})
 _KIND = "a PNG, JPEG or Basis image"

@@ -42,7 +42,7 @@ _MEASURED = (b"\x89PN", b"\xff\xd8\xff")
 def load_ply_or_obj(path: Path, *, up: Literal["z", "y"]) -> TriangleMesh:
     """The triangles of a `.ply` or `.obj` file in the world frame; colours as in `load_glb`.
 
-    The materials and images that it names are in its folder.
+    The materials and images that it names must be in its folder.
 
     Raises:
         SceneError: The file is missing, damaged, too large, without faces, or names missing files.

@@ -49,11 +49,11 @@ def mapped(path: Path, *, what: str) -> Bytes:
     errors.
 
     Raises:
-        SceneError: The file is missing, cannot be read, or is no regular file.
+        SceneError: The file is missing, cannot be read, or is not a regular file.
     """
     try:
         if not stat.S_ISREG(path.stat().st_mode):
-            raise refused(path, "is no regular file", what, advice="Check the path or --scenes-dir.")
+            raise refused(path, "is not a regular file", what, advice="Check the path or --scenes-dir.")
         with path.open("rb") as file:
             if not path.stat().st_size:
                 return np.zeros(0, np.uint8)
@@ -99,7 +99,7 @@ def file_beside(part: FilePart, uri: str) -> Path:
         if not outside:
             outside = not target.resolve().is_relative_to(folder)
             found = not outside and target.is_file()
-    except (OSError, RuntimeError, ValueError):  # a name too long or with zeros, a circle of links
+    except (OSError, RuntimeError, ValueError):  # a name too long or with zeros, a cycle of links
         outside = True
     if not found:
         expected = "a file in the folder of the scene" if outside else "a file, but there is none of this name"

@@ -31,7 +31,7 @@ def read_semantic_txt(path: Path) -> tuple[SemanticLabel, ...]:
     """The objects in the order of the file.
 
     Raises:
-        SceneError: The file is missing, too large, no UTF-8, or a line is not `id,RRGGBB,"category",region` with an id
+        SceneError: The file is missing, too large, not UTF-8, or a line is not `id,RRGGBB,"category",region` with an id
             of its own; the line's number is in the message.
     """
     data = mapped(path, what="HM3D's semantic text")
@@ -41,7 +41,7 @@ def read_semantic_txt(path: Path) -> tuple[SemanticLabel, ...]:
         lines = bytes(data).decode("utf-8-sig").split("\n")
     except UnicodeDecodeError as error:
         line = bytes(data[: error.start]).count(b"\n") + 1
-        raise _refused(path, line, f"byte {error.start} is no UTF-8", "UTF-8 text") from None
+        raise _refused(path, line, f"byte {error.start} is not UTF-8", "UTF-8 text") from None
     if HEADER not in lines[0]:
         raise _refused(path, 1, short(lines[0]), repr(HEADER))
     labels: list[SemanticLabel] = []

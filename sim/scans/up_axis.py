@@ -9,8 +9,8 @@ from sim.errors import SceneError, line_from_validation_error
 
 Up = Literal["z", "y"]
 HM3D_UP: Up = "z"
-"""The up axis of scans without such a file."""
-_ADVICE = "Correct the file, or take it away for z-up scans such as HM3D's."
+"""The up axis of HM3D's scans, and of all scans without such a file."""
+_ADVICE = "Correct the file, or remove it for z-up scans such as HM3D's."
 
 
 class _Part(BaseModel):
@@ -39,8 +39,8 @@ def up_axis(scan: Path, *, root: Path) -> Up:
 
     Args:
         scan: The file; `<its name>.stage_config.json` beside it counts first.
-        root: Next counts the nearest folder, from the scan up to this one, with `*.scene_dataset_config.json` files
-            that have a `stages.default_attributes.up`. HM3D's says z, which also holds for scans without any file.
+        root: Last folder to search. The nearest folder from the scan upwards counts next, if it has
+            `*.scene_dataset_config.json` files with a `stages.default_attributes.up`. Scans without any file are z-up.
 
     Raises:
         SceneError: A file is damaged, names another axis, or two in one folder differ.

@@ -18,7 +18,7 @@ from .rules import reaches_goal, success_region
 TURN_COST = 0.02
 """Metres of detour that the shortest-path agent accepts to save one turn; keeps it from weaving."""
 MIN_PROGRESS = 0.03
-"""A forward that brings the goal less than this much nearer (metres) is not taken."""
+"""The agent takes no steps that bring it less than this much nearer to the goal, metres."""
 LOOKAHEAD = 4
 """Forwards that the agent tries in a row before it gives up: without sliding, its 12 headings catch on corners, and a
 step back or aside leads around them."""
@@ -155,7 +155,7 @@ class ShortestPathAgent:
 
 
 def load_agent(name: str) -> Agent:
-    """A user's agent named `package.module:factory`, from the present folder too; the factory gets no arguments.
+    """A user's agent named `package.module:factory`, from the current folder too; the factory gets no arguments.
 
     Raises:
         AgentError: The name has another form, or the plug-in cannot be imported or built.

@@ -58,6 +58,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         splits: tuple[Split, ...] = SPLITS,
         scenes: tuple[str, ...] | None = None,
         clutter: ClutterLevel = 0,
+        labels: bool = False,
         shuffle: bool = True,
         actions: tuple[Action, ...] = PAPER6,
         camera: Camera = Camera(),  # noqa: B008 - frozen value
@@ -76,6 +77,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
             splits: Splits whose episodes are used.
             scenes: Scenes whose episodes are used; None = all.
             clutter: Amount of furniture without a caption that is added to homes without a scan.
+            labels: Whether pictures name the category of each object in view.
             shuffle: Scenes and their episodes in random order, drawn again for every round; False = dataset order.
             actions: The action of each number, in order; `PAPER4` leaves out the looks.
             camera: Intrinsics and mounting height.
@@ -92,14 +94,11 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
             DatasetError: No episode is left, a scene is unknown, or a file is damaged.
         """
         self.render_mode = render_mode
-        self._dataset = dataset
-        self._scenes_dir = scenes_dir
+        self._dataset, self._scenes_dir = dataset, scenes_dir
         self._clutter: ClutterLevel = clutter
         self._episodes = _episodes_of(dataset, splits, scenes)
-        self._shuffle = shuffle
-        self._actions = actions
-        self._camera = camera
-        self._pictures = pictures
+        self._labels, self._shuffle = labels, shuffle
+        self._actions, self._camera, self._pictures = actions, camera, pictures
         self._depth_range, self._normalize_depth, self._reward = depth_range, normalize_depth, reward
         self._max_steps = max_steps
         self._order: Iterator[EpisodeKey] = iter(())
@@ -218,8 +217,10 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         if self._scene is None or self._scene.name != name:
             from sim.homes.open_home import open_scene
 
-            self._scene = self._renderer = None  # two scans need not fit into memory
-            self._scene = open_scene(self._dataset, name, scenes_dir=self._scenes_dir, clutter=self._clutter)
+            self._scene = self._renderer = None  # two scans may not fit into memory together
+            self._scene = open_scene(
+                self._dataset, name, scenes_dir=self._scenes_dir, clutter=self._clutter, labels=self._labels
+            )
         return self._scene
 
     def _drawing(self, scene: Scene) -> Renderer:

@@ -99,9 +99,11 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
         rule: Success rule of the PAN rows.
 
     Raises:
-        RunFileError: A run was never scored, an episode stands twice in one run, or runs to be pooled are on different
-            episode files.
+        RunFileError: A run was never scored, an episode stands twice in one run, runs to be pooled are on different
+            episode files, or PAN runs in one kind of homes were made with and without labels.
     """
+    for kind in {run.info.scene_kind for run in runs}:
+        _require_same_labels(run.info for run in runs if run.episodes and run.info.scene_kind == kind)
     groups: dict[tuple[str, str, str, TaskKind], list[Run]] = defaultdict(list)
     for run in runs:
         _require_scored(run)
@@ -182,7 +184,7 @@ def made_for_warning(who: str, made_for: Sequence[str], *, rule: str) -> str:
 
 
 def reading_notes(rows: Sequence[MetricRow]) -> list[str]:
-    """Notes below a table: its rule, and for each row name the effect of our reading of the paper; () for POG."""
+    """Notes below a table: its rule, and for each row name the effect of our reading of the paper; none for POG."""
     notes = [f"Rule {RULE_NOTES[row.rule]}." for row in rows[:1] if row.rule != "planar"]
     for row in rows:
         strict, far = row.paper_strict, row.far_from_view
@@ -202,7 +204,7 @@ def reading_notes(rows: Sequence[MetricRow]) -> list[str]:
 def require_comparable(infos: Iterable[RunInfo]) -> None:
     """Raises RunFileError when results must not be compared: scans with other homes, or different episode files.
 
-    Answers on oracle maps (no home at all) may be compared with any; tables are per kind all the same.
+    Answers on oracle maps (no home at all) may be compared with any; tables still keep the kinds apart.
     """
     infos = list(infos)
     kinds = {info.scene_kind: info.run_id for info in infos if info.scene_kind != "oracle-map"}
@@ -213,13 +215,24 @@ def require_comparable(infos: Iterable[RunInfo]) -> None:
     if len(digests) > 1:
         found = ", ".join(f"{digest[:12]} ({run_id})" for digest, run_id in sorted(digests.items()))
         raise RunFileError(
-            f"runs: found dataset_digest {found}; expected runs on the same episode files. "
-            "Give the data sets' runs separately."
+            f"runs: found dataset_digest {found}; expected runs on the same episode files, with the same evidence. "
+            "Give the runs of each dataset separately."
+        )
+
+
+def _require_same_labels(infos: Iterable[RunInfo]) -> None:
+    """Raises RunFileError when only some of the runs had pictures that named the objects."""
+    found = {info.labels: info.run_id for info in infos}
+    if len(found) > 1:
+        raise RunFileError(
+            f"runs: found pictures with the categories of objects written on them ({found[True]}) and without "
+            f"({found[False]}); expected one of the two per table. Give them separately, or run one again with the "
+            "other value of --labels."
         )
 
 
 def run_folders(folders: Sequence[Path]) -> list[Path]:
-    """The named folders; a folder that is no run folder is replaced by the run folders one level below it.
+    """The named folders; a folder that is not a run folder is replaced by the run folders one level below it.
 
     Raises:
         RunFileError: No folder is named.
@@ -349,7 +362,7 @@ def wilson(k: float, n: int) -> tuple[float, float]:
 
 
 def _total(cells: Sequence[MetricRow]) -> MetricRow:
-    """Plain mean of the splits' figures; counts are added, and the share far from view is of all splits together."""
+    """Plain mean of the splits' figures; counts are added, and the share far from view is that of all their runs."""
     strict = [cell.paper_strict for cell in cells if cell.paper_strict is not None]
     far = [cell.far_from_view for cell in cells if cell.far_from_view is not None]
     n, k = sum(cell.n for cell in far), sum(cell.k for cell in far)

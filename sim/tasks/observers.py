@@ -49,7 +49,7 @@ class Insight:
     candidate_scores: tuple[float, ...] = ()
     """One per candidate, or none at all."""
     goal: tuple[float, float, float] | None = None
-    """The agent's present goal, metres."""
+    """The agent's current goal, metres."""
     note: str = ""
     """The agent's reason, in words."""
 

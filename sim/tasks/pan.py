@@ -63,8 +63,9 @@ class PanEnv:
         camera: Camera = Camera(),  # noqa: B008 - frozen value
         pictures: bool = True,
     ) -> Self:
-        """The environment of one episode in its home (`open_home`), drawn by the home's renderer, or without `pictures`
-        not at all; only the episode's start is used.
+        """The environment of one episode in its home (`open_home`); only the episode's start is used.
+
+        The home's renderer draws the views; without `pictures` nothing is drawn.
 
         Raises:
             SceneError: The episode takes place in another home.
@@ -81,7 +82,7 @@ class PanEnv:
 
     @property
     def pose(self) -> Pose:
-        """The robot's present pose."""
+        """The robot's current pose."""
         return self._steps[-1].pose if self._steps else self._start
 
     @property
@@ -159,7 +160,7 @@ class PanEnv:
         return frame.rgb, frame.depth_m
 
     def _after(self, action: Action, t_s: float) -> Step:
-        """The step that `action` makes from the present pose (semantics: HABITAT_SEMANTICS.md 2.1)."""
+        """The step that `action` makes from the current pose (semantics: HABITAT_SEMANTICS.md 2.1)."""
         pose = self.pose
         position, yaw, tilt, collided = pose.position, pose.yaw, pose.tilt, False
         match action:

@@ -6,6 +6,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Literal
 
+from sim.episodes.dataset import PersonalDataset
 from sim.types import SceneKind, SuccessRule, WhoKind
 
 from .run_files import RunInfo
@@ -24,6 +25,7 @@ def make_run_info(
     seed: int | None = None,
     config: dict[str, str | int | float | bool | None] | None = None,
     made_for: SuccessRule | None = None,
+    labels: bool = False,
 ) -> RunInfo:
     """`run.json` of a new run on this machine, now."""
     return RunInfo(
@@ -39,7 +41,20 @@ def make_run_info(
         git_commit=git_commit(),
         created_utc=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         made_for=made_for,
+        labels=labels,
     )
+
+
+def evidence_config(dataset: PersonalDataset) -> dict[str, str]:
+    """The entry of a run's config that names the evidence from which its homes were recovered; empty without any."""
+    digests = " ".join(edition.digest()[:12] for edition in dataset.evidence)
+    return {"evidence": digests} if digests else {}
+
+
+def program_release() -> str:
+    """The installed version of this program, with its commit in a checkout, as a name that a person can look up."""
+    commit = git_commit()
+    return f"personal-viz {version('personal-viz')}" + (f" (commit {commit[:12]})" if commit else "")
 
 
 def package_versions() -> dict[str, str]:

@@ -1,6 +1,6 @@
 """The named success rules. They are computed and stored when a run ends, on the server; tables only aggregate them.
 
-The paper says "within 1 m" and "relaxed to 1.5 m" and no more. Rule `paper` is **our reading** of it: the distance is
+The paper says only "within 1 m" and "relaxed to 1.5 m". Rule `paper` is **our reading** of it: the distance is
 planar, to the target's centre, on its storey; it is 1.5 m for targets without a view point within 1 m; and walls do not
 count, so that a robot may stop in the next room, 1 m from the object. Every table shows two figures beside it, so that
 a reader can judge our reading: rule `paper-strict` (1.0 m for every target), and the number of `paper`'s successes that

@@ -21,8 +21,9 @@ from sim.types import SUCCESS_RULES, Action, EndReason, EpisodeKey, Pose, SceneK
 
 Length = Annotated[Finite, Field(ge=0)]
 Share = Annotated[Finite, Field(ge=0, le=1)]
-SCHEMA_VERSION = 2
-"""Version of `run.json` and of an episode's block. Version 1, without `paper-strict` and `made_for`, still reads."""
+SCHEMA_VERSION = 3
+"""Version of `run.json` and of an episode's block. Older ones still read: version 2 had no `labels`, and version 1
+neither `paper-strict` nor `made_for`."""
 FAR_FROM_VIEW = 1.0
 """Metres of walking to the nearest view point beyond which a success by `paper` is called far from view."""
 RUN_ID = r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}$"
@@ -40,7 +41,7 @@ class RunInfo(BaseModel):
     """`run.json`: the agent or person, the data and the program of a run."""
 
     model_config = _MODEL
-    schema_version: Literal[1, 2] = SCHEMA_VERSION
+    schema_version: Literal[1, 2, 3] = SCHEMA_VERSION
     run_id: str = Field(pattern=RUN_ID)
     who: str = Field(min_length=1, max_length=MAX_NAME, pattern=_NO_CONTROLS)
     """Row name in tables: an agent's or a grounder's name, or "human"."""
@@ -50,6 +51,7 @@ class RunInfo(BaseModel):
     scene_kind: SceneKind | Literal["oracle-map"]
     """Kind of homes for which the results hold; tables never mix kinds."""
     dataset_digest: str
+    """`PersonalDataset.digest`: the episode files, and the evidence from which homes without a scan were recovered."""
     seed: int | None = None
     config: dict[str, str | int | float | bool | None] = {}
     """Options of the command."""
@@ -63,17 +65,29 @@ class RunInfo(BaseModel):
     """The label of results in homes of this kind; follows from `scene_kind`, empty for scans."""
     scene_terms: str = ""
     """Terms of use that may apply to this kind of homes; from `scene_kind`, empty for invented homes and scans."""
+    labels: bool = False
+    """Whether the robot's pictures named the category of each object in view; PAN only, and tables never mix both."""
 
     @model_validator(mode="before")
     @classmethod
-    def _read_version_1(cls, raw: Any) -> Any:
-        """Reads version 1, which had no label and one agent with ground truth, made for rule `paper`."""
+    def _read_older(cls, raw: Any) -> Any:
+        """Reads version 1, which had no label and one agent with ground truth, made for rule `paper`, and version 2, in
+        which all PAN pictures of schematic homes named the objects."""
         if not isinstance(raw, dict):
             return raw
-        is_old = raw.get("schema_version") == 1 and raw.get("who") == "shortest-path"
-        rule = {"made_for": "paper"} if is_old else {}
-        kind = str(raw.get("scene_kind"))
-        return rule | raw | {"scene_label": scene_label(kind), "scene_terms": scene_terms(kind)}
+        version, kind = raw.get("schema_version"), str(raw.get("scene_kind"))
+        is_first = version == 1 and raw.get("who") == "shortest-path"
+        older: dict[str, Any] = {"made_for": "paper"} if is_first else {}
+        older |= {"labels": _had_labels(raw)} if version in (1, 2) else {}
+        return older | raw | {"scene_label": scene_label(kind), "scene_terms": scene_terms(kind)}
+
+
+def _had_labels(raw: dict[str, Any]) -> bool:
+    """Whether the pictures of a run of version 1 or 2 named the objects; imported runs had other pictures."""
+    is_pan = str(raw.get("condition", "none")).startswith(("none", "clutter ", "memory_"))
+    config = raw.get("config")
+    is_imported = isinstance(config, dict) and "imported" in config
+    return raw.get("scene_kind") == "schematic" and is_pan and not is_imported
 
 
 class Step(BaseModel):
@@ -101,7 +115,7 @@ class EpisodeStart(BaseModel):
 
     model_config = _MODEL
     kind: Literal["episode"] = "episode"
-    schema_version: Literal[1, 2] = SCHEMA_VERSION
+    schema_version: Literal[1, 2, 3] = SCHEMA_VERSION
     split: Split
     scene: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
     episode_id: str = Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")
@@ -324,7 +338,7 @@ def _text_lines(path: Path) -> Iterator[tuple[int, str]]:
     """(line number from 1, text) of each line, read one after the other.
 
     Raises:
-        RunFileError: The file cannot be read, is no UTF-8, or has a longer line than our programs write.
+        RunFileError: The file cannot be read, is not UTF-8, or has a longer line than our programs write.
     """
     try:
         for number, line in enumerate(bounded_lines(path), start=1):
@@ -373,7 +387,7 @@ def read_run(folder: Path) -> Run:
     found = []
     for number, line in read_lines(answers) if answers.is_file() else ():
         if not isinstance(line, Answer):
-            raise RunFileError(f"{answers}:{number}: expected only lines of kind 'answer'. {_ADVICE}")
+            raise RunFileError(f"{answers}:{number}: found a line of another kind; expected 'answer'. {_ADVICE}")
         found.append(line)
     return Run(info=info, episodes=runs, answers=tuple(found))
 

@@ -18,7 +18,7 @@ class RunWriter:
     """Appends finished episodes and answers to a run folder; a killed run resumes where it stopped."""
 
     def __init__(self, folder: Path, info: RunInfo) -> None:
-        """Opens the folder; an incomplete tail left by a kill is cut off. A new run is written with its first result.
+        """Opens the folder and cuts off an incomplete tail left by a kill; the first result creates a new run's files.
 
         Raises:
             RunFileError: The folder cannot be written, or holds a run of another configuration.
@@ -78,7 +78,7 @@ class RunWriter:
         )
 
     def _require_same_run(self, found: RunInfo, wanted: RunInfo) -> None:
-        for field in ("who", "condition", "scene_kind", "dataset_digest", "seed", "config", "made_for"):
+        for field in ("who", "condition", "scene_kind", "dataset_digest", "seed", "config", "made_for", "labels"):
             was, now = getattr(found, field), getattr(wanted, field)
             if isinstance(was, dict):
                 was, now = _differing(was, now)
@@ -86,7 +86,7 @@ class RunWriter:
                 names = ", ".join(sorted(key.removesuffix("_code") for key in was | now))
                 raise RunFileError(
                     f"{self.folder / 'run.json'}: the run was made with other code of your {names}; expected the same "
-                    "to go on. Give --label NAME to keep both versions in one table, or another --run-id or --out."
+                    "code. Give --label NAME to keep both versions in one table, or another --run-id or --out."
                 )
             if was != now:
                 raise RunFileError(

@@ -36,6 +36,8 @@ class AgentJob(SceneJob):
     seed: int
     clutter: ClutterLevel = 0
     """Amount of furniture without a caption in homes without a scan."""
+    labels: bool = False
+    """Whether pictures name the category of each object in view."""
     make_observer: Callable[[Scene], Observer] | None = None
     """Makes the observer of the scene's episodes; like the whole job, it must be picklable and comparable."""
     rule: SuccessRule = "paper"
@@ -55,12 +57,12 @@ class Closes(Protocol):
     """An observer that can end its view of an episode that was broken off; this is optional."""
 
     def close(self) -> None:
-        """Ends the view in its present state."""
+        """Ends the view in its current state."""
         ...
 
 
 class Watch:
-    """Tells an observer of one episode; after its first failure, which is kept, the episode continues unwatched."""
+    """Reports one episode to an observer; after its first failure, which is kept, the episode continues unwatched."""
 
     def __init__(self, observer: Observer | None, episode: Episode) -> None:
         """Takes the observer; None = nobody watches."""
@@ -182,8 +184,8 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
     """
     from sim.homes.open_home import open_scene
 
-    dataset = PersonalDataset(job.dataset_root)
-    scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir, clutter=job.clutter)
+    dataset = PersonalDataset(job.dataset_root, evidence=job.evidence)
+    scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir, clutter=job.clutter, labels=job.labels)
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
     plugin = load_agent(job.agent) if ":" in job.agent else None
     observer = job.make_observer(scene) if job.make_observer else None
@@ -217,8 +219,8 @@ def run_agent(
     """Runs every job, one per scene, and appends finished runs to `writer` in order; episodes that it already holds are
     skipped.
 
-    Runs and their order do not depend on the number of processes; 1 runs here. `on_episode` is called when an episode
-    is on disk.
+    Runs and their order do not depend on `processes`; with 1 this process does the work. `on_episode` is called when an
+    episode is on disk.
 
     Raises:
         PersonalVizError: An episode could not be run; all episodes before it are on disk. Or its observer failed; then

@@ -19,14 +19,14 @@ START_TOLERANCE = 0.01
 ANGLE_TOLERANCE = math.radians(0.5)
 """Tolerance for the start's yaw and for every turn and look; Habitat's float32 rotations stay within 0.001 degrees."""
 POSITION_TOLERANCE = 1e-3
-"""Metres of rounding allowed in any step; of the 3,926 forwards in the golden runs none is off by more than 3e-6."""
+"""Metres of rounding allowed in any step; forwards in Habitat's golden runs are off by 3e-6 at most."""
 MAX_RISE = 0.45
 """Most that one forward can climb or fall (metres): 0.25 on Habitat's steepest slope (45 degrees) plus a climb."""
 SNAP_SIDEWAYS = 0.25
 """Most metres by which the first forward may leave its line sideways when the start is off the other simulator's mesh.
 
-Episode starts were drawn on a mesh for radius 0.10, Habitat 0.2.5 plays on one for 0.20: 0.1 m, rotated by up to a cell
-on each side; the golden steps from off-mesh starts reach 0.20.
+Episode starts were drawn on a mesh for radius 0.10, but Habitat 0.2.5 plays on one for 0.20. They differ by 0.1 m and
+up to a cell of rounding on each side; in the golden runs the first forward leaves its line by up to 0.20 m.
 """
 SNAP_HEIGHT = 0.5
 """The same upwards or downwards; Habitat counts places farther away as not navigable."""
@@ -38,7 +38,7 @@ _BODY_ADVICE = "Give the body's pose after the action (agent_state, not a sensor
 
 @dataclass(frozen=True, slots=True)
 class CheckedRun:
-    """A possible run with the episode that it belongs to."""
+    """A run whose steps are possible, with its episode."""
 
     episode: Episode
     run: EpisodeRun
@@ -79,7 +79,7 @@ def with_own_facts(run: EpisodeRun, episode: Episode) -> EpisodeRun:
 
 
 def check_steps(wheres: Sequence[str], run: EpisodeRun, *, rounding: float = POSITION_TOLERANCE) -> None:
-    """Refuses a run that no robot of the paper could have made, but for `rounding` (metres) in any step.
+    """Refuses a run that no robot of the paper could have made, apart from `rounding` (metres) in any step.
 
     `wheres` is the `file:line` of the start, each step and the end.
 
@@ -108,8 +108,8 @@ def check_steps(wheres: Sequence[str], run: EpisodeRun, *, rounding: float = POS
 def check_free_motion(
     wheres: Sequence[str], run: EpisodeRun, *, max_move: float, max_turn: float, max_steps: int
 ) -> None:
-    """Refuses a run of a robot with other actions that moves (metres) or turns (radians) more than was declared from
-    pose to pose, or takes more steps.
+    """Refuses a run of a robot with other actions that exceeds the declared move (metres) or turn (radians) from pose
+    to pose, or the number of steps.
 
     `wheres` is the `file:line` of the start, each step and the end.
 

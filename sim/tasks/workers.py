@@ -7,7 +7,7 @@ from collections.abc import Callable, Container, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -23,6 +23,8 @@ class SceneJob:
     dataset_root: Path
     scene: str
     keys: tuple[EpisodeKey, ...]
+    evidence: tuple[Path, ...] = field(default=(), kw_only=True)
+    """Folders of the dataset's evidence."""
 
 
 Job = TypeVar("Job", bound=SceneJob)
@@ -76,7 +78,7 @@ def worker_pool(processes: int, *, kept: str = "") -> Iterator[ProcessPoolExecut
 
     Args:
         processes: Number of processes.
-        kept: Results that a second call need not make again, in words, for the error; empty = none.
+        kept: A clause of the error about results that a second call need not make again; empty = none.
 
     Raises:
         PersonalVizError: A worker process was ended from outside.
@@ -98,7 +100,7 @@ def worker_pool(processes: int, *, kept: str = "") -> Iterator[ProcessPoolExecut
 def run_jobs(
     work: Callable[[Given], Result], jobs: Sequence[Given], *, processes: int, kept: str = ""
 ) -> Iterator[Result]:
-    """Yields what `work` returns for each job, in the order in which they end.
+    """Yields the result of `work` for each job, in the order in which jobs end.
 
     Args:
         work: A module-level function.
@@ -120,7 +122,7 @@ def without(jobs: Sequence[Job], done: Container[EpisodeKey]) -> list[Job]:
 
 
 def end_with_parent() -> None:
-    """Ends a worker process when the program is killed; otherwise it would wait for work for ever."""
+    """Ends a worker process when the program is killed; otherwise it would wait for work forever."""
     parent = multiprocessing.parent_process()
     assert parent is not None, "not in a worker process"
 

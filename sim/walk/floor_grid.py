@@ -30,7 +30,7 @@ from .grid_kernels import (
 )
 from .height_field import standing_places
 from .navigation_map import Points, StepResult, TopDown
-from .storeys import no_such_storey, same_storey, storey_levels
+from .storeys import is_on_storey_island, no_such_storey, same_storey, storey_levels
 
 if TYPE_CHECKING:
     from sim.mesh import TriangleMesh
@@ -91,6 +91,7 @@ class FloorGrid:
         self.islands = connected_parts(cells.links, np.ones(len(cells.links), bool))
         """(N,) number of each node's connected part."""
         self.storey_heights: tuple[float, ...] = storey_levels(self.node_y, self.islands, covered)
+        self._is_storey = is_on_storey_island(self.node_y, self.islands, covered, self.storey_heights)
         self._fields: tuple[tuple[bytes, Field], ...] = ()
 
     @classmethod
@@ -229,12 +230,14 @@ class FloorGrid:
         return nodes, np.where(on_cell, rim_u, near_u), np.where(on_cell, rim_v, near_v), is_rim
 
     def random_point(self, rng: np.random.Generator, *, storey_y: float | None = None) -> Points:
-        """A place (3,) to stand, uniform over the free area of all islands (of one storey if its height is given).
+        """A place (3,) to stand, uniform over the free area (of one storey if its height is given).
+
+        Islands that belong to no storey, such as tops of tables and beds and roofs, are left out.
 
         Raises:
             SceneError: The storey has no free cell.
         """
-        nodes = np.arange(len(self.cells.row)) if storey_y is None else np.flatnonzero(self._on_storey(storey_y))
+        nodes = np.flatnonzero(self._is_storey if storey_y is None else self._is_storey & self._on_storey(storey_y))
         if not len(nodes):
             raise no_such_storey(storey_y, self.storey_heights)
         node = int(rng.choice(nodes))
@@ -330,7 +333,7 @@ def floor_grid_from_mesh(
     places = find(both_sides=both_sides)
     if not len(places.covered):
         turned = not both_sides and len(find(both_sides=True).covered)
-        hint = " Its faces are wound downwards: turned over it would have some (both_sides=True)." if turned else ""
+        hint = " Its faces are wound downwards; both_sides=True counts them as floor." if turned else ""
         raise SceneError(
             f"navigation: found no floor of 1 m2 or more on {len(mesh.faces)} faces where a robot of radius {radius!r} "
             f"and height {height!r} fits; expected a furnished home in metres, y up "
@@ -351,7 +354,7 @@ def _check_cells(rc: NDArray[np.int64], y: NDArray[np.float64], grid: GridSpec, 
     """Raises SceneError when cells cannot make a grid."""
     problem = ""
     if len(rc) != len(y):
-        problem = f"{len(rc)} cells but {len(y)} heights; expected as many"
+        problem = f"{len(rc)} cells but {len(y)} heights; expected one height per cell"
     elif not len(rc):
         problem = "no free cell; expected at least one"
     elif not np.isfinite(y).all():

@@ -27,7 +27,7 @@ class PricedFloor(NamedTuple):
     is_free: NDArray[np.bool_]
     """(N,) whether each node is free floor."""
     price: NDArray[np.float64]
-    """(N,) cost of unknown floor per cell length, in addition to the length, before `reluctance`."""
+    """(N,) extra cost of unknown floor per cell of length; a search multiplies it by its `reluctance`."""
 
 
 class Work(NamedTuple):
@@ -162,10 +162,10 @@ def _last_leg(ground, work, node, start, goal, reluctance):
 
 @njit(cache=True, nogil=True)
 def route(ground, work, start, goal, reluctance, limit):
-    """Cheapest polyline (K, 3) of u, v, h from start to goal inside the ellipse whose string has length `limit`.
+    """Cheapest polyline (K, 3) of u, v, h from start to goal by any-angle A*; K = 0 if there is no way.
 
-    It uses any-angle A*. `reluctance` is the price of unknown floor; inf allows only free floor. K = 0 if there is no
-    way.
+    Nodes whose distances to start and goal sum to more than `limit` are left out. `reluctance` multiplies the price of
+    unknown floor; inf allows only free floor.
     """
     cells = ground.cells
     u, v, h = cells.col[goal.node] + 0.5, cells.row[goal.node] + 0.5, cells.h[goal.node]

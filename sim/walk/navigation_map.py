@@ -11,7 +11,7 @@ Points = NDArray[np.float64]
 
 
 class StepResult(NamedTuple):
-    """The end of a forward."""
+    """The end of a forward step."""
 
     position: tuple[float, float, float]
     """Feet, world metres."""
@@ -65,7 +65,11 @@ class NavigationMap(Protocol):
         ...
 
     def random_point(self, rng: np.random.Generator, *, storey_y: float | None = None) -> Points:
-        """A place (3,) to stand, uniform over the free area (of one storey if its height is given)."""
+        """A place (3,) to stand, uniform over the free area (of one storey if its height is given).
+
+        A map made from cells or a mesh leaves out islands that belong to no storey, such as tops of beds. A `.navmesh`
+        draws from all islands, as Habitat does.
+        """
         ...
 
     def top_down(self, storey_y: float) -> TopDown:

@@ -48,7 +48,7 @@ class NavMesh:
                 everything count as roofs.
 
         Raises:
-            SceneError: No polygon can be walked on, or the polygons are larger than any home.
+            SceneError: No polygon is walkable, or the polygons are larger than any home.
         """
         self.settings: NavMeshSettings = data.settings
         """Settings with which the mesh was built."""
@@ -57,7 +57,7 @@ class NavMesh:
         self._polygons = polygons_from_data(data)
         if not (self._polygons.island >= 0).any():
             raise SceneError(
-                f"{data.path}: found {len(data.counts)} polygons of which none can be walked on; expected some. "
+                f"{data.path}: found {len(data.counts)} polygons, none of them walkable; expected at least one. "
                 "Remove the .navmesh file: then the map is made from the scan's mesh."
             )
         if (spanned := spanned_area(self._polygons)) > MAX_SPAN:
@@ -156,7 +156,7 @@ class NavMesh:
         return np.unique(np.concatenate([np.empty((0, 3)), *found]), axis=0)
 
     def random_point(self, rng: np.random.Generator, *, storey_y: float | None = None) -> Points:
-        """A place (3,) uniform over the surface of all islands (of one storey if its height is given).
+        """A place (3,) uniform over the surface of all islands, as in Habitat (of one storey if its height is given).
 
         Raises:
             SceneError: The storey has no floor.

@@ -1,4 +1,4 @@
-"""Reads Habitat's `.navmesh` files (Detour tile data behind an MSET header) into arrays, trusting nothing in them.
+"""Reads Habitat's `.navmesh` files (Detour tile data behind an MSET header) into arrays, and checks every number.
 
 Layout, little endian: set header, (version 2) the settings the mesh was built with, then per tile a reference, a length
 and Detour's own tile. Habitat writes one tile; files with several are refused.
@@ -98,7 +98,7 @@ class NavMeshData:
     neighbours: NDArray[np.int32]
     """(P, 6) polygon across the edge from corner k to corner k + 1, -1 = wall."""
     flags: NDArray[np.uint16]
-    """(P,) bit 0 = can be walked on."""
+    """(P,) bit 0 = walkable."""
     details: NDArray[np.int64]
     """(P, 4) first detail vertex, first detail triangle, number of vertices, number of triangles."""
     detail_vertices: NDArray[np.float32]
@@ -260,7 +260,7 @@ def _check_indices(source: _Source, data: NavMeshData, kinds: NDArray[np.integer
         source.refuse(f"neighbour {data.neighbours[is_meant].max()} of a polygon", f"less than {polygons}")
     vertex, triangle, vertices, triangles = data.details.T
     if (vertex + vertices).max() > len(data.detail_vertices) or triangles.min() < 1:
-        source.refuse("a detail mesh without triangles or outside the detail vertices", "its own part of them")
+        source.refuse("a detail mesh without triangles or outside the detail vertices", "triangles and own vertices")
     if (triangle + triangles).max() > len(data.detail_triangles):
         source.refuse("a detail mesh outside the detail triangles", f"at most {len(data.detail_triangles)} in all")
     if triangles.sum() > len(data.detail_triangles):

@@ -142,7 +142,7 @@ def _straight(mesh, start, polygon, where, goals, polygons, points):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def lengths(mesh, starts, goals):
-    """(lengths (M,), nearest goal (M,)) from starts (M, 3) to the nearest of goals (N, 3); (inf, -1) where none is.
+    """(lengths (M,), nearest goal (M,)) from starts (M, 3) to goals (N, 3); (inf, -1) where none is reachable.
 
     The result follows Habitat's order: goals are tried by straight distance, until it exceeds the best length.
     """

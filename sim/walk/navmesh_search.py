@@ -1,4 +1,4 @@
-"""Compiled searches from polygon to polygon by Detour's rules: A* over edge middles, distance to the next wall."""
+"""Compiled searches from polygon to polygon by Detour's rules: A* over edge middles, distance to the nearest wall."""
 
 import math
 from typing import NamedTuple
@@ -69,7 +69,7 @@ def _rise(search, hole, polygon):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _pop_least(search, size):
-    """Removes the least of a heap of `size` > 0; equals leave in Detour's order (the hole sinks to a leaf first)."""
+    """Removes the least of a heap of `size` > 0; ties leave in Detour's order (the hole sinks to a leaf first)."""
     least = search.heap[0]
     last = search.heap[size - 1]
     hole, child = 0, 1
@@ -123,7 +123,7 @@ def _meet(mesh, search, query, polygon, other):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def find_corridor(mesh, search, query, start, start_polygon, end, end_polygon):
-    """Runs A*; returns whether `search.parent` leads back from the end and the nodes sufficed."""
+    """Runs A*; returns whether it reached the end within MAX_NODES polygons; `search.parent` then leads back."""
     _begin(search, query, start_polygon, start)
     search.total[start_polygon] = apart(start, end) * _HEURISTIC
     size, met, lacking = 1, 1, False
@@ -179,7 +179,7 @@ def corridor_length(search, end_polygon):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def wall_distance(mesh, point, max_radius):
-    """Planar distance from a point's place on the mesh to the next wall, at most `max_radius`; inf without a place."""
+    """Planar distance from a point's place on the mesh to the nearest wall, at most `max_radius`; inf off the mesh."""
     start, where = nearest_polygon(mesh, (point[0], point[1], point[2]))
     if start < 0:
         return FAR

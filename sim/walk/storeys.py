@@ -15,6 +15,8 @@ _MIN_SHARE = 0.1
 """Islands and levels smaller than this share of the largest are not storeys (table tops, landings)."""
 _MIN_COVERED = 0.1
 """An island with less than this share of ceiling over it, while others have one, is a roof, not a storey."""
+_LEVEL = 0.25
+"""Floor up to this far from a storey's typical height is at that storey's level, metres."""
 
 
 @overload
@@ -52,7 +54,7 @@ def no_such_storey(storey_y: float | None, heights: Sequence[float]) -> SceneErr
     known = ", ".join(f"{height:.2f}" for height in heights)
     return SceneError(
         f"navigation: no free cell at storey_y {storey_y!r}; expected a height near one of [{known}]. "
-        "Take one of storey_heights."
+        "Pass one of storey_heights."
     )
 
 
@@ -64,23 +66,40 @@ def storey_levels(
     Levels are peaks of the height histogram, so a stair does not merge two storeys; levels within STOREY_GAP of a
     larger one belong to it.
     """
-    sizes = np.bincount(islands)
-    matters = sizes >= _MIN_SHARE * sizes.max()
-    if covered is not None:
-        under_roof = np.bincount(islands, weights=covered) / sizes
-        if under_roof[matters].max() > 0.5:
-            matters &= under_roof >= _MIN_COVERED
-    left = y[matters[islands]]
+    left = y[_large_indoors(islands, covered)[islands]]
     levels: list[float] = []
     largest = 0
     while len(left):
         bins = np.round(left / 0.1).astype(np.int64)
         low = bins.min()
         counts = np.convolve(np.bincount(bins - low), [1, 1, 1], mode="same")
-        near = left[np.abs(left - 0.1 * (counts.argmax() + low)) <= 0.25]
+        near = left[np.abs(left - 0.1 * (counts.argmax() + low)) <= _LEVEL]
         if levels and len(near) < _MIN_SHARE * largest:
             break
         largest = largest or len(near)
         levels.append(float(np.median(near)))
         left = left[~same_storey(left, levels[-1])]
     return tuple(sorted(levels))
+
+
+def is_on_storey_island(
+    y: NDArray[np.float64], islands: NDArray[np.int32], covered: NDArray[np.bool_] | None, levels: Sequence[float]
+) -> NDArray[np.bool_]:
+    """(N,) whether each floor lies on an island that is part of a storey; `levels` are those of `storey_levels`.
+
+    Such an island is large, is no roof and has floor at a storey's level. Tops of tables and beds are not.
+    """
+    is_level = (np.abs(np.subtract.outer(y, levels)) <= _LEVEL).any(axis=1)
+    has_level = np.bincount(islands, weights=is_level) > 0
+    return (_large_indoors(islands, covered) & has_level)[islands]
+
+
+def _large_indoors(islands: NDArray[np.int32], covered: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+    """(I,) whether each island is large enough for a storey, and no roof."""
+    sizes = np.bincount(islands)
+    matters = sizes >= _MIN_SHARE * sizes.max()
+    if covered is not None:
+        under_roof = np.bincount(islands, weights=covered) / sizes
+        if under_roof[matters].max() > 0.5:
+            matters &= under_roof >= _MIN_COVERED
+    return matters

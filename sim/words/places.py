@@ -51,4 +51,4 @@ ROOM_WORDS: Mapping[str, RoomKind] = {
     "playroom": "game room", "gym": "game room", "staircase": "stairs", "stairs": "stairs", "stair region": "stairs",
     "stiars": "stairs", "attic": "attic", "utility room": "utility room",
 }  # fmt: skip
-"""Words in texts (typing errors of the release included) and their kinds of rooms."""
+"""The kind of room that each word means; typing errors of the release are included."""

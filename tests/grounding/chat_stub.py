@@ -1,4 +1,4 @@
-"""A chat endpoint on this machine that answers as OpenAI-compatible servers do, right and wrong."""
+"""A local chat endpoint that gives right and wrong answers the way OpenAI-compatible servers do."""
 
 import json
 import threading
@@ -8,16 +8,16 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 
 class ChatStub:
-    """What the server answers, and what it was asked; change `content`, `status`, `body` or `is_stuck` at any time."""
+    """Settings of the server's answers, and its requests; a test may set `content`, `status`, `body` and `is_stuck`."""
 
     def __init__(self) -> None:
         self.content: str | None = ""
-        """The assistant's message."""
+        """The message of the assistant."""
         self.status = 200
         self.body: bytes | None = None
-        """The whole answer instead."""
+        """The whole body of the answer; None = a chat completion with `content`."""
         self.is_stuck = False
-        """Answers nothing until `released`."""
+        """Whether the server waits for `released` instead of answering."""
         self.released = threading.Event()
         self.requests: list[dict] = []
         self.keys: list[str | None] = []
@@ -35,7 +35,7 @@ class ChatStub:
 
 @contextmanager
 def chat_stub() -> Iterator[ChatStub]:
-    """A running server; stopped at the end."""
+    """A running server that stops when the block ends."""
     stub = ChatStub()
 
     class Handler(BaseHTTPRequestHandler):
@@ -53,7 +53,7 @@ def chat_stub() -> Iterator[ChatStub]:
             self.wfile.write(answer)
 
         def log_message(self, format: str, *args: object) -> None:
-            """Quiet."""
+            """Prints nothing."""
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     stub.url = f"http://127.0.0.1:{server.server_port}/v1"

@@ -1,4 +1,4 @@
-"""Encoders with known answers, and folders of recordings in several layouts, for tests of maps."""
+"""Encoders with known answers, and writers of recordings, for tests of maps."""
 
 import json
 from collections.abc import Sequence
@@ -11,11 +11,11 @@ from sim.frames import T_world_glb_zup
 from sim.types import Frame
 
 PATCH = 10
-"""Pixels a side of the encoders' patches."""
+"""Side of the encoders' patches in pixels."""
 
 
 class IdEncoder:
-    """Says exactly which instance fills most of each patch: one number per id, nothing for id 0 and mixed patches."""
+    """Encodes the instance that fills most of each patch: one axis per id, a zero vector for id 0 and mixed patches."""
 
     name = "ids+oracle-perception"
 
@@ -23,7 +23,7 @@ class IdEncoder:
         self.dim = num_ids + 1
 
     def encode_texts(self, texts: Sequence[str]) -> np.ndarray:
-        """Texts are ids in digits."""
+        """Encodes ids that are written in digits."""
         return np.eye(self.dim, dtype=np.float32)[[int(text) for text in texts]]
 
     def encode_patches(self, frames: Sequence[Frame]) -> np.ndarray:
@@ -41,12 +41,12 @@ class IdEncoder:
 
 
 class ColourEncoder:
-    """Says the colour of each patch; reads the picture only, as real models do."""
+    """Encodes the colour of each patch; like a real model, it reads only the picture."""
 
     name, dim = "colours", 4
 
     def encode_texts(self, texts: Sequence[str]) -> np.ndarray:
-        """Texts are `r g b` in digits."""
+        """Encodes colours that are written as `r g b` in digits."""
         return self._unit(np.array([[int(word) for word in text.split()] for text in texts], float))
 
     def encode_patches(self, frames: Sequence[Frame]) -> np.ndarray:
@@ -61,18 +61,18 @@ class ColourEncoder:
 
 
 def colours() -> ColourEncoder:
-    """As a plug-in's factory."""
+    """A factory, as a plug-in has it."""
     return ColourEncoder()
 
 
 def poses_of(frames: Sequence[Frame], *, up: str) -> list[np.ndarray]:
-    """(4, 4) of each camera in a frame whose z or y is up."""
+    """The pose (4, 4) of each camera in a frame whose z or y is up."""
     T_recording_map = np.linalg.inv(T_world_glb_zup) if up == "z" else np.eye(4)
     return [T_recording_map @ frame.T_world_camera for frame in frames]
 
 
 def write_recording(folder: Path, frames: Sequence[Frame], *, up: str, colour: str = "png") -> None:
-    """Our own layout: color/, depth/ in mm, poses/ of one matrix each, intrinsics.json."""
+    """Writes our own layout: color/, depth/ in mm, poses/ with one matrix per file, intrinsics.json."""
     for name in ("color", "depth", "poses"):
         (folder / name).mkdir(parents=True)
     for index, (frame, pose) in enumerate(zip(frames, poses_of(frames, up=up), strict=True)):
@@ -82,20 +82,20 @@ def write_recording(folder: Path, frames: Sequence[Frame], *, up: str, colour: s
 
 
 def write_pictures(frame: Frame, colour: Path, depth: Path, *, per_metre: float = 1000.0) -> None:
-    """One picture and its 16-bit depth."""
+    """Writes one picture and its 16-bit depth."""
     Image.fromarray(frame.rgb).save(colour, **({"quality": 95} if colour.suffix == ".jpg" else {}))
     Image.fromarray((frame.depth_m * per_metre).round().astype(np.uint16)).save(depth)
 
 
 def write_intrinsics(path: Path, frame: Frame) -> None:
-    """As OpenCV counts pixels: the middle of the first one is 0."""
+    """Writes the intrinsics in OpenCV's pixel coordinates: the centre of the first pixel is 0."""
     fx, fy, cx, cy = frame.camera.lens
     content = {"fx": fx, "fy": fy, "cx": cx - 0.5, "cy": cy - 0.5}
     path.write_text(json.dumps({**content, "width": frame.camera.width, "height": frame.camera.height}))
 
 
 def matrix_of_intrinsics(frame: Frame, *, size: int) -> np.ndarray:
-    """3 x 3 or 4 x 4, as OpenCV counts pixels."""
+    """The intrinsic matrix, 3 x 3 or 4 x 4, in OpenCV's pixel coordinates."""
     (fx, fy, cx, cy), K = frame.camera.lens, np.eye(size)
     K[0, 0], K[1, 1], K[0, 2], K[1, 2] = fx, fy, cx - 0.5, cy - 0.5
     return K

@@ -1,4 +1,4 @@
-"""How well phrases read from the text agree with reference phrases: F1 of (owner, object) pairs and of owners."""
+"""Agreement of phrases found in a text with reference phrases: F1 of (owner, object) pairs and of owners."""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -8,25 +8,25 @@ from grounding.encoders.hashed import STOP_WORDS
 from grounding.phrases.ownership_text import parse_phrase
 
 SAME = 0.5
-"""Two object texts at least this alike are the same object (GROUNDING.md, section 6)."""
+"""Two object texts with at least this similarity are the same object (GROUNDING.md section 6)."""
 _PLACING = frozenset(("located", "situated", "positioned", "placed", "owns", "found", "set"))
 
 
 class PhraseScores(NamedTuple):
-    """Agreement over some descriptions, in [0, 1], all pairs (or owners) of all of them together."""
+    """Agreement in [0, 1], pooled over the pairs (or owners) of all descriptions."""
 
     pair_f1: float
-    """Pairs match when their owners are equal and the objects' words have a token F1 of at least SAME."""
+    """Pairs match if their owners are equal and the words of the objects have a token F1 of at least SAME."""
     pair_overlap_f1: float
-    """The same with shared words over the words of the shorter text."""
+    """The same with the share of the shorter text's words that both texts have, instead of the token F1."""
     owner_f1: float
 
 
 def phrase_scores(found: Iterable[Sequence[str]], reference: Iterable[Sequence[str]]) -> PhraseScores:
     """Compares the phrases "X owns Y in the Z" of each description with its reference phrases.
 
-    Words are lower case; articles, prepositions and "located", "situated" do not count. Each phrase matches at most
-    one other, the most alike first.
+    Words are lower case; articles, prepositions and words such as "located" do not count. Each phrase matches at most
+    one other; the most similar phrases are matched first.
     """
     parsed = [
         tuple([(parse_phrase(phrase).owner, _words(parse_phrase(phrase).text)) for phrase in side] for side in both)
@@ -41,14 +41,14 @@ def phrase_scores(found: Iterable[Sequence[str]], reference: Iterable[Sequence[s
 
 
 def _f1(counts: Iterable[tuple[int, Sequence]]) -> float:
-    """F1 of (matches, both sides); 1 when there is nothing to find and nothing was found."""
+    """F1 of (matches, both sides); 1 if both sides are empty."""
     rows = [(matches, len(ours) + len(theirs)) for matches, (ours, theirs) in counts]
     total = sum(size for _, size in rows)
     return 2 * sum(matches for matches, _ in rows) / total if total else 1.0
 
 
 def _num_matches(ours: list, theirs: list, alike: Callable[[int, int, int], float]) -> int:
-    """`alike` of the numbers of shared words and of the words of both texts."""
+    """Number of matched pairs; `alike` gives the similarity for the numbers of shared words and of words of both."""
     ranked = sorted(
         (-score, i, j)
         for i, (owner, words) in enumerate(ours)

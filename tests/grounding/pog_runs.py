@@ -1,4 +1,4 @@
-"""Small runs of POG made by hand: who was right where, and how far off."""
+"""Small handmade runs of POG: whose answers are right, and how far off they are."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ def answer_to(
     others: tuple[float | None, ...] | None = None,
     participant: str | None = None,
 ) -> Answer:
-    """An answer so many metres off; None = on another storey. `others` are the distances of its second and third."""
+    """An answer `distance` metres off, None = on another storey; `others` are those of its other candidates."""
     is_right = distance is not None and distance <= 1
     measures = AnswerMeasures(
         success=is_right,
@@ -44,5 +44,5 @@ def run_of(who: str, answers: Sequence[Answer], *, config: dict | None = None, *
 
 
 def keys(split: str, homes: int, each: int) -> list[EpisodeKey]:
-    """`each` episodes in each of so many homes."""
+    """Keys of `each` episodes in each of `homes` homes."""
     return [EpisodeKey(split, f"Home{home}", str(number)) for home in range(homes) for number in range(each)]

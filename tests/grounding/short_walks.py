@@ -1,4 +1,4 @@
-"""Explorations of a few steps in the files that `ground --map explore` reads, so that homes are mapped in seconds."""
+"""Explorations of a few steps, stored where `ground --map explore` reads them, so that homes are mapped in seconds."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from sim.types import Camera
 
 
 def write_short_walks(dataset: PersonalDataset, out: Path, *, steps: int = 5) -> None:
-    """For every storey that an episode starts on, below the folder of runs `out`."""
+    """Writes one exploration for every storey on which an episode starts, in the folder of runs `out`."""
     for name in dataset.scenes:
         scene = open_scene(dataset, name)
         heights = np.array(scene.navigation.storey_heights)

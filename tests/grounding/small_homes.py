@@ -1,4 +1,4 @@
-"""A small data set in the release's format, made here: two homes, the first with two storeys; medium has no file."""
+"""A small dataset in the format of the released one: two homes, the first with two storeys; medium has no file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,14 +11,14 @@ from ..sim.synthetic import Content, example_content, example_episode, example_g
 
 @dataclass(frozen=True)
 class Thing:
-    """One goal object of the data set."""
+    """One goal object of the dataset."""
 
     name: str
     position: tuple[float, float, float]
     floor_id: str
     floor_y: float
     caption: str = ""
-    """Empty = no episode targets it."""
+    """Empty = no episode asks for it."""
     owner: str = ""
 
     @property
@@ -84,7 +84,7 @@ def write_scene(root: Path, split: Split, scene: str, things: tuple[Thing, ...])
 
 
 def write_small_dataset(root: Path) -> None:
-    """Easy holds both homes (8 episodes), hard only HomeTwo (3), medium none."""
+    """Writes easy with both homes (8 episodes) and hard with only HomeTwo (3 episodes)."""
     for scene, things in HOMES.items():
         write_scene(root, "easy", scene, things)
     write_scene(root, "hard", "HomeTwo", HOMES["HomeTwo"])

@@ -1,4 +1,4 @@
-"""Texts are encoded once, in memory and on disk: shared between processes, and never trusted when damaged."""
+"""Texts are encoded once and kept in memory and on disk; processes share the file, and a damaged one is not used."""
 
 import sqlite3
 import subprocess
@@ -16,7 +16,7 @@ WORDS = HashedWords()
 
 
 class Counting(HashedWords):
-    """Remembers what it was asked for."""
+    """Remembers the texts that it encoded."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -31,7 +31,7 @@ def kept(folder: Path, encoder: HashedWords) -> CachedTextEncoder:
     return CachedTextEncoder(encoder, file=folder / "vectors.sqlite")
 
 
-def test_each_text_is_encoded_once_and_a_full_cache_still_answers_right() -> None:
+def test_each_text_is_encoded_once_and_a_full_cache_still_gives_right_vectors() -> None:
     inner = Counting()
     cached = CachedTextEncoder(inner)
     for texts in (["red chair", "oak table", "red chair"], ["oak table", "grey sofa"]):
@@ -44,7 +44,7 @@ def test_each_text_is_encoded_once_and_a_full_cache_still_answers_right() -> Non
     assert np.array_equal(cached.encode_texts(texts), WORDS.encode_texts(texts))
 
 
-def test_many_texts_and_odd_ones_come_back_and_are_encoded_once_for_all_processes(tmp_path: Path) -> None:
+def test_many_texts_and_unusual_ones_are_read_back_and_encoded_once_for_all_processes(tmp_path: Path) -> None:
     first, second = Counting(), Counting()
     kept(tmp_path, first).encode_texts(["red chair", "oak table", "red chair"])
     texts = ["oak table", "grey sofa", "red chair"]
@@ -58,7 +58,7 @@ def test_many_texts_and_odd_ones_come_back_and_are_encoded_once_for_all_processe
     assert counting.asked == []
 
 
-def test_few_new_vectors_are_written_in_the_end_and_many_at_once(tmp_path: Path) -> None:
+def test_a_few_new_vectors_are_written_at_the_end_and_many_are_written_immediately(tmp_path: Path) -> None:
     first, second = kept(tmp_path, Counting()), Counting()
     first.encode_texts(["red chair"])
     assert not (tmp_path / "vectors.sqlite").exists()
@@ -71,7 +71,7 @@ def test_few_new_vectors_are_written_in_the_end_and_many_at_once(tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_what_a_process_has_left_to_write_is_written_when_it_ends(tmp_path: Path) -> None:
+def test_vectors_that_are_not_written_yet_are_written_when_the_process_ends(tmp_path: Path) -> None:
     program = f"""
 from pathlib import Path
 from grounding.encoders.cached_texts import CachedTextEncoder
@@ -105,12 +105,12 @@ def no_folder(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("damage", [not_a_database, cut_vectors, no_folder])
-def test_a_damaged_file_costs_time_and_nothing_else(damage, tmp_path: Path) -> None:
+def test_a_damaged_file_costs_only_time(damage, tmp_path: Path) -> None:
     found = kept(damage(tmp_path), Counting()).encode_texts(["lamp"])
     assert np.array_equal(found, WORDS.encode_texts(["lamp"]))
 
 
-def test_many_writers_do_not_hinder_each_other(tmp_path: Path) -> None:
+def test_many_processes_can_write_at_once(tmp_path: Path) -> None:
     def write(worker: int) -> bool:
         texts = [f"thing number{i}" for i in range(worker * 10, worker * 10 + 40)]
         return bool(np.array_equal(kept(tmp_path, Counting()).encode_texts(texts), WORDS.encode_texts(texts)))

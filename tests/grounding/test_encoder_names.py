@@ -1,4 +1,4 @@
-"""Encoders by name: what is known, what is refused, what names files can carry."""
+"""Encoders by name: known names, refused names, and slugs for file names."""
 
 import pytest
 
@@ -16,23 +16,23 @@ from sim.errors import AgentError
         ("siglip:C:/models/siglip", ("siglip", "C:/models/siglip", False)),
     ],
 )
-def test_names_are_a_space_and_a_source(name: str, expected: tuple[str, str, bool]) -> None:
+def test_a_name_consists_of_a_space_and_a_source(name: str, expected: tuple[str, str, bool]) -> None:
     assert parse_encoder_name(name) == expected
 
 
 @pytest.mark.parametrize("name", ["", "hash", "hashed:x", "clip", "clip:", "blip2:Salesforce/x", "+oracle-perception"])
-def test_other_names_are_refused_with_all_that_is_known(name: str) -> None:
+def test_unknown_names_are_refused_with_the_known_ones(name: str) -> None:
     with pytest.raises(AgentError, match=r"is not known; expected hashed, minilm, or one of clip:, siglip:, blip2-itc"):
         make_encoder(name)
 
 
 @pytest.mark.parametrize("name", ["hashed", "minilm", "hashed+oracle-perception"])
-def test_text_encoders_cannot_see(name: str) -> None:
+def test_text_encoders_are_refused_for_pictures(name: str) -> None:
     with pytest.raises(AgentError, match="cannot see; expected one of clip:"):
         make_image_encoder(name)
 
 
-def test_the_suffix_encodes_queries_to_maps_of_oracle_perception() -> None:
+def test_a_name_with_the_suffix_of_oracle_perception_gives_the_encoder_of_queries() -> None:
     encoder = make_encoder("hashed+oracle-perception")
     assert encoder.name == "hashed-words-768+oracle-perception"
     assert (encoder.encode_texts(["oak table"]) == make_encoder("hashed").encode_texts(["oak table"])).all()
@@ -47,5 +47,5 @@ def test_the_suffix_encodes_queries_to_maps_of_oracle_perception() -> None:
         ("minilm+oracle-perception", "minilm-oracle-perception"),
     ],
 )
-def test_slugs_are_file_names(name: str, expected: str) -> None:
+def test_slugs_can_be_used_as_file_names(name: str, expected: str) -> None:
     assert encoder_slug(name) == expected

@@ -1,4 +1,4 @@
-"""Grounders over episodes: which are chosen, what the answers hold, resuming, and worker processes."""
+"""Grounders answer episodes: the choice of episodes, the answers, resuming, and worker processes."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def names(jobs) -> list[str]:
     return [str(key) for job in jobs for key in job.keys]
 
 
-def test_the_limit_counts_per_split_and_takes_every_scene_before_a_second_episode_of_one(small_root: Path) -> None:
+def test_the_limit_counts_per_split_and_takes_one_episode_of_every_scene_first(small_root: Path) -> None:
     dataset = PersonalDataset(small_root)
     for seed in range(5):
         drawn = names(select_jobs(dataset, RPG, limit=2, sample_seed=seed))
@@ -36,23 +36,23 @@ def test_the_limit_counts_per_split_and_takes_every_scene_before_a_second_episod
     assert names(select_jobs(dataset, RPG, splits=("medium",))) == []
 
 
-def test_query_scoring_answers_by_hand(small_root: Path) -> None:
+def test_query_scoring_gives_the_answers_computed_by_hand(small_root: Path) -> None:
     dataset = PersonalDataset(small_root)
     (job,) = select_jobs(dataset, GroundSettings("qs"), splits=("hard",))
     answers = [open_job(job)(key) for key in job.keys]
     assert [answer.episode_id for answer in answers] == ["0", "1", "2"]
-    # "Find Carl's mirror": the only text with "mirror" is at x 0.5, z 4.5, which is a cell's centre
+    # "Find Carl's mirror": the only text with "mirror" is at x 0.5, z 4.5, the centre of a cell
     assert answers[2].candidates[0] == (0.5, 0.0, 4.5)
     assert answers[2].measures is not None
     assert answers[2].measures.success
     assert answers[2].measures.planar_distance == 0.0
     assert answers[2].storey_given
-    # both chairs are "chair" once; the shorter caption is the closer one, and it is Carl's
+    # both captions have "chair" once; the shorter one has the higher cosine, and its chair is Carl's
     assert [answer.measures.success for answer in answers if answer.measures] == [True, False, True]
     assert [answer.measures.top3_success for answer in answers if answer.measures] == [True, True, True]
 
 
-def test_without_the_storey_the_merged_map_is_used_and_said(small_root: Path) -> None:
+def test_without_the_storey_the_answer_uses_the_merged_map_and_says_so(small_root: Path) -> None:
     dataset = PersonalDataset(small_root)
     given = SceneGrounder(dataset, "HomeOne", RPG)
     merged = SceneGrounder(dataset, "HomeOne", GroundSettings("rpg", all_storeys=True))
@@ -64,7 +64,7 @@ def test_without_the_storey_the_merged_map_is_used_and_said(small_root: Path) ->
     assert given.answer(bed).candidates[0] == (2.5, 3.0, 7.5)
 
 
-def test_answers_do_not_depend_on_what_else_is_run(small_root: Path, tmp_path: Path) -> None:
+def test_answers_do_not_depend_on_the_other_episodes_of_the_run(small_root: Path, tmp_path: Path) -> None:
     dataset = PersonalDataset(small_root)
     settings = GroundSettings("random", seed=3)
     whole, part = writer_in(tmp_path / "whole"), writer_in(tmp_path / "part")
@@ -97,7 +97,7 @@ def test_answers_before_an_error_are_on_disk_and_each_is_counted(
     assert counted[-1] == len(expected)
 
 
-def test_a_killed_run_goes_on_where_it_stopped(small_root: Path, tmp_path: Path) -> None:
+def test_a_killed_run_continues_where_it_stopped(small_root: Path, tmp_path: Path) -> None:
     jobs = select_jobs(PersonalDataset(small_root), RPG)
     evaluate(jobs, writer_in(tmp_path / "run"), processes=1)
     path = tmp_path / "run" / "answers.jsonl"

@@ -1,4 +1,4 @@
-"""Exploration of two rooms with known answers: doors, islands, seeds, files, and what the agent may see."""
+"""Exploration of two rooms with known answers: doors, islands, seeds, files, and the map of the agent."""
 
 import dataclasses
 import json
@@ -45,7 +45,7 @@ def test_both_rooms_are_seen_through_a_door_of_90_cm_and_coverage_never_falls() 
     assert 0 < found.coverage[0] < found.coverage[-1] <= 1
 
 
-def test_a_room_that_is_shut_off_counts_neither_as_floor_nor_as_missed_every_time() -> None:
+def test_a_room_that_cannot_be_reached_counts_neither_as_floor_nor_as_missed_and_runs_repeat() -> None:
     found = explored(has_door=False)
     assert found.coverage[-1] > 0.97
     assert found.area_m2 < 0.6 * explored().area_m2
@@ -57,7 +57,7 @@ def test_a_room_that_is_shut_off_counts_neither_as_floor_nor_as_missed_every_tim
     assert again == explored(has_door=False)
 
 
-def test_the_last_step_is_stop_and_says_so() -> None:
+def test_if_the_steps_run_out_the_last_one_is_stop_and_the_reason_says_so() -> None:
     found = explored(max_steps=20)
     assert len(found.steps) == 20
     assert found.steps[-1].action is Action.STOP
@@ -65,7 +65,7 @@ def test_the_last_step_is_stop_and_says_so() -> None:
     assert found.rooms_missed == ("east",)
 
 
-def test_an_exploration_comes_back_from_its_file_and_a_damaged_one_is_named(tmp_path: Path) -> None:
+def test_an_exploration_is_equal_when_read_back_and_a_damaged_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     save_exploration(path, explored())
     assert load_exploration(path) == explored()
@@ -77,7 +77,7 @@ def test_an_exploration_comes_back_from_its_file_and_a_damaged_one_is_named(tmp_
         load_exploration(tmp_path / "none.json")
 
 
-def test_frames_are_the_views_of_the_way_with_ids_and_another_home_is_refused() -> None:
+def test_frames_are_the_views_along_the_path_with_ids_and_another_home_is_refused() -> None:
     found = explored(has_door=False)
     frames = list(frames_of(two_room_scene(has_door=False), found, camera=CAMERA, every=10))
     assert len(frames) == len(range(0, len(found.steps), 10))
@@ -87,14 +87,14 @@ def test_frames_are_the_views_of_the_way_with_ids_and_another_home_is_refused() 
         next(frames_of(two_room_scene(), found))
 
 
-def test_starts_are_seeded_on_the_main_floor_and_no_table_top() -> None:
+def test_starts_depend_on_the_seed_and_are_on_the_main_floor_not_on_a_table_top() -> None:
     scene = two_room_scene()
     starts = [start_on_storey(scene, 0.0, seed) for seed in range(8)]
     assert all(abs(start.position[1]) < 0.3 for start in starts)
     assert starts[0] == start_on_storey(scene, 0.0, 0) != starts[1]
 
 
-def test_visible_floor_is_what_can_be_walked_to_and_room_map_names_what_was_not_seen() -> None:
+def test_the_visible_floor_is_the_reachable_floor_and_the_room_map_names_unseen_rooms() -> None:
     scene = two_room_scene()
     floor = VisibleFloor(scene.navigation, np.array(START.position))
     assert (floor.visible & ~floor.free).sum() == 0
@@ -108,7 +108,7 @@ def test_visible_floor_is_what_can_be_walked_to_and_room_map_names_what_was_not_
 
 
 def observation(pose: Pose, *, depth: float | None, step: int, collided: bool = False) -> Observation:
-    """A view in the start frame in which everything is `depth` metres away; None = no depth at all."""
+    """A view in the start frame with every pixel `depth` metres away; None = without depth."""
     start = Pose((0.0, 0.0, 0.0), 0.0)
     image = None if depth is None else np.full((CAMERA.height, CAMERA.width), depth, np.float32)
     offset = np.linalg.inv(T_world_agent(start)) @ np.array([*pose.position, 1.0])
@@ -131,7 +131,7 @@ def test_without_depth_the_agent_says_that_it_needs_a_renderer() -> None:
         agent.act(observation(START, depth=None, step=0))
 
 
-def test_frontiers_that_are_left_alone_come_back_and_collisions_block_for_a_while_only() -> None:
+def test_abandoned_frontiers_come_back_and_collisions_block_cells_only_for_a_while() -> None:
     here = Pose((0.0, 0.0, 0.0), 0.0)
     seeker = Seeker(CAMERA)
     seeker.see(observation(here, depth=20.0, step=0))
@@ -146,7 +146,7 @@ def test_frontiers_that_are_left_alone_come_back_and_collisions_block_for_a_whil
     assert sum(len(frontier.cells_rc) for frontier in seeker.frontiers()) < sum(len(f.cells_rc) for f in before)
     seeker.see(observation(here, depth=20.0, step=400))
     assert sum(len(f.cells_rc) for f in seeker.frontiers()) >= sum(len(f.cells_rc) for f in before)
-    assert np.isfinite(weight_at(seeker, ahead)), "a permanent mark would seal doors"
+    assert np.isfinite(weight_at(seeker, ahead)), "a permanent mark would close doors"
 
 
 def weight_at(seeker: Seeker, xz: tuple[float, float]) -> float:
@@ -155,7 +155,7 @@ def weight_at(seeker: Seeker, xz: tuple[float, float]) -> float:
     return float(ground.weights[row, col])
 
 
-def test_a_collision_never_blocks_where_the_robot_has_been() -> None:
+def test_a_collision_never_blocks_a_place_where_the_robot_has_been() -> None:
     here, back = Pose((0.0, 0.0, 0.0), 0.0), Pose((0.0, 0.0, 0.08), 0.0)
     seeker = Seeker(CAMERA)
     seeker.see(observation(here, depth=20.0, step=0))
@@ -163,7 +163,7 @@ def test_a_collision_never_blocks_where_the_robot_has_been() -> None:
     assert np.isfinite(weight_at(seeker, (0.0, 0.0)))
 
 
-def test_the_explorer_shows_its_map_its_frontiers_and_why() -> None:
+def test_the_explorer_shows_its_map_its_frontiers_and_its_reason() -> None:
     insights = []
     explore(
         two_room_scene(),
@@ -182,7 +182,7 @@ def test_the_explorer_shows_its_map_its_frontiers_and_why() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["random_frontier:random_frontier", "frontier:FrontierExplorer"])
-def test_our_agents_keep_the_agents_contract(name: str) -> None:
+def test_our_agents_keep_the_contract_of_agents(name: str) -> None:
     assert check_agent(f"grounding.agents.{name}") == []
 
 

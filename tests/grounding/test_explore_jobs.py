@@ -1,4 +1,4 @@
-"""Stored explorations: which of them are read again, and which are refused."""
+"""Stored explorations: when one is read again, and when it is refused."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from .two_rooms import two_room_scene, two_rooms
 
 @pytest.fixture(autouse=True)
 def only_two_rooms(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every home without a dataset is the two-room one."""
+    """Makes every home without a dataset the two-room one."""
     monkeypatch.setattr(jobs, "invented_home", lambda name: (two_room_scene(), two_rooms()))
 
 
@@ -25,7 +25,7 @@ def job(out: Path, max_steps: int, *, seed: int = 0) -> ExploreJob:
     )
 
 
-def test_a_stored_exploration_is_read_again_and_not_made_again(tmp_path: Path) -> None:
+def test_a_stored_exploration_is_read_and_not_made_again(tmp_path: Path) -> None:
     made = run_job(job(tmp_path, 12))
     (path,) = tmp_path.glob("*.json")
     written = path.stat().st_mtime_ns
@@ -36,7 +36,7 @@ def test_a_stored_exploration_is_read_again_and_not_made_again(tmp_path: Path) -
         run_job(job(tmp_path, 12, seed=1))
 
 
-def test_one_whose_steps_ran_out_is_no_result_of_more_or_fewer_steps(tmp_path: Path) -> None:
+def test_an_exploration_whose_steps_ran_out_is_refused_for_more_or_fewer_steps(tmp_path: Path) -> None:
     run_job(job(tmp_path, 12))
     with pytest.raises(
         RunFileError, match=r"12 steps \(stopped: steps\).*2500 steps or fewer where exploring ended by itself"
@@ -47,7 +47,7 @@ def test_one_whose_steps_ran_out_is_no_result_of_more_or_fewer_steps(tmp_path: P
         run_job(job(tmp_path, 11))
 
 
-def test_one_that_ended_of_itself_is_the_result_of_more_steps_too(tmp_path: Path) -> None:
+def test_an_exploration_that_ended_by_itself_also_serves_for_more_steps(tmp_path: Path) -> None:
     run_job(job(tmp_path, 12))
     (path,) = tmp_path.glob("*.json")
     ended = load_exploration(path).model_copy(update={"stop_reason": "no-frontier"})

@@ -1,4 +1,4 @@
-"""The explorer's plans: what ways count near things, how far they are planned, and what collisions teach."""
+"""The explorer's plans: weights of cells near obstacles, limits of path costs, and the effect of collisions."""
 
 import dataclasses
 import math
@@ -17,11 +17,11 @@ from sim.types import FORWARD_STEP, Action, Camera, Observation, Pose
 from .test_explore import CAMERA, observation
 
 FLOOR = 0.05 / FORWARD_STEP
-"""Actions to cross a cell that is far from everything."""
+"""Actions needed to cross a cell that is far from all obstacles."""
 
 
 def seen(*xz: tuple[float, float], collided: bool = False) -> FloorMemory:
-    """The memory of a robot that stood at some places, facing -z and seeing nothing near, and collided at the last."""
+    """Memory of a robot that stood at these places, facing -z without anything near; `collided` is for the last one."""
     memory = FloorMemory()
     for step, (x, z) in enumerate(xz):
         is_last = step == len(xz) - 1
@@ -43,21 +43,21 @@ def weight_at(memory: FloorMemory, xz: tuple[float, float]) -> float:
     return float(ground.weights[row, col])
 
 
-def test_weights_fall_with_the_distance_to_things_and_are_inf_too_near_and_nan_in_them() -> None:
+def test_weights_fall_with_the_distance_to_obstacles_and_are_inf_too_near_and_nan_inside() -> None:
     rng = np.random.default_rng(0)
     cells = np.where(rng.random((60, 70)) < 0.01, np.uint8(OCCUPIED), np.uint8(FREE))
     cells[0, :] = UNKNOWN
     away = np.asarray(ndimage.distance_transform_edt(cells != OCCUPIED)) * 0.05
     factor = weigh(cells, cells, 0.05, 0.17, (5.0, 0.35, 3.0))
     assert np.isnan(factor[cells == OCCUPIED]).all()
-    assert np.isinf(factor[(cells == UNKNOWN)]).all(), "not assumed to be free"
+    assert np.isinf(factor[(cells == UNKNOWN)]).all(), "unknown cells are not assumed to be free"
     is_free = cells == FREE
     assert np.isinf(factor[is_free & (away < 0.16)]).all()
     far = is_free & (away > 0.19)
     np.testing.assert_allclose(factor[far], 1 + 5 * np.exp(-away[far] / 0.35), rtol=0.05)
 
 
-def test_costs_beyond_a_limit_are_left_out_and_those_within_are_the_same() -> None:
+def test_costs_beyond_a_limit_are_left_out_and_costs_within_it_do_not_change() -> None:
     weights = np.ones((40, 50))
     weights[10:30, 25] = np.inf
     source, zero = np.array([[20, 10]]), np.zeros(1)
@@ -70,11 +70,11 @@ def test_costs_beyond_a_limit_are_left_out_and_those_within_are_the_same() -> No
     assert np.isinf(until[whole > whole[20, 20] + 3]).all()
 
 
-def test_a_collision_makes_ways_dearer_the_nearer_but_not_the_one_that_the_robot_came() -> None:
+def test_a_collision_raises_weights_most_where_the_wall_must_be_but_not_on_the_path_behind() -> None:
     free, touched = seen((0.0, 0.0)), seen((0.0, 0.0), (0.0, -0.01), collided=True)
     places = [(0.0, -0.22), (0.17, -0.22), (0.0, 0.12), (0.6, -0.22)]
     more = [weight_at(touched, place) - weight_at(free, place) for place in places]
-    assert more == sorted(more, reverse=True), "most where the wall must be, ahead; little behind the robot"
+    assert more == sorted(more, reverse=True), "most ahead, where the wall must be; little behind the robot"
     assert more[0] > 5 * FLOOR > more[2]
     assert more[3] == pytest.approx(0.0, abs=1e-3)
     assert np.isnan(weight_at(touched, (0.0, -0.06)))
@@ -83,7 +83,7 @@ def test_a_collision_makes_ways_dearer_the_nearer_but_not_the_one_that_the_robot
     assert weight_at(memory, (0.02, -0.22)) > 3 * FLOOR
 
 
-def test_a_turn_that_is_begun_is_ended_with_a_forward() -> None:
+def test_a_turn_continues_to_the_same_side_until_a_forward() -> None:
     seeker = Seeker(CAMERA)
     yaw, actions = 0.0, []
     for step, looks in enumerate((math.pi, yaw)):
@@ -101,11 +101,11 @@ def test_a_turn_that_is_begun_is_ended_with_a_forward() -> None:
         seeker.see(on_floor(yaw, step))
     assert actions[-1] is Action.FORWARD
     assert len(actions) > 4
-    assert len(set(actions[:-1])) == 1, "all to the same side"
+    assert len(set(actions[:-1])) == 1, "all turns are to the same side"
     assert not seeker.is_turning
 
 
-def test_exploring_ends_later_where_more_is_left_or_after_squeezing() -> None:
+def test_exploring_ends_only_after_many_steps_without_new_floor_or_after_squeezing() -> None:
     seeker = Seeker(CAMERA)
     here = Pose((0.0, 0.0, 0.0), 0.0)
     found = []
@@ -119,11 +119,11 @@ def test_exploring_ends_later_where_more_is_left_or_after_squeezing() -> None:
     assert seeker.is_dull()
     assert seeker.squeeze()
     assert not seeker.is_dull()
-    assert not seeker.squeeze(), "once, until there is new floor"
+    assert not seeker.squeeze(), "only once until there is new floor"
 
 
 @pytest.mark.parametrize(("width", "height"), [(200, 150), (640, 480), (1000, 700)])
-def test_a_wide_picture_gives_the_map_of_a_narrow_one(width: int, height: int) -> None:
+def test_a_large_picture_gives_the_same_map_as_a_small_one(width: int, height: int) -> None:
     start, known = Pose((0.0, 0.0, 0.0), 0.0), []
     for camera in (Camera(160, 120), Camera(width, height)):
         down = (np.arange(camera.height) + 0.5 - camera.height / 2) / camera.focal

@@ -1,4 +1,4 @@
-"""A description and a query in free text, asked of a map without an episode, with every method."""
+"""A description and a query in free text are grounded on a map without an episode, with every method."""
 
 from pathlib import Path
 from typing import get_args
@@ -23,7 +23,7 @@ KNOWS_OWNERS = ("phrase", "dual", "joint", "object-phrase", "object-dual")
 
 
 def home(*, objects: bool) -> HomeMemory:
-    """Three things, a few metres apart."""
+    """A home with three objects a few metres apart, as an object map or a grid map."""
     rows = ENCODER.encode_texts(TEXTS)
     grid = GridSpec((-2.0, 0.0), 1.0, (6, 8))
     memory: Memory
@@ -47,13 +47,13 @@ def test_every_method_answers_free_text(method: GrounderName) -> None:
         assert np.hypot(found[0].position[0] - 3.5, found[0].position[2] - 0.5) < 1
 
 
-def test_a_file_and_no_description_will_do(tmp_path: Path) -> None:
+def test_a_map_file_and_an_empty_description_are_enough(tmp_path: Path) -> None:
     save_memory(tmp_path / "map.npz", home(objects=False), MapSource(scene="mine", kind="robot"))
     found = ground(tmp_path / "map.npz", description="", query="the golden mirror", encoder="hashed-words-768")
     assert found.candidates
 
 
-def test_what_needs_an_episode_or_is_unknown_is_refused() -> None:
+def test_phrases_that_need_an_episode_and_unknown_methods_are_refused() -> None:
     built = home(objects=False)
     with pytest.raises(AgentError, match="found no episode with query 'the sofa'"):
         ground(built, description=DESCRIPTION, query="the sofa", phrases="dataset")

@@ -1,4 +1,4 @@
-"""Which frontier is looked at next: the near one by the explorer, one drawn for a while by random-frontier."""
+"""The choice of the next frontier: the explorer takes a near one; random-frontier draws one and holds it a while."""
 
 import dataclasses
 import math
@@ -31,7 +31,7 @@ ROBOT_ROW, CELL = 100, 0.05
 
 
 def corridor(*gaps: tuple[int, int]) -> Ground:
-    """A corridor along z, 2 m wide and 10 m long, with walls around; gaps (first row, rows) in its left wall."""
+    """A walled corridor along z, 2 m wide and 10 m long, with gaps (first row, rows) in its left wall."""
     cells = np.full((220, 60), UNKNOWN, np.uint8)
     cells[9:211, 9:51] = OCCUPIED
     cells[10:210, 10:50] = FREE
@@ -42,7 +42,7 @@ def corridor(*gaps: tuple[int, int]) -> Ground:
 
 
 def frontiers_of(ground: Ground, spent: NDArray[np.float32] | None = None) -> list[Frontier]:
-    """Of a robot in the corridor's middle that faces the wall with the gaps."""
+    """Frontiers for a robot in the middle of the corridor that faces the wall with the gaps."""
     here = (30.5 * CELL, (ROBOT_ROW + 0.5) * CELL)
     costs = costs_from(ground, here)
     nothing, never = np.zeros(ground.cells.shape, bool), np.zeros(ground.cells.shape, np.uint8)
@@ -64,24 +64,24 @@ def first_rows(frontiers: list[Frontier]) -> list[int]:
 
 
 @pytest.mark.parametrize("near_first", [True, False])
-def test_of_two_frontiers_of_equal_length_the_nearer_is_first(near_first: bool) -> None:
+def test_the_nearer_of_two_equally_long_frontiers_is_first(near_first: bool) -> None:
     near, far = (60, 190) if near_first else (130, 15)
     found = frontiers_of(corridor((near, 16), (far, 16)))
     assert first_rows(found) == [near, far]
     assert found[0].cost < found[1].cost < math.inf
 
 
-def test_a_short_frontier_counts_farther_up_to_a_point_and_one_too_narrow_not() -> None:
+def test_a_short_frontier_costs_more_up_to_a_limit_and_one_too_narrow_is_left_out() -> None:
     short, long, far_off = (68, 6), (150, 30), (190, 20)
     found = frontiers_of(corridor(short, long))
     assert first_rows(found) == [long[0], short[0]]
-    assert found[1].cost < found[0].cost < 2 * found[1].cost, "it is the nearer one, but less lies behind it"
+    assert found[1].cost < found[0].cost < 2 * found[1].cost, "the short one is nearer, but less lies behind it"
     found = frontiers_of(corridor(short, far_off))
     assert first_rows(found) == [short[0], far_off[0]]
     assert first_rows(frontiers_of(corridor((64, 4), (125, 16)))) == [125]
 
 
-def test_what_was_spent_on_a_frontier_counts() -> None:
+def test_steps_already_spent_on_a_frontier_add_to_its_cost() -> None:
     near, far = (60, 16), (190, 16)
     before = frontiers_of(corridor(near, far))
     spent = np.zeros((220, 60), np.float32)
@@ -92,8 +92,8 @@ def test_what_was_spent_on_a_frontier_counts() -> None:
     assert after[0].cost == before[1].cost
 
 
-def test_a_seeker_keeps_in_mind_what_it_spent_on_a_goal() -> None:
-    """Goals in turn, each new one before the last was seen, make each other dearer: no going to and fro for ever."""
+def test_a_seeker_remembers_the_steps_it_spent_on_a_goal() -> None:
+    """Each abandoned goal becomes more expensive, so the robot does not go to and fro between goals for ever."""
     scene = two_room_scene()
     env = PanEnv(START, scene.navigation, renderer=Raycaster(scene.mesh), camera=CAMERA)
     seeker, view = Seeker(CAMERA), env.reset()
@@ -113,7 +113,7 @@ def test_a_seeker_keeps_in_mind_what_it_spent_on_a_goal() -> None:
         assert item.cost == pytest.approx(before[place].cost + (10.0 if place == goal.middle_xz else 0.0))
 
 
-def test_the_explorer_looks_around_at_the_start_and_never_again() -> None:
+def test_the_explorer_looks_around_only_at_the_start() -> None:
     notes: list[str] = []
 
     def told(step: Step | None, insight: Insight | None) -> None:
@@ -127,7 +127,7 @@ def test_the_explorer_looks_around_at_the_start_and_never_again() -> None:
 
 
 def walked(agent: RandomFrontierAgent, *, has_door: bool, seed: int, max_steps: int) -> Iterator[tuple[Action, Pose]]:
-    """Each action of an agent in two rooms, as it is chosen, and where it was; ends with STOP at the latest."""
+    """Each action of an agent in two rooms with the pose at which it was chosen, until STOP or the last step."""
     scene = two_room_scene(has_door=has_door)
     env = PanEnv(START, scene.navigation, renderer=Raycaster(scene.mesh), camera=CAMERA, max_steps=max_steps + 50)
     agent.reset(dataclasses.replace(TASK, max_steps=max_steps), CAMERA, seed=seed)
@@ -144,11 +144,11 @@ def test_random_frontier_holds_its_goal_for_several_steps() -> None:
     held = [sum(1 for _ in group) for _, group in groupby(goal for goal in goals if goal is not None)]
     assert len(held) > 5
     assert max(held) >= 5
-    assert sum(held) > 2 * len(held), "each is held for more than two steps on average"
+    assert sum(held) > 2 * len(held), "a goal is held for more than two steps on average"
 
 
 def test_random_frontier_draws_each_frontier_about_equally_often() -> None:
-    """With 120 seeds each of two is drawn 60 times, give or take 5.5: 38 and 82 are 4 times that away."""
+    """With 120 seeds each of two is drawn 60 times with a deviation of 5.5; 38 and 82 are 4 deviations away."""
     scene = two_room_scene()
     env = PanEnv(Pose((2.0, 0.0, 2.0), yaw=0.0), scene.navigation, renderer=Raycaster(scene.mesh), camera=CAMERA)
     agent, view, drawn = random_frontier(), env.reset(), Counter()
@@ -161,7 +161,7 @@ def test_random_frontier_draws_each_frontier_about_equally_often() -> None:
 
 
 @pytest.mark.slow
-def test_random_frontier_turns_on_the_spot_in_a_closed_room_and_stops_as_step_500() -> None:
+def test_random_frontier_turns_on_the_spot_in_an_explored_closed_room_and_stops_at_step_500() -> None:
     agent = random_frontier()
     actions, poses, is_done = [], [], []
     for action, pose in walked(agent, has_door=False, seed=1, max_steps=500):

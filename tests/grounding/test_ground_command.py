@@ -1,4 +1,4 @@
-"""The verb `ground` on the small data set, and the reference figures on the release."""
+"""The verb `ground` on the small dataset, and the reference figures on released episodes."""
 
 import json
 from pathlib import Path
@@ -20,7 +20,7 @@ DEFAULTS = {"json": True}
 
 
 def ground(**options) -> int:
-    """The verb with these options, as the command line makes it."""
+    """Runs the verb with these options and returns its exit code."""
     return Ground(**options).run()
 
 
@@ -45,7 +45,7 @@ def test_query_scoring_prints_one_document(small_root: Path, tmp_path: Path, cap
     assert found["pooled"] == {"sr": 66.67, "top3": 100.0}
 
 
-def test_rpg_says_that_its_phrases_are_the_data_sets(small_root: Path, tmp_path: Path, capsys) -> None:
+def test_rpg_says_that_its_phrases_come_from_the_dataset(small_root: Path, tmp_path: Path, capsys) -> None:
     found = document(capsys, dataset=small_root, method="rpg", out=tmp_path, all_storeys=True)
     assert found["phrases"] == "dataset"
     assert found["storey_given"] is False
@@ -56,7 +56,7 @@ def test_rpg_says_that_its_phrases_are_the_data_sets(small_root: Path, tmp_path:
     assert info.who == "rpg"
 
 
-def test_phrases_of_the_dataset_never_stand_without_those_read_by_rules(
+def test_results_with_phrases_of_the_dataset_are_always_shown_beside_those_with_rules(
     small_root: Path, tmp_path: Path, capsys
 ) -> None:
     found = document(capsys, dataset=small_root, method="rpg", out=tmp_path, run_id="mine")
@@ -74,7 +74,7 @@ def test_phrases_of_the_dataset_never_stand_without_those_read_by_rules(
     assert "rpg (phrases rules)" in printed
 
 
-def test_the_total_is_the_mean_of_splits_of_different_size_and_pooled_is_not(
+def test_the_total_is_the_plain_mean_of_splits_and_pooled_counts_every_episode_once(
     small_root: Path, tmp_path: Path, capsys
 ) -> None:
     found = document(capsys, dataset=small_root, method="qs", out=tmp_path)
@@ -84,11 +84,11 @@ def test_the_total_is_the_mean_of_splits_of_different_size_and_pooled_is_not(
     assert found["pooled"]["sr"] == 72.73
     rows = {row.split: row for row in metric_rows([read_run(Path(found["run"]))])}
     for split in ("easy", "hard", "total"):
-        assert rows[split].sr == pytest.approx(found["sr"][split], abs=0.01), "as the verb metrics tables it"
+        assert rows[split].sr == pytest.approx(found["sr"][split], abs=0.01), "the same as in `metrics`"
         assert rows[split].top3 == pytest.approx(found["top3"][split], abs=0.01)
 
 
-def test_figures_are_of_the_chosen_episodes_when_the_folder_holds_more(
+def test_figures_count_only_the_chosen_episodes_if_the_folder_holds_more(
     small_root: Path, tmp_path: Path, capsys
 ) -> None:
     document(capsys, dataset=small_root, method="qs", out=tmp_path)
@@ -97,7 +97,7 @@ def test_figures_are_of_the_chosen_episodes_when_the_folder_holds_more(
     assert len(read_run(Path(found["run"])).answers) == 11
 
 
-def test_the_table_shows_counts_and_where_it_was_written(small_root: Path, tmp_path: Path, capsys) -> None:
+def test_the_table_shows_counts_and_the_folder_of_the_run(small_root: Path, tmp_path: Path, capsys) -> None:
     options = {**DEFAULTS, "dataset": small_root, "method": "qs", "out": tmp_path, "scene": ("HomeTwo",), "json": False}
     assert ground(**{**options, "run_id": "my-run"}) == 0
     printed = " ".join(capsys.readouterr().out.split())
@@ -169,7 +169,7 @@ def test_options_that_do_not_fit_are_refused(small_root: Path, tmp_path: Path, o
     assert not (tmp_path / "runs").exists()
 
 
-def test_phrases_of_a_language_model_say_which_one_and_keep_no_key(
+def test_a_run_with_a_language_model_stores_its_name_and_no_key(
     small_root: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("openai", reason="extra llm is not installed")
@@ -219,7 +219,7 @@ def test_answers_with_phrases_by_rules_are_counted_over_calls(
         asked = len(stub.requests)
         unused = document(capsys, **{**options, "method": "qs"})
     assert (unused["phrases"], unused["phrases_by_rules"]) == ("none", None)
-    assert len(stub.requests) == asked, "a method without phrases asks for none"
+    assert len(stub.requests) == asked, "a method without phrases does not ask the model"
     run = read_run(Path(found["run"]))
     assert all(answer.phrases_fell_back for answer in run.answers)
     rules = document(capsys, dataset=small_root, out=tmp_path, method="phrase", phrases="rules")
@@ -232,15 +232,15 @@ def test_answers_with_phrases_by_rules_are_counted_over_calls(
 def test_blind_baselines_give_the_reference_figures(
     method: str, reference: float, tolerance: float, dataset_root: Path, tmp_path: Path, capsys
 ) -> None:
-    # GROUNDING.md section 1: whole grid of 2,500 cells; middle of the bounding box. Three standard deviations of 2,000
-    # draws at 0.13 % are 0.24.
+    # GROUNDING.md section 1: `random` draws from all 2,500 cells, `center` is the middle of the bounding box. Three
+    # standard deviations of 2,000 draws at 0.13 % are 0.24 %.
     found = document(capsys, dataset=dataset_root, method=method, out=tmp_path)
     assert found["pooled"]["sr"] == pytest.approx(reference, abs=tolerance)
 
 
 @pytest.mark.release
 def test_the_targets_own_cell_succeeds_in_every_released_episode(dataset_root: Path) -> None:
-    # GROUNDING.md section 1: a cell's centre is at most 0.707 m away, so a perfect map gives 100 %
+    # GROUNDING.md section 1: the centre of a cell is at most 0.707 m away, so a perfect map gives 100 %
     dataset = PersonalDataset(dataset_root)
     failures = []
     for scene in dataset.scenes:

@@ -1,4 +1,4 @@
-"""`ground --map explore` on small homes after a few steps: real encoders, worker processes, and what is being done."""
+"""`ground --map explore` on small homes after a few steps: real encoders, worker processes, and progress notes."""
 
 import io
 import shutil
@@ -44,7 +44,7 @@ def maps_of(runs: Path, run_id: str) -> Path:
 
 
 @pytest.mark.slow
-def test_a_real_encoder_is_loaded_once_for_all_homes_where_it_was_asked(
+def test_a_real_encoder_is_loaded_once_for_all_homes_with_the_given_options(
     small_root: Path, runs: Path, clip_name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded = []
@@ -72,7 +72,7 @@ def test_a_real_encoder_is_loaded_once_for_all_homes_where_it_was_asked(
 def test_the_device_reaches_the_model(
     small_root: Path, runs: Path, clip_name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("torch.cuda.is_available", lambda: False)  # also on a machine with a GPU
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)  # so that a machine with a GPU refuses too
     with pytest.raises(AgentError, match=r"device 'cuda': torch sees no such device"):
         Ground(small_root, "qs", map="explore", encoder=clip_name, out=runs, device="cuda", run_id="gpu").run()
 
@@ -86,7 +86,7 @@ def test_the_device_reaches_the_model(
         ({"autocast": "float16"}, r"--autocast is 'float16' with --encoder hashed"),
     ],
 )
-def test_options_of_models_are_refused_without_one(
+def test_options_for_models_are_refused_without_a_model(
     options: dict, message: str, small_root: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(PersonalVizError, match=message):
@@ -94,7 +94,7 @@ def test_options_of_models_are_refused_without_one(
     assert not (tmp_path / "runs").exists()
 
 
-def test_the_centre_of_a_walked_home_is_the_middle_of_what_was_seen(small_root: Path, runs: Path) -> None:
+def test_the_centre_of_an_explored_home_is_the_middle_of_the_seen_area(small_root: Path, runs: Path) -> None:
     scene = {"scene": ("HomeTwo",), "out": runs, "json": True, "map": "explore"}
     assert Ground(small_root, "center", **scene, run_id="centre").run() == 0
     memory = load_memory(maps_of(runs, "centre") / "HomeTwo.npz").storeys[0].memory
@@ -102,14 +102,14 @@ def test_the_centre_of_a_walked_home_is_the_middle_of_what_was_seen(small_root: 
     x, z = memory.centre_xz
     answers = {answer.candidates for answer in read_run(runs / "centre").answers}
     assert answers == {((x, memory.floor_y, z),)}
-    # goals and view points of the whole home (test_oracle_map.py) have another middle than the views of a few steps
+    # the views of a few steps have another middle than all goals and view points of the home (test_oracle_map.py)
     home = oracle_home(PersonalDataset(small_root), "HomeTwo")
     assert memory.centre_xz != pytest.approx(home.centre_xz, abs=0.01)
     corner = np.floor(home.centre_xz) - 25  # the cells are those of the oracle map
     assert memory.grid == GridSpec((corner[0], corner[1]), 1.0, (50, 50))
 
 
-def test_notes_say_what_is_being_done_and_end_with_it(tmp_path: Path) -> None:
+def test_notes_show_the_work_in_progress_and_disappear_when_it_ends(tmp_path: Path) -> None:
     with scene_note(tmp_path, "HomeTwo") as two, scene_note(tmp_path, "HomeOne") as one:
         two("exploring storey 1 of 1, 5 steps")
         one("mapping 3 of 9 views")

@@ -1,4 +1,4 @@
-"""A run of the verb `ground` that is killed, on oracle maps of two homes: it goes on where it stopped."""
+"""A killed run of the verb `ground` on oracle maps of two homes continues where it stopped."""
 
 import signal
 import subprocess
@@ -52,7 +52,7 @@ def test_a_killed_run_keeps_its_answers_and_a_second_call_gives_the_rest(
 
     monkeypatch.setattr(SceneGrounder, "answer", counted)
     assert parse([*options, "--out", str(tmp_path / "killed")]).run() == 0
-    assert len(asked) == 5, "11 in all, and no episode twice"
+    assert len(asked) == 5, "11 answers in all, and no episode is answered twice"
     after = (killed / "answers.jsonl").read_bytes()
     assert after.startswith(before)
     assert (killed / "run.json").read_bytes() == info

@@ -1,4 +1,4 @@
-"""`ground --map PATH`: map files say their layout and cells, and options that would have made others are refused."""
+"""`ground --map PATH`: map files give their layout and cells, and options for making maps are refused."""
 
 import json
 from pathlib import Path
@@ -23,7 +23,7 @@ SPACE = "hashed+oracle-perception"
 
 
 def write_map(folder: Path, root: Path, scene: str, *, cell: float | None) -> None:
-    """A map of all objects of a home on one storey; None = a map of objects."""
+    """Writes a grid map of all objects of a home on one storey, with cells of `cell` metres; None = an object map."""
     home, encoder = oracle_home(PersonalDataset(root), scene), make_encoder(SPACE)
     rows = encoder.encode_texts([item.text for item in home.objects])
     places = np.array([item.position for item in home.objects])
@@ -44,7 +44,7 @@ def write_map(folder: Path, root: Path, scene: str, *, cell: float | None) -> No
 
 @pytest.fixture(scope="module")
 def maps(tmp_path_factory: pytest.TempPathFactory, small_root: Path) -> Path:
-    """Folders of HomeTwo's map: grid, fine, half (cells of 0.5 m) and objects."""
+    """Folders with a map of HomeTwo each: grid, fine, half (cells of 0.5 m) and objects."""
     root = tmp_path_factory.mktemp("maps")
     for name, cell in (("grid", 1.0), ("fine", 0.25), ("half", 0.5), ("objects", None)):
         write_map(root / name, small_root, "HomeTwo", cell=cell)
@@ -64,7 +64,7 @@ def call(small_root: Path, maps: Path, out: Path, **options) -> int:
         *(("sweep", sweep) for sweep in ("view-noise=0,0.3", "object-noise=0,0.3", "paraphrase=0,1,2")),
     ],
 )
-def test_options_of_making_maps_are_refused_on_made_ones(
+def test_options_for_making_maps_are_refused_with_map_files(
     option: str, value: object, small_root: Path, maps: Path, tmp_path: Path
 ) -> None:
     name = f"{value}".partition("=")[0] if option == "sweep" else option.replace("_", "-")
@@ -74,7 +74,7 @@ def test_options_of_making_maps_are_refused_on_made_ones(
 
 
 @pytest.mark.parametrize(("name", "method"), [("grid", "qs"), ("fine", "dual"), ("objects", "object-phrase")])
-def test_the_layout_is_that_of_the_files(name: str, method: str, small_root: Path, maps: Path, tmp_path: Path) -> None:
+def test_the_layout_comes_from_the_files(name: str, method: str, small_root: Path, maps: Path, tmp_path: Path) -> None:
     assert call(small_root, maps / name, tmp_path, method=method, run_id="run") == 0
     run = read_run(tmp_path / "run")
     assert run.info.config["layout"] == name
@@ -82,7 +82,7 @@ def test_the_layout_is_that_of_the_files(name: str, method: str, small_root: Pat
     assert len(run.answers) == 6
 
 
-def test_a_map_of_other_cells_says_so_and_is_not_of_the_same_run(
+def test_an_unusual_cell_size_is_shown_and_maps_of_different_cells_cannot_share_a_run(
     small_root: Path, maps: Path, tmp_path: Path, capsys
 ) -> None:
     assert call(small_root, maps / "half", tmp_path) == 0
@@ -105,7 +105,7 @@ def test_a_map_of_other_cells_says_so_and_is_not_of_the_same_run(
         ("grid", {"layout": "fine"}, r"--layout is 'fine' with --map .*grid; expected 'grid', as its files say"),
     ],
 )
-def test_a_layout_that_is_not_the_files_is_refused(
+def test_a_layout_that_differs_from_the_files_is_refused(
     name: str, options: dict, message: str, small_root: Path, maps: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(AgentError, match=message):
@@ -121,12 +121,12 @@ def test_a_layout_that_is_not_the_files_is_refused(
         ({"autocast": "bfloat16"}, r"--autocast is 'bfloat16' with --encoder hashed; expected it with a model"),
     ],
 )
-def test_options_of_another_encoder_are_refused(options: dict, message: str) -> None:
+def test_options_that_the_encoder_does_not_have_are_refused(options: dict, message: str) -> None:
     with pytest.raises(AgentError, match=message):
         GroundSettings("qs", map="explore", **options)
 
 
-def test_pictures_of_whole_views_are_for_walked_grid_maps_only() -> None:
+def test_features_of_whole_pictures_are_refused_except_on_explored_grid_maps() -> None:
     with pytest.raises(AgentError, match=r"--features is 'images' with --map oracle"):
         GroundSettings("qs", features="images")
     with pytest.raises(AgentError, match=r"--features is 'images' with --layout objects"):

@@ -1,4 +1,4 @@
-"""Names that `ground` gives its runs fit whatever the options are, and bad options are one line."""
+"""Names that `ground` gives its runs are valid for any options."""
 
 import contextlib
 import random
@@ -19,7 +19,7 @@ ENCODERS = ["hashed", "minilm", "clip:" + "openai/a-long-name-of-a-model" * 3, "
 
 
 def drawn_settings(draw: random.Random) -> GroundSettings:
-    """Settings with random values for whatever a name may show; what does not go with the rest is left out."""
+    """Settings with random values for everything that a name may show; values that the others exclude are left out."""
     llm = {"phrases": "llm", "llm_url": "http://127.0.0.1:1/v1", "llm_model": draw.choice(["m" * 200, "Größe/x:y"])}
     chosen = [
         {"map": draw.choice(["oracle", "explore", "files"])},
@@ -41,7 +41,7 @@ def drawn_settings(draw: random.Random) -> GroundSettings:
     return settings
 
 
-def test_names_of_runs_and_maps_fit_for_options_drawn_at_random() -> None:
+def test_names_of_runs_and_maps_are_valid_for_random_options() -> None:
     draw = random.Random(14)
     num_cut = 0
     for _ in range(1000):
@@ -50,10 +50,10 @@ def test_names_of_runs_and_maps_fit_for_options_drawn_at_random() -> None:
         assert re.fullmatch(RUN_ID, run), run
         assert re.fullmatch(RUN_ID, maps), maps
         num_cut += len(run) == MAX_NAME
-    assert num_cut > 50  # the draws reach what has to be shortened
+    assert num_cut > 50  # some names were long enough to be shortened
 
 
-def test_a_short_name_stays_as_it_was_and_two_long_ones_differ() -> None:
+def test_a_short_name_is_kept_whole_and_long_ones_stay_different_when_shortened() -> None:
     assert run_name(GroundSettings(method="qs")) == "ground-qs-oracle-hashed-storey-given-seed0"
     noisy = GroundSettings("rpg", blur=0.5, object_noise=0.1, cell_noise=0.1, clutter_texts=True, encoder="minilm")
     names = {run_name(noisy), run_name(replace(noisy, seed=1)), run_name(replace(noisy, all_storeys=True))}
@@ -61,12 +61,12 @@ def test_a_short_name_stays_as_it_was_and_two_long_ones_differ() -> None:
     assert {len(name) for name in names} == {MAX_NAME}
 
 
-def test_the_command_of_the_issue_writes_a_run(small_root: Path, tmp_path: Path) -> None:
+def test_a_command_with_long_option_values_writes_its_runs(small_root: Path, tmp_path: Path) -> None:
     same = ["ground", "--dataset", small_root, "--method", "rpg", *LONG, "--out", tmp_path]
     assert personal_viz(*same, "--encoder", "hashed", "--sweep", "blur=0.25,1e20").returncode == 0
     assert (
         personal_viz(*same, "--run-id", "r" * 80, "--sweep", "blur=0.25").returncode == 0
-    )  # the value is cut, not refused
+    )  # the name is shortened, not refused
     folders = sorted(path.parent.name for path in tmp_path.glob("*/answers.jsonl"))
-    assert len(folders) == 6, "each with a run by rules phrases beside it"
+    assert len(folders) == 6, "each run has one with phrases by rules beside it"
     assert all(re.fullmatch(RUN_ID, name) for name in folders)

@@ -1,4 +1,4 @@
-"""The checks for plug-ins: ours pass, and each breach of a contract is named."""
+"""The checks for plug-ins: our own pass, and each breach of a contract is named."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ def test_our_grounders_keep_the_contract(name) -> None:
 
 
 @pytest.mark.slow
-def test_ours_answer_alike_in_another_process() -> None:
+def test_our_grounders_and_phrases_give_the_same_answers_in_another_process() -> None:
     assert check_grounder(make_grounder("joint", WORDS), WORDS) == []
     assert check_phrases(RulePhrases) == []
 
@@ -38,7 +38,7 @@ def test_rpg_keeps_the_contract_with_other_options(options: RpgOptions) -> None:
 
 
 def changed(encode_texts: Callable[[Sequence[str]], np.ndarray], *, dim: int = 768) -> HashedWords:
-    """An encoder that answers so."""
+    """An encoder with this `encode_texts`."""
     return type("Changed", (HashedWords,), {"encode_texts": lambda self, texts: encode_texts(texts), "dim": dim})()
 
 
@@ -53,7 +53,7 @@ class Forgetful(HashedWords):
 
 
 class MeanOfBatch(HashedWords):
-    """Subtracts the batch's mean, so that a text's vector depends on its neighbours."""
+    """Subtracts the mean of the batch, so that the vector of a text depends on the other texts."""
 
     def encode_texts(self, texts):
         vectors = super().encode_texts(texts)
@@ -83,7 +83,7 @@ def test_a_broken_encoder_is_named(encoder: HashedWords, message: str) -> None:
 
 
 class Hashes(HashedWords):
-    """Its vectors come from Python's hash of a word, which is another one in each process."""
+    """Makes vectors from Python's hash of a word, which differs between processes."""
 
     name = "hashes-8"
     dim = 8
@@ -101,17 +101,17 @@ def test_an_encoder_that_differs_between_processes_is_named() -> None:
         assert "encoder 'hashes-8': a second process gives another answer to the same question" in problem
 
 
-def test_what_is_no_plug_in_is_one_line() -> None:
+def test_an_object_that_is_no_plug_in_gives_one_line() -> None:
     assert check_encoder("hashes") == [
         "encoder is 'hashes'; expected your own as package.module:factory. See --help for others."
     ]
     assert check_encoder(object()) == [
-        "encoder: found no method encode_texts(); expected one, as the contract needs. Correct the plug-in."
+        "encoder: found no method encode_texts(); expected one, because the contract needs it. Correct the plug-in."
     ]
 
 
 class Changed:
-    """QS whose candidates are changed by `edit`."""
+    """A QS grounder whose candidates are changed by `edit`."""
 
     name, uses_phrases, frame = "changed", False, "non-empty cells"
     takes: MemoryKind = "grid"
@@ -141,7 +141,7 @@ def test_a_broken_grounder_is_named(edit, message: str) -> None:
     assert re.search(message, problem)
 
 
-def test_a_grounder_that_changes_its_mind_is_named() -> None:
+def test_a_grounder_whose_answer_changes_is_named() -> None:
     class Moody(Changed):
         calls = 0
 

@@ -1,4 +1,4 @@
-"""Hashed words: published hashes, terms, and cosines counted by hand."""
+"""Hashed words: published hashes, terms, and cosines computed by hand."""
 
 import numpy as np
 import pytest
@@ -34,23 +34,23 @@ def test_terms_are_words_without_stop_words_and_pairs_of_neighbours() -> None:
     ]
 
 
-def test_places_and_cosines_are_counted_by_hand_and_stop_words_are_a_zero_row() -> None:
+def test_places_and_cosines_equal_those_computed_by_hand_and_stop_words_give_a_zero_row() -> None:
     # murmur3("foo") = 0xF6A5C420 is -156908512 as a signed number, and 156908512 % 768 = 736
     vector = HashedWords().encode_texts(["foo"])[0]
     assert vector[736] == -1
     assert np.count_nonzero(vector) == 1
-    # red, chair, "red chair" against red, sofa, "red sofa": one common term of three each
+    # red, chair, "red chair" and red, sofa, "red sofa" share one of three terms
     first, second = HashedWords().encode_texts(["a red chair", "the red sofa"])
     assert float(first @ second) == pytest.approx(1 / 3)
     assert not HashedWords().encode_texts(["where is the", ""]).any()
 
 
-def test_case_and_punctuation_do_not_matter_and_order_does() -> None:
+def test_word_order_matters_but_case_and_punctuation_do_not() -> None:
     upper, lower, turned = HashedWords().encode_texts(["Oak TABLE!", "oak table", "table oak"])
     assert np.array_equal(upper, lower)
     assert float(lower @ turned) == pytest.approx(2 / 3)
 
 
 @pytest.mark.slow
-def test_hashed_words_keep_the_encoders_contract() -> None:
+def test_hashed_words_keep_the_contract_of_encoders() -> None:
     assert check_encoder(make_encoder("hashed")) == []

@@ -1,4 +1,4 @@
-"""Grounding on maps of homes that our explorer walks: from the command line to map files, again, and refused files."""
+"""Grounding on maps of homes that our explorer walks: from the command line to map files, reuse, and refused files."""
 
 import json
 from dataclasses import replace
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.release  # a whole home is explored and mapped: 45 s
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory, small_home_root: Path) -> Path:
-    """Where the home was explored and mapped once, for the run `first`."""
+    """The folder in which the home was explored and mapped once, for the run `first`."""
     out = tmp_path_factory.mktemp("runs")
     assert (
         Ground(dataset=small_home_root, method="phrase", map="explore", out=out, run_id="first", json=True).run() == 0
@@ -36,16 +36,16 @@ def folders(runs: Path) -> MapFolders:
     return MapFolders(runs / str(info.config["maps"]), runs / "explorations")
 
 
-def test_a_walked_home_answers_most_queries_and_its_run_says_how(runs: Path) -> None:
+def test_most_queries_are_answered_in_an_explored_home_and_the_run_states_its_condition(runs: Path) -> None:
     run = read_run(runs / "first")
     assert run.info.scene_kind == "invented"
     assert run.info.condition == "explore map, hashed+oracle-perception encoder, phrases dataset, storey given"
     assert len(run.answers) == 24
     right = [answer for answer in run.answers if answer.measures is not None and answer.measures.success]
-    assert len(right) >= 18  # perfect perception: what is left is the map's resolution and what was not seen
+    assert len(right) >= 18  # perception is perfect; the rest fails by the resolution of the map and unseen objects
 
 
-def test_maps_name_encoder_home_and_kind_and_are_refused_for_others(
+def test_maps_name_their_encoder_home_and_kind_and_are_refused_for_other_ones(
     runs: Path, small_home_root: Path, tmp_path: Path
 ) -> None:
     header = read_map_header(folders(runs).map_file("Small"))
@@ -71,7 +71,7 @@ def test_a_folder_of_maps_gives_the_same_answers(
     assert [item.candidates for item in first.answers] == [item.candidates for item in again.answers]
 
 
-def test_exploration_is_not_done_twice_for_another_layout(runs: Path, small_home_root: Path) -> None:
+def test_a_second_layout_does_not_explore_again(runs: Path, small_home_root: Path) -> None:
     (exploration,) = (runs / "explorations").iterdir()
     before = exploration.stat().st_mtime_ns
     options = {"dataset": small_home_root, "map": "explore", "out": runs, "json": True, "limit": 2}
@@ -83,7 +83,7 @@ def test_exploration_is_not_done_twice_for_another_layout(runs: Path, small_home
     assert len(home.storeys[0].memory.objects) > 10
 
 
-def test_all_storeys_are_one_map(runs: Path, small_home_root: Path) -> None:
+def test_all_storeys_of_a_one_storey_home_merge_into_the_same_map(runs: Path, small_home_root: Path) -> None:
     dataset = PersonalDataset(small_home_root)
     settings = GroundSettings("phrase", map="explore")
     episode = next(iter(dataset.episodes()))

@@ -1,4 +1,4 @@
-"""Memories of homes: the storey near a height, and all storeys in one."""
+"""Memories of homes: the storey near a height, and all storeys merged into one."""
 
 import numpy as np
 import pytest
@@ -29,20 +29,20 @@ TWO = HomeMemory(
 )
 
 
-def test_the_storey_near_a_height_is_the_one_with_the_nearest_floor_if_there_is_any() -> None:
+def test_the_storey_near_a_height_has_the_nearest_floor_and_an_empty_memory_has_none() -> None:
     assert TWO.storey_near(1.4).floor_y == 0.0
     assert TWO.storey_near(1.6).floor_y == 3.0
     with pytest.raises(AgentError, match="map: has no storey"):
         HomeMemory((), "world", 0).storey_near(0.0)
 
 
-def test_cells_above_each_other_become_one_by_evidence_on_the_floor_with_most() -> None:
+def test_cells_above_each_other_merge_by_weight_at_the_height_of_the_heaviest() -> None:
     merged = merged_storeys(TWO)
     assert isinstance(merged, FeatureMap)
     assert merged.rc.tolist() == [[0, 1], [1, 2]]
     np.testing.assert_allclose(merged.rows[0], np.array([3, 1]) / np.sqrt(10), atol=1e-6)
     assert merged.weights.tolist() == [4.0, 1.0]
-    assert merged.cell_y.tolist() == [0.0, 0.0]  # of the storey with most evidence
+    assert merged.cell_y.tolist() == [0.0, 0.0]  # the height of the storey with the largest weight
     above = HomeMemory(
         (storey(0.0, {(0, 1): ([1, 0], 1.0)}), storey(3.0, {(0, 1): ([0, 1], 2.0), (0, 0): ([1, 0], 1.0)})), "world", 1
     )
@@ -51,7 +51,7 @@ def test_cells_above_each_other_become_one_by_evidence_on_the_floor_with_most() 
     assert dict(zip(map(tuple, merged.rc.tolist()), merged.cell_y.tolist(), strict=True)) == {(0, 0): 3.0, (0, 1): 3.0}
 
 
-def test_objects_of_all_storeys_stand_in_one_map() -> None:
+def test_a_merged_object_map_holds_the_objects_of_all_storeys() -> None:
     def one(y: float, caption: str) -> StoreyMemory:
         points = np.array([[0, y, 0], [2, y + 1, 4]], np.float32)
         item = ObjectInstance(points, np.array([1, 0], np.float32), caption, 1.0)

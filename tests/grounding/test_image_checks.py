@@ -12,7 +12,7 @@ from grounding.perception.oracle_perception import OraclePerception
 
 
 class Seeing(OraclePerception):
-    """Oracle perception of the check's own pictures; the cases below break it."""
+    """Oracle perception of the pictures that the check draws; the cases below break it."""
 
     def __init__(self) -> None:
         super().__init__(HashedWords(), {1: "red wooden chair", 2: "large white sofa"})
@@ -36,7 +36,7 @@ class MeanOfBatch(Seeing):
 
 
 class Same(Seeing):
-    """Says of every patch what it says of the picture."""
+    """Gives every patch the vector of the whole picture."""
 
     def encode_patches(self, frames):
         patches = super().encode_patches(frames)

@@ -1,4 +1,4 @@
-"""The check for map builders: ours pass, and each breach of the contract is named."""
+"""The check for map builders: our own pass, and each breach of the contract is named."""
 
 import re
 from dataclasses import replace
@@ -36,12 +36,12 @@ def test_our_builders_keep_the_contract(builder) -> None:
 
 
 @pytest.mark.slow
-def test_builders_that_read_colours_only_keep_it_too() -> None:
+def test_builders_that_read_only_colours_keep_the_contract_too() -> None:
     assert check_map_builder(GridMapBuilder(ColourEncoder(), cell=0.5), ColourEncoder()) == []
     assert check_map_builder(ObjectMapBuilder(ColourEncoder(), DepthRegions(floors=(0.0,))), ColourEncoder()) == []
 
 
-def test_the_rooms_boxes_are_where_its_file_says() -> None:
+def test_the_boxes_of_the_check_room_are_seen_at_their_stated_places() -> None:
     views = check_views()
     for number, (low, high) in BOXES.items():
         points = np.concatenate([view.points[view.frame.instance_ids == number] for view in views])
@@ -51,7 +51,7 @@ def test_the_rooms_boxes_are_where_its_file_says() -> None:
 
 
 class Changed:
-    """Our grid builder with something wrong."""
+    """Our grid builder; each subclass breaks one thing."""
 
     name = "changed"
 
@@ -82,7 +82,7 @@ class LeftIsRight(Changed):
 
 
 class Swapped(Changed):
-    """Rows for columns in the features, while the occupancy is right."""
+    """Swaps rows and columns of the features; the occupancy is right."""
 
     def finish(self) -> HomeMemory:
         memory = super().finish()
@@ -96,7 +96,7 @@ class Swapped(Changed):
 
 
 class Mirrored(Changed):
-    """The occupancy alone, from left to right."""
+    """Mirrors only the occupancy, left to right."""
 
     def finish(self) -> HomeMemory:
         memory = super().finish()
@@ -129,7 +129,7 @@ class Blind(Changed):
     [
         (OpenGl(), "number of free cells is"),
         (LeftIsRight(), "check yaw and axes"),
-        (Swapped(), "what is stored around .* is 'the same'; expected another one"),
+        (Swapped(), "content around .* is 'the same'; expected other content"),
         (Mirrored(), "share of free cells that are free is"),
         (KeepsAll(), "frames is 48; expected 24"),
         (Scribbler(), "a view's arrays after add is 'changed'"),

@@ -1,4 +1,4 @@
-"""Maps on disk: the same bits come back; missing, damaged, old and foreign files say what is wrong."""
+"""Maps on disk: equal to the last bit when read back; missing, damaged, old and foreign files are refused."""
 
 import io
 import json
@@ -75,7 +75,7 @@ def assert_same(first: HomeMemory, second: HomeMemory) -> None:
 
 
 @pytest.mark.parametrize("memory", [grid_memory(), object_memory()], ids=["grid", "objects"])
-def test_a_map_comes_back_bit_for_bit(memory: HomeMemory, tmp_path: Path) -> None:
+def test_a_map_is_equal_to_the_last_bit_when_read_back(memory: HomeMemory, tmp_path: Path) -> None:
     path = tmp_path / "maps" / "Demo.npz"
     save_memory(path, memory, SOURCE)
     assert_same(load_memory(path), memory)
@@ -85,7 +85,7 @@ def test_a_map_comes_back_bit_for_bit(memory: HomeMemory, tmp_path: Path) -> Non
     assert path.read_bytes() == first
 
 
-def test_the_header_says_what_was_mapped_and_how(tmp_path: Path) -> None:
+def test_the_header_describes_the_home_the_encoder_and_the_builder(tmp_path: Path) -> None:
     save_memory(tmp_path / "a.npz", grid_memory(), SOURCE)
     header = read_map_header(tmp_path / "a.npz")
     assert header.source == SOURCE
@@ -110,7 +110,7 @@ def test_queries_of_another_encoder_and_empty_or_mixed_memories_are_refused(tmp_
 
 
 def rewritten(path: Path, edit) -> None:
-    """Passes every part of a file through `edit(name, data)`; None leaves it out."""
+    """Rewrites a file with every part passed through `edit(name, data)`; None leaves the part out."""
     with zipfile.ZipFile(path) as archive:
         parts = {name: archive.read(name) for name in archive.namelist()}
     with zipfile.ZipFile(path, "w") as archive:
@@ -131,7 +131,7 @@ def with_array(name: str, array: np.ndarray):
 
 
 def with_header(value: object, *path: str | int):
-    """Puts a value into the header at this path."""
+    """An edit that puts a value into the header at this path."""
 
     def rewrite(part: str, data: bytes) -> bytes | str:
         if part != "header.json":
@@ -174,7 +174,7 @@ def with_header(value: object, *path: str | int):
         (with_array("occupancy", np.full((6, 8), 7, np.uint8)), r"storey0/occupancy is up to 7; expected values 0"),
     ],
 )
-def test_a_damaged_map_says_what_is_wrong(edit, message: str, tmp_path: Path) -> None:
+def test_a_damaged_map_is_refused_with_its_fault(edit, message: str, tmp_path: Path) -> None:
     path = tmp_path / "map.npz"
     save_memory(path, grid_memory(), SOURCE)
     rewritten(path, edit)
@@ -199,7 +199,7 @@ def test_pickled_arrays_are_never_loaded(tmp_path: Path) -> None:
     assert not (tmp_path / "exploded").exists()
 
 
-def test_missing_truncated_and_foreign_files_are_named(tmp_path: Path) -> None:
+def test_missing_truncated_and_foreign_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RunFileError, match=r"none.npz: found no file; expected a map .* Check the path"):
         load_memory(tmp_path / "none.npz")
     foreign = tmp_path / "foreign.npz"

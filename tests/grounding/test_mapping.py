@@ -1,4 +1,4 @@
-"""Grid and object maps of an invented home: what was seen is where it is; wrong poses are found out."""
+"""Grid and object maps of an invented home: objects are mapped where they are, and wrong poses show."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,12 +28,12 @@ from .mapped_views import ColourEncoder, IdEncoder, write_recording
 CAMERA = Camera(width=320, height=240)
 TASK = Task("pog", description="", queries=("Find the sofa",))
 NEAR = 0.15
-"""Metres that a mapped thing may be beside its box."""
+"""Largest distance between a mapped object and its box, metres."""
 
 
 @dataclass(frozen=True)
 class SeenHome:
-    """A home of two storeys and views of both."""
+    """A home with two storeys, and views of both."""
 
     scene: Scene
     frames: list[Frame]
@@ -44,7 +44,7 @@ class SeenHome:
 
     @property
     def well_seen(self) -> set[int]:
-        """Ids with at least 500 pixels within 4 m in some view."""
+        """Ids that have at least 500 pixels within 4 m in some view."""
         ids: set[int] = set()
         for frame in self.frames:
             counts = np.bincount(frame.instance_ids[(frame.depth_m < 4) & (frame.depth_m > 0.2)])
@@ -75,13 +75,13 @@ def built(builder, frames) -> HomeMemory:
 
 
 def apart(thing: SceneObject, low: np.ndarray, high: np.ndarray) -> float:
-    """Metres between a thing's box and the box from low to high, seen from above; both (2,) xz."""
+    """Metres between the box of an object and the box from low to high, both (2,) xz, seen from above."""
     centre, half = np.array(thing.centre)[[0, 2]], np.array(thing.size)[[0, 2]] / 2
     return float(np.linalg.norm(np.maximum(0, np.maximum(low - (centre + half), (centre - half) - high))))
 
 
 def right_share(memory: HomeMemory, things: tuple[SceneObject, ...], cell: float) -> float:
-    """Of the pairs (cell, id that it says something of), the share whose thing is in or beside the cell."""
+    """Share of the pairs (cell, id in its vector) whose object is in or beside the cell."""
     by_id = {thing.instance_id: thing for thing in things}
     right = []
     for storey in memory.storeys:
@@ -99,7 +99,7 @@ def right_share(memory: HomeMemory, things: tuple[SceneObject, ...], cell: float
 
 @pytest.mark.slow
 @pytest.mark.parametrize("cell", [1.0, 0.25])
-def test_every_well_seen_object_is_in_a_cell_where_it_stands(home: SeenHome, cell: float) -> None:
+def test_every_well_seen_object_is_mapped_to_a_cell_where_it_stands(home: SeenHome, cell: float) -> None:
     memory = built(GridMapBuilder(home.encoder, cell=cell), home.frames)
     assert right_share(memory, home.scene.objects, cell) >= 0.99
     said = {number for storey in memory.storeys for number in np.flatnonzero(storey.memory.rows.max(axis=0) > 0.01)}
@@ -115,7 +115,7 @@ def test_every_well_seen_object_is_in_a_cell_where_it_stands(home: SeenHome, cel
 
 
 def turned_about_itself(frame: Frame) -> Frame:
-    """Yaw of the opposite sign."""
+    """The frame with the opposite sign of the yaw."""
     T = frame.T_world_camera.copy()
     flip = np.diag([-1.0, 1, 1])
     T[:3, :3] = flip @ T[:3, :3] @ flip
@@ -123,12 +123,12 @@ def turned_about_itself(frame: Frame) -> Frame:
 
 
 def upside_down(frame: Frame) -> Frame:
-    """Camera axes of OpenGL taken for OpenCV's."""
+    """The frame with OpenGL camera axes read as OpenCV's."""
     return replace(frame, T_world_camera=frame.T_world_camera @ np.diag([1.0, -1, -1, 1]))
 
 
 def mirrored(frame: Frame) -> Frame:
-    """Columns from right to left."""
+    """The frame with its columns from right to left."""
     return replace(frame, depth_m=frame.depth_m[:, ::-1].copy(), ids=frame.instance_ids[:, ::-1].copy())
 
 
@@ -138,7 +138,7 @@ def test_wrong_yaw_axes_or_columns_put_objects_elsewhere(home: SeenHome, spoil) 
     assert right_share(memory, home.scene.objects, 0.25) < 0.6
 
 
-def test_storeys_are_found_on_the_way_and_get_their_own_maps(home: SeenHome) -> None:
+def test_storeys_are_found_while_mapping_and_get_their_own_maps(home: SeenHome) -> None:
     memory = built(GridMapBuilder(home.encoder), home.frames)
     heights = home.scene.navigation.storey_heights
     assert [storey.floor_y for storey in memory.storeys] == pytest.approx(heights, abs=0.05)
@@ -159,15 +159,15 @@ def test_storeys_are_found_on_the_way_and_get_their_own_maps(home: SeenHome) -> 
         assert len({*map(tuple, one.memory.rc.tolist())} ^ {*map(tuple, other.memory.rc.tolist())}) <= 2
 
 
-def test_the_grid_is_the_oracle_maps_when_their_middle_is_given(home: SeenHome) -> None:
+def test_the_grid_equals_that_of_oracle_maps_if_their_middle_is_given(home: SeenHome) -> None:
     memory = built(GridMapBuilder(home.encoder, views=ViewOptions(centre_xz=(5.75, 3.25))), home.frames[:8])
     assert memory.storeys[0].memory.grid == GridSpec((-20.0, -22.0), 1.0, (50, 50))  # floor(middle) - 25
     alone = built(GridMapBuilder(home.encoder), home.frames[:8])
-    assert memory.storeys[0].memory.centre_xz == alone.storeys[0].memory.centre_xz  # of what was seen, not the given
+    assert memory.storeys[0].memory.centre_xz == alone.storeys[0].memory.centre_xz  # of the seen area, not as given
 
 
 @pytest.mark.parametrize("given", [(5.75, 3.25), (-4.0, 12.5)])
-def test_a_given_middle_is_no_answer(home: SeenHome, given: tuple[float, float]) -> None:
+def test_a_given_middle_does_not_change_the_answer(home: SeenHome, given: tuple[float, float]) -> None:
     known = built(GridMapBuilder(home.encoder), home.frames[:8]).storeys[0].memory
     memory = built(GridMapBuilder(home.encoder, views=ViewOptions(centre_xz=given)), home.frames[:8]).storeys[0].memory
     first, other = (MapCentre().ground(item, TASK, ()).candidates[0].position for item in (known, memory))
@@ -186,7 +186,7 @@ def test_cells_of_a_fine_map_are_parts_of_the_coarse_ones(home: SeenHome) -> Non
     assert sums.cells()[2].sum() == pytest.approx(coarse.weights.sum(), rel=1e-5)
 
 
-def test_whole_picture_vectors_go_to_every_cell_in_view_and_no_other(home: SeenHome) -> None:
+def test_the_vector_of_a_whole_picture_goes_to_exactly_the_cells_in_view(home: SeenHome) -> None:
     frame = home.frames[0]
     memory = built(GridMapBuilder(home.encoder, features="images"), [frame]).storeys[0].memory
     vector = home.encoder.encode_images([frame])[0]
@@ -200,7 +200,7 @@ def test_whole_picture_vectors_go_to_every_cell_in_view_and_no_other(home: SeenH
     assert memory.weights.max() <= 1 + 1e-6
 
 
-def test_weights_add_up_over_views_rows_stay_means_and_batches_change_nothing(home: SeenHome) -> None:
+def test_weights_add_up_over_views_vectors_stay_means_and_batches_change_nothing(home: SeenHome) -> None:
     once = built(GridMapBuilder(home.encoder), home.frames[:5]).storeys[0].memory
     twice = built(GridMapBuilder(home.encoder), home.frames[:5] * 2).storeys[0].memory
     assert np.allclose(twice.weights, 2 * once.weights, rtol=1e-5)
@@ -211,7 +211,7 @@ def test_weights_add_up_over_views_rows_stay_means_and_batches_change_nothing(ho
     assert np.array_equal(one.storeys[0].memory.rows, many.storeys[0].memory.rows)
 
 
-def test_things_of_an_object_map_are_where_their_surfaces_are(home: SeenHome) -> None:
+def test_instances_of_an_object_map_are_where_their_surfaces_are(home: SeenHome) -> None:
     captions = {thing.instance_id: f"the {thing.name}" for thing in home.scene.objects}
     builder = ObjectMapBuilder(home.encoder, InstanceIds(captions))
     assert "oracle-perception" in builder.name
@@ -228,7 +228,7 @@ def test_things_of_an_object_map_are_where_their_surfaces_are(home: SeenHome) ->
         assert int(np.argmax(item.feature)) == thing.instance_id
 
 
-def test_masks_without_identity_become_one_thing_each_by_overlap_and_feature(home: SeenHome) -> None:
+def test_masks_without_identity_are_merged_into_objects_by_overlap_and_feature(home: SeenHome) -> None:
     class Anonymous(InstanceIds):
         name = "anonymous masks"
 
@@ -238,10 +238,10 @@ def test_masks_without_identity_become_one_thing_each_by_overlap_and_feature(hom
     memory = built(ObjectMapBuilder(home.encoder, Anonymous()), home.frames)
     numbers = [int(np.argmax(item.feature)) for storey in memory.storeys for item in storey.memory.objects]
     assert len(set(numbers)) >= 0.9 * len(home.well_seen)
-    assert len(numbers) <= 1.35 * len(set(numbers))  # sides of large things that share no points stay apart
+    assert len(numbers) <= 1.35 * len(set(numbers))  # sides of a large object that share no points stay apart
 
 
-def test_depth_regions_find_most_things_without_any_model(home: SeenHome) -> None:
+def test_depth_regions_find_most_objects_without_any_model(home: SeenHome) -> None:
     floors = home.scene.navigation.storey_heights
     some = SeenHome(home.scene, home.frames[::2])
     memory = built(
@@ -259,7 +259,7 @@ def test_depth_regions_find_most_things_without_any_model(home: SeenHome) -> Non
     assert len(found & some.well_seen) >= 0.7 * len(some.well_seen)
 
 
-def test_the_same_views_as_a_robots_recording_give_the_same_map(home: SeenHome, tmp_path: Path) -> None:
+def test_the_same_views_stored_as_a_robot_recording_give_the_same_map(home: SeenHome, tmp_path: Path) -> None:
     frames = [replace(frame, ids=None) for frame in home.frames[:12]]
     write_recording(tmp_path / "run", frames, up="z", colour="jpg")
     recorded, counts = read_robot_frames(tmp_path / "run", up="z")
@@ -272,7 +272,7 @@ def test_the_same_views_as_a_robots_recording_give_the_same_map(home: SeenHome, 
     )
     assert robot.memory.grid == direct.memory.grid
     one, other = (dict(zip(m.flat_index.tolist(), m.rows, strict=True)) for m in (robot.memory, direct.memory))
-    assert len(one.keys() ^ other.keys()) <= 2  # rounding to mm moves a point over a cell's edge
+    assert len(one.keys() ^ other.keys()) <= 2  # rounding to mm moves a point across the edge of a cell
     cosines = [one[cell] @ other[cell] for cell in one.keys() & other.keys()]
     assert np.median(cosines) > 0.999
     assert np.mean(cosines) > 0.99

@@ -1,4 +1,4 @@
-"""MiniLM from its wheel: known vectors, independence of the batch, and refusals."""
+"""MiniLM from its wheel: known vectors, independence from the batch, and refusals."""
 
 import shutil
 import sys
@@ -18,7 +18,7 @@ TEXTS = ("A red wooden chair beside the window.", "oval mirror with a golden fra
 
 @pytest.fixture(autouse=True)
 def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Stored vectors of other runs must not answer here."""
+    """Gives the tests their own cache, so that no stored vectors of other runs are used."""
     monkeypatch.setenv("PERSONAL_VIZ_CACHE", str(tmp_path / "cache"))
 
 
@@ -27,8 +27,8 @@ def minilm() -> MiniLM:
     return MiniLM(most_tokens=8)
 
 
-def test_vectors_are_those_of_sentence_transformers(minilm: MiniLM) -> None:
-    # numbers written down from sentence-transformers 6.2.0 with the same wheel
+def test_vectors_equal_those_of_sentence_transformers(minilm: MiniLM) -> None:
+    # numbers from sentence-transformers 6.2.0 with the same wheel
     vectors = minilm.encode_texts(TEXTS)
     assert vectors[0, :4] == pytest.approx([0.0378171, 0.04238631, -0.07398329, 0.06667489], abs=1e-5)
     assert vectors[1, :4] == pytest.approx([0.08399114, 0.01810724, 0.03335883, -0.05501953], abs=1e-5)
@@ -36,7 +36,7 @@ def test_vectors_are_those_of_sentence_transformers(minilm: MiniLM) -> None:
 
 
 @pytest.mark.slow  # imports transformers
-def test_vectors_are_those_of_transformers_whatever_texts_share_a_pass() -> None:
+def test_vectors_equal_those_of_transformers_for_any_batch() -> None:
     transformers = pytest.importorskip("transformers")
     folder = wheel_folder()
     tokenizer = transformers.AutoTokenizer.from_pretrained(folder, local_files_only=True)
@@ -51,12 +51,12 @@ def test_vectors_are_those_of_transformers_whatever_texts_share_a_pass() -> None
 
 
 @pytest.mark.release
-def test_minilm_keeps_the_encoders_contract(minilm: MiniLM) -> None:
+def test_minilm_keeps_the_contract_of_encoders(minilm: MiniLM) -> None:
     assert check_encoder(minilm) == []
     assert check_encoder(make_encoder("minilm")) == []
 
 
-def test_texts_of_many_lengths_come_back_in_their_order(minilm: MiniLM) -> None:
+def test_vectors_of_texts_of_many_lengths_are_in_the_order_of_the_texts(minilm: MiniLM) -> None:
     texts = [" ".join(["sofa"] * n) for n in (3, 1, 3, 2, 1, 3, 5)]
     vectors = minilm.encode_texts(texts)
     assert np.allclose(vectors[0], vectors[2], atol=1e-6)
@@ -65,15 +65,15 @@ def test_texts_of_many_lengths_come_back_in_their_order(minilm: MiniLM) -> None:
         assert np.allclose(minilm.encode_texts([text])[0], vector, atol=1e-5)
 
 
-def test_what_lies_behind_256_tokens_is_cut_and_meaning_counts_more_than_words(minilm: MiniLM) -> None:
-    long = "lamp " * 254  # and the two special tokens
+def test_texts_are_cut_after_256_tokens_and_meaning_counts_more_than_words(minilm: MiniLM) -> None:
+    long = "lamp " * 254  # with the two special tokens 256
     first, second = minilm.encode_texts([long, long + "elephant"])
     assert np.allclose(first, second, atol=1e-6)
     sofa, couch, fridge = minilm.encode_texts(["a big sofa", "a large couch", "a big fridge"])
     assert float(sofa @ couch) > float(sofa @ fridge)
 
 
-def test_a_folder_without_weights_or_with_others_is_refused(tmp_path: Path) -> None:
+def test_a_folder_without_weights_or_with_other_weights_is_refused(tmp_path: Path) -> None:
     with pytest.raises(AgentError, match="found no such file; expected the weights of MiniLM"):
         MiniLM(tmp_path).encode_texts(["lamp"])
     shutil.copy(wheel_folder() / "config.json", tmp_path)

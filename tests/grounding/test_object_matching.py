@@ -1,4 +1,4 @@
-"""Matching with the things of an object map."""
+"""Matching with the objects of an object map."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ CHAIR, CHAIR_AND_LAMP, SOFA, BED = (
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_thing_that_the_phrase_names_wins_with_its_middle_on_the_floor(name) -> None:
+def test_the_object_that_the_phrase_names_wins_with_its_centre_on_the_floor(name) -> None:
     answer = make_grounder(name, ENCODER).ground(
         object_map(CHAIR, CHAIR_AND_LAMP, SOFA, BED), asks("Find Mira's chair"), PHRASES
     )
@@ -42,14 +42,14 @@ def test_the_thing_that_the_phrase_names_wins_with_its_middle_on_the_floor(name)
     layers = answer.layers
     assert layers is not None
     assert (layers.phrases, layers.chosen) == (("a chair with a lamp", "a sofa"), 0)
-    # the layers' grid starts 1 m before x -2.5, z 0.0: cell (row of z, column of x)
+    # the grid of the layers starts 1 m before x = -2.5 and z = 0.0; cells are (row of z, column of x)
     assert layers.rc.tolist() == [[2, 5], [5, 5], [1, 1], [7, 10]]
     assert layers.shape == (9, 12)
     assert layers.peaks[1, 0] == 2
     assert layers.on_grid(layers.final).shape == (9, 12)
 
 
-def test_dual_gives_a_thing_that_two_phrases_want_to_the_one_that_has_no_other() -> None:
+def test_dual_leaves_an_object_that_two_phrases_want_to_the_phrase_that_has_no_other() -> None:
     memory = object_map(thing(0.0, 0.0, sofa=1.0, lamp=0.72), thing(4.0, 0.0, lamp=0.55, other=1.0))
     task, phrases = asks("Find Mira's lamp"), ("Mira owns a lamp", "Tom owns a sofa with a lamp")
     assert make_grounder("object-phrase", ENCODER).ground(memory, task, phrases).candidates[0].position[0] == 0.0
@@ -57,7 +57,7 @@ def test_dual_gives_a_thing_that_two_phrases_want_to_the_one_that_has_no_other()
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_two_things_in_one_cell_stay_two_answers_and_ties_go_to_the_first(name) -> None:
+def test_two_objects_in_one_cell_stay_two_answers_and_ties_go_to_the_first(name) -> None:
     memory = object_map(BED, thing(0.6, 0.6, chair=1.0), thing(0.4, 0.4, chair=1.0))
     answer = make_grounder(name, ENCODER).ground(memory, asks("Find Mira's chair"), ("Mira owns a chair",))
     assert [item.position[0] for item in answer.candidates[:2]] == pytest.approx([0.6, 0.4])
@@ -65,7 +65,7 @@ def test_two_things_in_one_cell_stay_two_answers_and_ties_go_to_the_first(name) 
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_without_the_owners_phrase_the_query_ranks_the_things(name) -> None:
+def test_without_a_phrase_of_the_owner_the_query_ranks_the_objects(name) -> None:
     answer = make_grounder(name, ENCODER).ground(
         object_map(CHAIR_AND_LAMP, SOFA, CHAIR), asks("Find Mira's chair"), ("Tom owns a bed",)
     )
@@ -75,11 +75,11 @@ def test_without_the_owners_phrase_the_query_ranks_the_things(name) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_map_without_things_has_no_answer(name) -> None:
+def test_a_map_without_objects_has_no_answer(name) -> None:
     assert make_grounder(name, ENCODER).ground(object_map(), asks("Find Mira's chair"), PHRASES).candidates == ()
 
 
-def test_maps_of_the_other_kind_or_of_another_encoder_are_refused() -> None:
+def test_maps_of_the_wrong_kind_or_of_another_encoder_are_refused() -> None:
     grid, objects, task = toy_map({(1, 1): {"chair": 1.0}}), object_map(CHAIR), asks("Find Mira's chair")
     with pytest.raises(AgentError, match="'object-dual': got a grid map of 1 cells; expected a map of objects"):
         make_grounder("object-dual", ENCODER).ground(grid, task, PHRASES)

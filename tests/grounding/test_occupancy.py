@@ -1,4 +1,4 @@
-"""Occupancy from depth: floor, walls, holes, what is gone again; pictures made by hand with known answers."""
+"""Occupancy from depth: floor, walls, holes and objects that move away, in handmade pictures with known answers."""
 
 import numpy as np
 import pytest
@@ -10,11 +10,11 @@ from sim.types import Camera, Pose
 
 CAMERA = Camera(160, 120)
 INTRINSICS = CAMERA
-T = T_world_camera(Pose((0.0, 0.0, 0.0), yaw=0.0), CAMERA)  # looks along -z from 0.88 m
+T = T_world_camera(Pose((0.0, 0.0, 0.0), yaw=0.0), CAMERA)  # looks along -z from a height of 0.88 m
 
 
 def room(wall_z: float, *, floor_y: float = 0.0, hole: tuple[float, float] | None = None) -> np.ndarray:
-    """Depth of a floor and a wall at z = -wall_z; the floor is 1 m lower where `hole` is (z from, to, both ahead)."""
+    """Depth (H, W) of a floor and a wall at z = -wall_z; the floor is 1 m lower from `hole[0]` to `hole[1]` m ahead."""
     down = (np.arange(CAMERA.height) + 0.5 - CAMERA.height / 2) / CAMERA.focal
     depth = np.full(CAMERA.height, wall_z)
     for r, slope in enumerate(down):
@@ -27,19 +27,19 @@ def room(wall_z: float, *, floor_y: float = 0.0, hole: tuple[float, float] | Non
     return np.repeat(depth[:, None], CAMERA.width, axis=1).astype(np.float32)
 
 
-def test_floor_is_free_without_gaps_but_not_holes_walls_and_what_lies_behind() -> None:
+def test_floor_is_free_without_gaps_but_holes_walls_and_cells_behind_them_are_not() -> None:
     mapper = OccupancyMapper()
     mapper.add(room(3.0), T, INTRINSICS)
     assert mapper.cell_at((0.02, -2.0)) == FREE
     assert mapper.cell_at((0.02, -2.98)) in (FREE, OCCUPIED)
     assert OCCUPIED in {mapper.cell_at((0.02, -3.01)), mapper.cell_at((0.02, -2.99))}
     assert mapper.cell_at((0.02, -3.3)) == UNKNOWN
-    assert mapper.cell_at((0.02, -0.5)) == UNKNOWN, "below the picture"
+    assert mapper.cell_at((0.02, -0.5)) == UNKNOWN, "below the field of view"
     mapper = OccupancyMapper()
     mapper.add(room(20.0), T, INTRINSICS)
     cells = [mapper.cell_at((0.02, -z)) for z in np.arange(1.5, 4.4, 0.05)]
     assert set(cells) == {FREE}
-    assert mapper.cell_at((0.02, -5.5)) == UNKNOWN, "beyond the sensor"
+    assert mapper.cell_at((0.02, -5.5)) == UNKNOWN, "beyond the range of the sensor"
     mapper = OccupancyMapper()
     mapper.add(room(5.0, hole=(2.0, 3.5)), T, INTRINSICS)
     cells = [mapper.cell_at((0.02, -z)) for z in np.arange(2.1, 2.9, 0.05)]
@@ -48,7 +48,7 @@ def test_floor_is_free_without_gaps_but_not_holes_walls_and_what_lies_behind() -
     assert mapper.cell_at((0.02, -1.7)) == FREE
 
 
-def test_what_went_away_is_free_after_some_clear_views_and_what_comes_is_blocked_at_once() -> None:
+def test_a_cell_becomes_free_after_several_clear_views_and_occupied_at_once() -> None:
     mapper = OccupancyMapper()
     mapper.add(room(2.0), T, INTRINSICS)
     (gone,) = {z for z in (-1.99, -2.01) if mapper.cell_at((0.02, z)) == OCCUPIED}
@@ -56,20 +56,20 @@ def test_what_went_away_is_free_after_some_clear_views_and_what_comes_is_blocked
     for _ in range(6):
         mapper.add(room(4.0), T, INTRINSICS)
         states.append(mapper.cell_at((0.02, gone)))
-    assert states[0] == OCCUPIED, "one view may err"
+    assert states[0] == OCCUPIED, "a single view may be wrong"
     assert states[-1] == FREE
     mapper.add(room(2.0), T, INTRINSICS)
     assert mapper.cell_at((0.02, gone)) == OCCUPIED
 
 
 @pytest.mark.parametrize(("rise", "state"), [(0.1, FREE), (0.5, OCCUPIED)])
-def test_steps_that_the_robot_climbs_are_floor_and_higher_ones_are_not(rise: float, state: int) -> None:
+def test_steps_that_the_robot_can_climb_are_floor_and_higher_ones_are_not(rise: float, state: int) -> None:
     mapper = OccupancyMapper()
     mapper.add(room(4.0, floor_y=rise), T, INTRINSICS)
     assert mapper.cell_at((0.02, -2.0)) == state
 
 
-def test_the_robot_s_own_footprint_is_free_and_what_is_known_stays_known() -> None:
+def test_the_robots_own_footprint_is_free_and_known_cells_stay_known() -> None:
     mapper = OccupancyMapper(centre_xz=(10.0, -3.0))
     mapper.stand((10.0, -3.0))
     assert mapper.cell_at((10.1, -3.1)) == FREE

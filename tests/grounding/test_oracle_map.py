@@ -1,4 +1,4 @@
-"""Geometry of oracle maps and what their cells hold."""
+"""Geometry of oracle maps and the vectors of their cells."""
 
 from pathlib import Path
 
@@ -27,12 +27,12 @@ def home(small_root: Path) -> OracleHome:
     return oracle_home(PersonalDataset(small_root), "HomeOne")
 
 
-def test_the_grids_corner_its_rows_and_columns_and_the_texts_of_its_cells_are_as_by_hand(home: OracleHome) -> None:
-    # HomeOne: x from 2.25 (table) to 10.0 (view point of sofa_3), z from 1.75 (its other one) to 7.75
+def test_the_grid_its_cells_and_their_vectors_equal_those_computed_by_hand(home: OracleHome) -> None:
+    # HomeOne: x from 2.25 (table) to 10.0 (a view point of sofa_3), z from 1.75 (its other view point) to 7.75
     assert home.centre_xz == (6.125, 4.75)
     assert home.grid == GridSpec((-19.0, -21.0), 1.0, (50, 50))
     ground = objects_map(home, WORDS, floor_id="0")
-    # lamp_4 and sofa_3 share the cell of x 9.., z 2..; table x 2.25, z 7.75; sofa_2 x 5.5, z 7.5
+    # lamp_4 and sofa_3 share the cell at x = 9-10, z = 2-3; the table is at (2.25, 7.75), sofa_2 at (5.5, 7.5)
     assert ground.rc.tolist() == [[23, 28], [28, 21], [28, 24]]
     assert ground.weights.tolist() == [2, 1, 1]
     assert ground.points_from_rc(ground.rc[1:2]).tolist() == [[2.5, 0.0, 7.5]]
@@ -41,14 +41,14 @@ def test_the_grids_corner_its_rows_and_columns_and_the_texts_of_its_cells_are_as
     assert ground.encoder == "hashed-words-768"
 
 
-def test_a_storeys_map_holds_its_objects_and_the_merged_one_remembers_each_cells_floor(home: OracleHome) -> None:
+def test_the_map_of_a_storey_holds_its_objects_and_the_merged_map_the_floor_of_each_cell(home: OracleHome) -> None:
     upper = objects_map(home, WORDS, floor_id="1")
     assert upper.rc.tolist() == [[23, 25], [28, 21]]
     assert upper.floor_y == 3.0
     assert upper.points_from_rc(upper.rc)[:, 1].tolist() == [3.0, 3.0]
     merged = objects_map(home, WORDS, floor_id=None)
     assert merged.rc.tolist() == [[23, 25], [23, 28], [28, 21], [28, 24]]
-    # the table (ground floor) and the bed (upper floor) share a cell; the lower one counts at a tie
+    # the table (ground floor) and the bed (upper floor) share a cell; on a tie the lower floor counts
     assert merged.cell_y.tolist() == [3.0, 0.0, 0.0, 0.0]
     np.testing.assert_allclose(
         merged.rows[2], unit_sum("low oak table with a green bowl", "wide bed with a purple blanket"), atol=1e-6
@@ -72,7 +72,7 @@ def test_the_dense_view_is_zero_in_empty_cells(small_root: Path) -> None:
     np.testing.assert_array_equal(dense[tuple(ground.rc[1])], ground.rows[1])
 
 
-def test_cells_in_any_order_are_packed_row_major_and_zero_vectors_left_out() -> None:
+def test_cells_in_any_order_are_stored_row_by_row_without_zero_vectors() -> None:
     memory = map_from_cells(
         np.array([[0.0, 2.0], [3.0, 4.0], [0.0, 0.0]]),
         np.array([[1, 0], [0, 2], [0, 1]]),

@@ -1,4 +1,4 @@
-"""Variants of oracle maps: what each step does, their statistics and seeds."""
+"""Variants of oracle maps: the effect of each option, statistics and seeds."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +21,7 @@ def homes(small_root: Path) -> tuple[OracleHome, OracleHome]:
     return oracle_home(dataset, "HomeOne"), oracle_home(dataset, "HomeTwo")
 
 
-def test_no_change_gives_the_objects_map_other_storeys_are_unseen_and_clutter_needs_other_homes(homes) -> None:
+def test_a_plain_variant_equals_the_objects_map_of_one_storey_and_clutter_needs_other_homes(homes) -> None:
     plain = objects_map(homes[1], WORDS, floor_id="0")
     same = variant_map(homes[1], WORDS, floor_id="0", variant=OracleVariant())
     np.testing.assert_array_equal(plain.rows, same.rows)
@@ -35,8 +35,8 @@ def test_no_change_gives_the_objects_map_other_storeys_are_unseen_and_clutter_ne
         variant_map(homes[1], WORDS, floor_id="0", variant=OracleVariant(clutter=True))
 
 
-def test_blur_of_any_width_fills_the_cells_that_hold_an_object_or_a_view_point(homes) -> None:
-    # HomeTwo: objects in cells of x -3.5, z -1.5; 1.5, -1.5; 0.5, 4.5; view points at x + 0.5 and at z - 0.75
+def test_blur_of_any_width_fills_exactly_the_cells_with_an_object_or_a_view_point(homes) -> None:
+    # HomeTwo: objects in the cells at x, z = -3.5, -1.5; 1.5, -1.5; 0.5, 4.5; view points at x + 0.5 and at z - 0.75
     home = homes[1]
     blurred = variant_map(home, WORDS, floor_id="0", variant=OracleVariant(blur=0.5))
     spots = {(-3.5, -1.5), (1.5, -1.5), (0.5, 4.5), (-2.5, -1.5), (2.5, -1.5), (1.5, 4.5)}
@@ -65,14 +65,14 @@ def test_noise_has_the_stated_deviation_of_the_cosine() -> None:
     rows[:, 0] = 7.0
     worse = noisy(rows, c, rng)
     np.testing.assert_allclose(np.linalg.norm(worse, axis=1), 1)
-    # unit(v + c sqrt(E) n) is v with error of deviation c in every direction, over a length of about sqrt(1 + c^2 E)
+    # unit(v + c sqrt(E) n) is v with an error of deviation c in every direction, divided by about sqrt(1 + c^2 E)
     length = np.sqrt(1 + c**2 * size)
     assert worse[:, 1].std() * length == pytest.approx(c, rel=0.03)
     assert worse[:, 0].mean() * length == pytest.approx(1, rel=0.03)
     np.testing.assert_allclose(noisy(rows, 0.0, rng)[:, 0], 1)
 
 
-def test_clutter_fills_every_observed_cell_without_an_object_from_other_homes(homes) -> None:
+def test_clutter_fills_every_observed_cell_without_an_object_with_texts_of_other_homes(homes) -> None:
     first, second = homes
     texts = other_texts(homes, "HomeTwo")
     assert texts == tuple(item.text for item in first.objects)
@@ -85,7 +85,7 @@ def test_clutter_fills_every_observed_cell_without_an_object_from_other_homes(ho
     np.testing.assert_allclose(cosines.max(axis=1), 1, atol=1e-5)
 
 
-def test_seeds_name_the_map(homes) -> None:
+def test_the_seed_decides_the_map(homes) -> None:
     variant = OracleVariant(blur=0.5, object_noise=0.1, cell_noise=0.1, clutter=True, seed=3)
     texts = other_texts(homes, "HomeOne")
 
@@ -99,11 +99,11 @@ def test_seeds_name_the_map(homes) -> None:
     assert not np.allclose(first, rows(replace(variant, cell_noise=0.0)))
 
 
-def test_an_objects_noise_is_the_same_on_the_merged_map(homes) -> None:
+def test_the_noise_of_an_object_is_the_same_on_the_merged_map(homes) -> None:
     variant = OracleVariant(object_noise=0.2, seed=1)
     storey = variant_map(homes[0], WORDS, floor_id="0", variant=variant)
     merged = variant_map(homes[0], WORDS, floor_id=None, variant=variant)
-    sofa = homes[0].grid.rc_from_xz(np.array([5.5, 7.5]))  # alone in its cell on both
+    sofa = homes[0].grid.rc_from_xz(np.array([5.5, 7.5]))  # alone in its cell on both maps
     at = [int((memory.rc == sofa).all(axis=1).argmax()) for memory in (storey, merged)]
     np.testing.assert_allclose(storey.rows[at[0]], merged.rows[at[1]], atol=1e-6)
 

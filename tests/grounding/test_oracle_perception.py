@@ -1,4 +1,4 @@
-"""Oracle perception: what it sees, and that its errors are as large, as lasting and as repeatable as they are said."""
+"""Oracle perception: its vectors, and errors that have the stated size, persist as stated and repeat with the seed."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -38,7 +38,7 @@ def text(words: str) -> np.ndarray:
     return WORDS.encode_texts([words])[0]
 
 
-def test_patches_are_the_captions_of_the_instances_in_them() -> None:
+def test_a_patch_has_the_vector_of_its_instances_caption() -> None:
     patches = perception().encode_patches([frame([[1, 2, 0], [9, 7, 1]])])[0]
     assert patches.shape == (2, 3, 768)
     assert np.array_equal(patches[0, 0], text("red wooden chair"))
@@ -49,19 +49,19 @@ def test_patches_are_the_captions_of_the_instances_in_them() -> None:
     assert not patches[1, 0].any()  # an instance without a caption
 
 
-def test_a_picture_is_the_mean_by_pixels_and_a_patch_the_id_with_most_or_the_lowest() -> None:
+def test_a_picture_is_the_mean_over_pixels_and_a_patch_has_its_most_frequent_id_or_the_lowest() -> None:
     seen = perception().encode_images([frame([[1, 1, 1], [2, 0, 9]]), frame([[0, 9, 0]])])
     expected = 3 * text("red wooden chair") + text("large white sofa")
     assert np.allclose(seen[0], expected / np.linalg.norm(expected), atol=1e-6)
     assert not seen[1].any()
     ids = np.array([[1, 1, 5, 5], [1, 5, 2, 2], [0, 0, 3, 3], [0, 4, 3, 9]])
     assert winning_ids(ids, patch=2).tolist() == [[1, 2], [0, 3]]
-    # 5 columns in patches of about 2: columns 0-2 and 3-4
+    # 5 columns in patches of about 2 are columns 0-2 and 3-4
     assert winning_ids(np.array([[1, 1, 2, 2, 2]]), patch=2).tolist() == [[1, 2]]
     assert winning_ids(np.array([[6, 6, 6]]), patch=16).tolist() == [[6]]
 
 
-def test_the_name_says_space_and_oracle_and_queries_are_the_text_encoders() -> None:
+def test_the_name_gives_the_space_and_the_oracle_and_the_text_encoder_encodes_queries() -> None:
     encoder = perception()
     assert (encoder.name, encoder.dim) == ("hashed-words-768+oracle-perception", 768)
     assert np.array_equal(encoder.encode_texts(["copper lamp"])[0], text("copper lamp"))
@@ -89,14 +89,14 @@ def test_the_same_frames_give_the_same_vectors_in_any_batch_and_order() -> None:
     )
 
 
-def test_view_noise_is_the_deviation_of_the_cosine_and_new_in_each_view_and_patch() -> None:
+def test_view_noise_is_the_deviation_of_the_cosine_and_is_drawn_for_each_view_and_patch() -> None:
     encoder, rng = perception(view_noise=0.05), np.random.default_rng(0)
     probe = rng.standard_normal((2000, 768))
     probe /= np.linalg.norm(probe, axis=1, keepdims=True)
     first, second = encoder.encode_patches([frame([[1, 1]]), frame([[1, 1]], x=1.0)])[:, 0]
     vectors = [first[0], first[1], second[0], second[1]]
     exact = text("red wooden chair")
-    length = np.sqrt(1 + 768 * 0.05**2)  # of the vector with noise, before it is made a unit vector
+    length = np.sqrt(1 + 768 * 0.05**2)  # length of the noisy vector before it is normalized
     for vector in vectors:
         assert float(np.std(probe @ (vector * length - exact))) == pytest.approx(0.05, rel=0.1)
     errors = np.array(vectors) * length - exact
@@ -104,7 +104,7 @@ def test_view_noise_is_the_deviation_of_the_cosine_and_new_in_each_view_and_patc
     assert np.abs((errors @ errors.T)[~np.eye(4, dtype=bool)]).max() < 0.2
 
 
-def test_view_noise_averages_out_and_seeds_homes_and_options_draw_apart() -> None:
+def test_view_noise_averages_out_and_object_noise_depends_on_seed_and_home_but_not_on_other_options() -> None:
     views = [frame([[1]], x=float(x)) for x in range(100)]
     of_views = perception(view_noise=0.1).encode_patches(views)[:, 0, 0].mean(axis=0)
     of_objects = perception(object_noise=0.1).encode_patches(views)[:, 0, 0]
@@ -117,13 +117,13 @@ def test_view_noise_averages_out_and_seeds_homes_and_options_draw_apart() -> Non
     assert np.array_equal(one, perception(object_noise=0.1, background="clutter").encode_patches([frame([[1]])]))
 
 
-def test_confused_instances_take_another_text_of_the_home_if_there_is_one_and_keep_it() -> None:
+def test_a_confused_instance_has_one_other_text_of_the_home_if_there_is_one() -> None:
     captions = {i: f"thing number{i}" for i in range(1, 401)} | {401: "thing number1"}
     some = perception(captions, confusion=0.2).perceived
     more = perception(captions, confusion=0.5).perceived
     wrong_some = {i for i, words in some.items() if words != captions[i]}
     wrong_more = {i for i, words in more.items() if words != captions[i]}
-    assert 55 <= len(wrong_some) <= 105  # 80 expected, standard deviation 8
+    assert 55 <= len(wrong_some) <= 105  # 80 are expected, with a standard deviation of 8
     assert wrong_some < wrong_more
     assert {some[i] for i in wrong_some} <= set(captions.values())
     assert all(some[i] == more[i] for i in wrong_some)
@@ -132,7 +132,7 @@ def test_confused_instances_take_another_text_of_the_home_if_there_is_one_and_ke
     assert perception({1: "bed", 2: "bed"}, confusion=1.0).perceived == {1: "bed", 2: "bed"}
 
 
-def test_clutter_is_lasting_per_instance_and_per_place_and_needs_depth() -> None:
+def test_clutter_stays_the_same_for_an_instance_and_a_place_and_needs_depth() -> None:
     encoder = perception(background="clutter")
     clutter = WORDS.encode_texts(CLUTTER_TEXTS)
     here, there = encoder.encode_patches([frame([[9, 0, 1]]), frame([[9, 0, 1]], x=40.0)])[:, 0]
@@ -147,7 +147,7 @@ def test_clutter_is_lasting_per_instance_and_per_place_and_needs_depth() -> None
     assert not perception(background="clutter").encode_patches([frame([[0]], depth=0.0)]).any()
 
 
-def test_frames_of_a_robot_and_of_several_sizes_are_refused() -> None:
+def test_frames_without_instance_ids_or_of_several_sizes_are_refused() -> None:
     with pytest.raises(AgentError, match="a frame has no instance ids; expected those of the simulator"):
         perception().encode_patches([replace(frame([[1]]), ids=None)])
     with pytest.raises(AgentError, match=r"frames are of sizes \[\(8, 8\), \(8, 16\)\]; expected one"):
@@ -169,7 +169,7 @@ def test_impossible_options_are_refused(options: dict, message: str) -> None:
 
 
 class OneScene:
-    """As much of a Scene as texts need."""
+    """The part of a Scene that `texts` needs."""
 
     name = "HomeOne"
 

@@ -1,4 +1,4 @@
-"""Agents, encoders, methods and phrases of a user, named on the command line: names, labels, changed code."""
+"""Agents, encoders, methods and phrases of a user on the command line: names, labels, changed code."""
 
 import importlib
 import json
@@ -54,7 +54,7 @@ class Nobody:
 
 @pytest.fixture
 def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """The present folder, with plug-ins."""
+    """The current folder, with plug-ins."""
     before = set(sys.modules), list(sys.path)
     for name, text in (("agent", AGENT), ("words", ENCODER), ("middle", GROUNDER), ("nobody", PHRASES)):
         (tmp_path / f"own_{name}.py").write_text(text)
@@ -67,14 +67,14 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 def change(file: Path) -> None:
-    """Another version of a plug-in, as a new process would find it."""
+    """Changes a plug-in; it is loaded again as in a new process."""
     file.write_text(file.read_text() + "\nVERSION = 2\n")
     sys.modules.pop(file.stem, None)
     importlib.invalidate_caches()
 
 
 @pytest.mark.slow
-def test_a_run_has_the_agents_name_and_versions_share_a_table(
+def test_a_run_is_named_after_the_agent_and_its_versions_can_share_a_table(
     own: Path, small_root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     options = {"dataset": small_root, "agent": "own_agent:Turner", "limit": 1, "split": ("easy",)}
@@ -99,7 +99,7 @@ def test_a_run_has_the_agents_name_and_versions_share_a_table(
 
 
 @pytest.mark.slow
-def test_ground_takes_an_encoder_a_method_and_phrases_of_ones_own(own: Path, small_root: Path) -> None:
+def test_ground_accepts_an_encoder_a_method_and_phrases_of_the_user(own: Path, small_root: Path) -> None:
     assert Ground(small_root, "qs", encoder="own_words:Words", limit=1).run() == 0
     (folder,) = (own / "runs").iterdir()
     assert folder.name == "ground-qs-oracle-my-words-768-storey-given-seed0"
@@ -121,7 +121,7 @@ def test_ground_takes_an_encoder_a_method_and_phrases_of_ones_own(own: Path, sma
     assert read_run_info(own / "runs" / "nobody").config["phrases"] == "nobody"
 
 
-def test_the_name_that_map_files_carry_is_an_encoders_name(own: Path, small_root: Path) -> None:
+def test_the_encoder_name_in_map_files_is_accepted_too(own: Path, small_root: Path) -> None:
     assert Ground(small_root, "qs", encoder="hashed-words-768", limit=1).run() == 0
     (folder,) = (own / "runs").iterdir()
     assert read_run_info(folder).config["encoder"] == "hashed"
@@ -139,7 +139,7 @@ def test_the_name_that_map_files_carry_is_an_encoders_name(own: Path, small_root
         ({"phrases": "rulez"}, "--phrases is 'rulez'; expected dataset, rules, llm, or your own"),
     ],
 )
-def test_a_wrong_plug_in_is_one_line_before_anything_is_written(
+def test_a_wrong_plug_in_is_refused_in_one_line_before_anything_is_written(
     own: Path, small_root: Path, options: dict[str, str], message: str
 ) -> None:
     with pytest.raises(AgentError, match=message) as caught:
@@ -148,7 +148,7 @@ def test_a_wrong_plug_in_is_one_line_before_anything_is_written(
     assert not (own / "runs").exists()
 
 
-def test_an_episode_may_be_named_as_a_person_types_it(small_root: Path) -> None:
+def test_an_episode_can_be_named_by_text(small_root: Path) -> None:
     from sim import Dataset
 
     dataset = Dataset(small_root)

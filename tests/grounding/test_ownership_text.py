@@ -1,4 +1,4 @@
-"""Queries and phrases in all their forms."""
+"""Queries and phrases are parsed in all their forms."""
 
 import pytest
 
@@ -25,7 +25,7 @@ def test_every_wording_gives_owner_and_category(query: str) -> None:
     ],
     ids=["one of several loses the bare plural s", "a category in s", "owner in s", "bare apostrophe", "no owner"],
 )
-def test_odd_owners_and_plurals_are_parsed(query: str, wanted: Wanted | None) -> None:
+def test_unusual_owners_and_plurals_are_parsed(query: str, wanted: Wanted | None) -> None:
     assert parse_query(query) == wanted
 
 
@@ -40,7 +40,7 @@ def test_odd_owners_and_plurals_are_parsed(query: str, wanted: Wanted | None) ->
         ("", "a blue rug in the hall", "blue rug", "hall"),
     ],
 )
-def test_phrases_give_owner_thing_and_room(owner: str, text: str, thing: str, room: str) -> None:
+def test_phrases_give_owner_object_and_room(owner: str, text: str, thing: str, room: str) -> None:
     assert parse_phrase(f"{owner} owns {text}" if owner else text) == OwnedThing(owner, text, thing, room)
 
 
@@ -49,7 +49,7 @@ def chosen(query: str, *phrases: str) -> int | None:
     return None if asked is None else asked.chosen
 
 
-def test_only_the_owners_phrases_are_looked_at_and_the_categorys_word_decides() -> None:
+def test_only_phrases_of_the_owner_count_and_the_category_decides_between_them() -> None:
     phrases = ("Bo owns a chair", "Mira owns a lamp with a chain", "Mira owns two wooden chairs in the hall")
     assert chosen("Find Mira's chair", *phrases) == 2
     assert chosen("Find mira's lamp", *phrases) == 1
@@ -57,6 +57,6 @@ def test_only_the_owners_phrases_are_looked_at_and_the_categorys_word_decides() 
     assert chosen("Find Mira's chair", "Mira owns a red chair", "Mira owns a red chair") == 0
     assert chosen("Find Zoe's chair", "Mira owns a red chair") is None
     assert chosen("Find a chair", "Mira owns a red chair") is None
-    # the first phrase is nothing but the category's second word; the second holds the category among many words
+    # the first phrase is only the second word of the category; the second has the whole category among many words
     phrases = ("Mira owns a table", "Mira owns a low grey stone coffee table beside the big green velvet couch")
     assert chosen("Find Mira's coffee table", *phrases) == 1

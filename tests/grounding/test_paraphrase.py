@@ -1,4 +1,4 @@
-"""Paraphrase levels of captions: what changes, what stays, and that it is the same each time."""
+"""Paraphrase levels of captions: changed words, kept words, and the same result each time."""
 
 import numpy as np
 import pytest
@@ -23,13 +23,13 @@ def words(text: str) -> set[str]:
     return {word.strip(",.").lower() for word in text.split()} - STOP_WORDS
 
 
-def test_level_0_is_the_caption_level_3_the_category_and_no_word_its_own_synonym() -> None:
+def test_level_0_is_the_caption_level_3_the_category_and_no_word_is_its_own_synonym() -> None:
     assert paraphrase(CAPTION, "table", level=0) == CAPTION
     assert paraphrase(CAPTION, "table", level=3) == "table"
     assert all(word not in choices and choices for word, choices in REWORDINGS.items())
 
 
-def test_level_1_says_the_same_in_other_words_or_turns_them_round() -> None:
+def test_level_1_says_the_same_in_other_words_or_another_order() -> None:
     said = paraphrase(CAPTION, "table", level=1)
     assert "table" in words(said)
     assert not words(said) & {"small", "round", "wooden", "grey", "couch", "window", "red"}
@@ -39,8 +39,8 @@ def test_level_1_says_the_same_in_other_words_or_turns_them_round() -> None:
     assert turned == {"velvet quilted footstool", "quilted velvet footstool"}
 
 
-def test_level_2_keeps_half_of_what_is_said_in_the_annotators_words() -> None:
-    # attributes: small, round, wooden, next to the couch, under the window, a red vase: three of six stay
+def test_level_2_keeps_half_of_the_attributes_in_the_annotators_words() -> None:
+    # three of six attributes stay: small, round, wooden, next to the couch, under the window, a red vase
     for seed in range(10):
         said = paraphrase(CAPTION, "table", level=2, seed=seed)
         own = words(said) & {"small", "round", "wooden"}
@@ -70,14 +70,14 @@ def test_the_category_is_never_replaced(level) -> None:
         assert "sofa" not in said
 
 
-def test_the_same_seed_gives_the_same_words_and_others_differ() -> None:
+def test_the_same_seed_gives_the_same_words_and_another_seed_gives_others() -> None:
     for level in (1, 2):
         first = [paraphrase(text, category, level=level) for text, category in MADE_UP]
         assert first == [paraphrase(text, category, level=level) for text, category in MADE_UP]
         assert first != [paraphrase(text, category, level=level, seed=1) for text, category in MADE_UP]
 
 
-def test_word_overlap_falls_with_the_attributes() -> None:
+def test_the_overlap_of_words_falls_as_attributes_are_dropped() -> None:
     encoder = HashedWords()
     exact = encoder.encode_texts([text for text, _ in MADE_UP])
     means = []

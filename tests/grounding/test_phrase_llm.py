@@ -1,4 +1,4 @@
-"""Phrases from a chat endpoint: what is sent, what is kept, and what happens when it answers wrongly or not at all."""
+"""Phrases from a chat endpoint: the request, the cache, and rules as the fallback for wrong or missing answers."""
 
 import json
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ def stub() -> Iterator[ChatStub]:
 
 
 class Source:
-    """A source on the stub, with the warnings that it gave."""
+    """A phrase source that asks the stub, and the warnings that it gave."""
 
     def __init__(self, stub: ChatStub, **options: object) -> None:
         self.warnings: list[str] = []
@@ -51,7 +51,7 @@ class Source:
         return self.source.phrases(task)
 
 
-def test_the_model_is_asked_once_and_gets_the_description_alone(stub: ChatStub) -> None:
+def test_the_model_is_asked_once_and_gets_only_the_description(stub: ChatStub) -> None:
     first = Source(stub)
     assert first.ask() == first.ask() == PHRASES
     assert Source(stub).ask() == PHRASES
@@ -64,7 +64,7 @@ def test_the_model_is_asked_once_and_gets_the_description_alone(stub: ChatStub) 
     assert first.warnings == []
 
 
-def test_another_model_or_another_text_is_another_question(stub: ChatStub) -> None:
+def test_another_model_or_another_text_is_asked_again(stub: ChatStub) -> None:
     Source(stub).ask()
     Source(stub, model="large").ask()
     Source(stub).ask(Task("pog", TEXT + " That is all.", ("Find Ada's lamp",)))
@@ -87,12 +87,12 @@ def test_an_address_with_a_password_is_refused() -> None:
         LlmOptions.model_validate({"base_url": "http://me:pw@127.0.0.1/v1", "model": "m"})
 
 
-def test_fences_and_thoughts_around_the_json_are_read_over(stub: ChatStub) -> None:
+def test_code_fences_and_thoughts_around_the_json_are_ignored(stub: ChatStub) -> None:
     stub.content = f"<think>Who is {{Bo}}?</think>Here:\n```json\n{stub.content}\n```"
     assert Source(stub).ask() == PHRASES
 
 
-def test_a_server_that_does_not_answer_in_time_is_read_by_rules(stub: ChatStub) -> None:
+def test_rules_read_the_text_if_the_server_does_not_answer_in_time(stub: ChatStub) -> None:
     stub.is_stuck = True
     source = Source(stub, timeout_s=0.1)
     assert source.ask() == RulePhrases().phrases(TASK)
@@ -102,7 +102,7 @@ def test_a_server_that_does_not_answer_in_time_is_read_by_rules(stub: ChatStub) 
 @pytest.mark.parametrize(
     "content", ["I cannot say.", '{"ownership": "Ada"}', '{"owners": []}', '{"ownership": [', None]
 )
-def test_an_answer_that_is_not_the_json_asked_for_is_not_kept_and_the_rules_read(
+def test_rules_read_the_text_if_the_answer_is_not_the_requested_json_and_it_is_not_cached(
     stub: ChatStub, content: str | None
 ) -> None:
     right = stub.content
@@ -116,14 +116,14 @@ def test_an_answer_that_is_not_the_json_asked_for_is_not_kept_and_the_rules_read
 
 
 @pytest.mark.parametrize("body", [b"<html>busy</html>", b"{}", b'{"choices": []}', b"null"])
-def test_a_body_that_is_no_chat_answer_is_read_by_rules(stub: ChatStub, body: bytes) -> None:
+def test_rules_read_the_text_if_the_body_is_no_chat_answer(stub: ChatStub, body: bytes) -> None:
     stub.body = body
     broken = Source(stub)
     assert broken.ask() == RulePhrases().phrases(TASK)
     assert broken.source.num_fallbacks == 1
 
 
-def test_owners_whom_the_text_does_not_name_are_left_out(stub: ChatStub) -> None:
+def test_owners_that_the_text_does_not_name_are_left_out(stub: ChatStub) -> None:
     strangers = [{"owner": "Zoe", "object": "the sofa"}, {"owner": "Ad", "object": "the sofa"}]
     stub.content = json.dumps({"ownership": [*strangers, *ENTRIES]})
     source = Source(stub)
@@ -136,7 +136,7 @@ def test_owners_whom_the_text_does_not_name_are_left_out(stub: ChatStub) -> None
     assert source.source.num_fallbacks == 1
 
 
-def test_a_failing_server_is_read_by_rules_and_no_longer_asked_after_five_failures(
+def test_rules_replace_a_failing_server_which_is_no_longer_asked_after_five_failures(
     stub: ChatStub, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stub.status = 500

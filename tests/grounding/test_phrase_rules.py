@@ -1,4 +1,4 @@
-"""Phrases read out of paragraphs by rules: sentence forms by hand, invented homes, and the released descriptions."""
+"""Phrases that rules read from paragraphs: handmade sentences, invented homes, and the released descriptions."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ needs_release = pytest.mark.skipif(not RELEASE.is_dir(), reason=f"the released d
         ("There is an oak desk in the study, and Ada is its owner.", ["Ada owns an oak desk in the study"]),
     ],
 )
-def test_one_thing_of_one_person(text: str, phrases: list[str]) -> None:
+def test_one_object_of_one_person_is_read(text: str, phrases: list[str]) -> None:
     assert list(phrases_in(text)) == phrases
 
 
@@ -49,13 +49,13 @@ def test_one_thing_of_one_person(text: str, phrases: list[str]) -> None:
         "Ada, Bo, and Cy are the owners of the blue sofa in the den.",
     ],
 )
-def test_a_shared_thing_gives_a_phrase_for_each_owner(text: str) -> None:
+def test_a_shared_object_gives_a_phrase_for_each_owner(text: str) -> None:
     found = phrases_in(text)
     assert [phrase.split(" owns ")[0] for phrase in found] == ["Ada", "Bo", "Cy"]
     assert all("blue sofa" in phrase and phrase.endswith("in the den") for phrase in found)
 
 
-def test_lists_are_split_into_things_places_joined_by_and_are_not_and_both_means_the_two_before() -> None:
+def test_lists_are_split_into_objects_but_not_at_and_within_a_place_and_both_means_the_last_two() -> None:
     text = "Ada owns several items: a tall mirror in the hall, an oak desk in the study, and the lamp over the piano."
     assert phrases_in(text) == (
         "Ada owns a tall mirror in the hall",
@@ -78,14 +78,14 @@ def test_lists_are_split_into_things_places_joined_by_and_are_not_and_both_means
 
 
 @pytest.mark.parametrize("pronoun", ["She", "He", "They", "The same person"])
-def test_pronouns_mean_the_people_named_last(pronoun: str) -> None:
+def test_pronouns_mean_the_person_named_last(pronoun: str) -> None:
     text = (
         f"In the hall, Bo owns a tall mirror. In the den, Ada owns a blue sofa. {pronoun} also owns a rug in the attic."
     )
     assert phrases_in(text)[2] == "Ada owns a rug in the attic"
 
 
-def test_a_short_name_gets_the_words_that_the_text_used_before() -> None:
+def test_a_short_mention_of_an_object_gets_the_words_that_the_text_used_before() -> None:
     text = (
         "The kitchen contains a steel microwave above the counters, and a small table near the door. "
         "Ada and Bo own the microwave, while the table is shared by Bo and Cy."
@@ -98,7 +98,7 @@ def test_a_short_name_gets_the_words_that_the_text_used_before() -> None:
     )
 
 
-def test_a_name_after_and_begins_the_next_clause_and_names_with_hyphens_and_accents_are_whole() -> None:
+def test_a_name_after_and_begins_the_next_clause_and_names_with_hyphens_and_accents_stay_whole() -> None:
     text = "In the hall, the tall mirror belongs to Ada, and Bo owns a rug near it."
     assert [phrase.split(" owns ")[0] for phrase in phrases_in(text)] == ["Ada", "Bo"]
     text = "In the hall, Anne-Marie owns a rug, and the tall mirror belongs to Søren and O'Neil."
@@ -123,7 +123,7 @@ def test_a_text_without_owners_has_no_phrases() -> None:
         "Ada\nowns\n\n; ; ,. it. They have. Both belong to.",
     ],
 )
-def test_odd_texts_are_read_without_an_error_and_in_bounded_time(text: str) -> None:
+def test_unusual_texts_are_read_without_an_error_and_in_bounded_time(text: str) -> None:
     assert all(" owns " in phrase for phrase in phrases_in(text))
 
 
@@ -143,11 +143,11 @@ LONG = "Ada owns a red lamp, small brass feet, wicker basket, round cushion, str
     ],
     ids=["any order", "a wrong owner", "a longer phrase", "one match each", "all descriptions together", "nothing"],
 )
-def test_agreement_of_phrases_by_hand(found: list, reference: list, scores: tuple[float, ...]) -> None:
+def test_agreement_of_phrases_is_as_computed_by_hand(found: list, reference: list, scores: tuple[float, ...]) -> None:
     assert phrase_scores(found, reference) == pytest.approx(scores)
 
 
-def test_every_form_that_invented_descriptions_have_is_read() -> None:
+def test_every_sentence_form_of_invented_descriptions_is_read() -> None:
     things = ("red lamp near the window", "oak desk", "blue bowl on the table", "grey rug", "tall mirror", "green sofa")
     rooms = ("hall", "study", "kitchen", "main bedroom")
     people = ("Ada", "Bo", "Cyril", "Dee")
@@ -167,7 +167,7 @@ def test_every_form_that_invented_descriptions_have_is_read() -> None:
 
 @pytest.mark.slow
 @needs_release
-def test_all_phrasings_of_all_released_queries_are_read() -> None:
+def test_all_wordings_of_all_released_queries_are_parsed() -> None:
     queries = [(episode, query) for episode in PersonalDataset(RELEASE).episodes() for query in episode.record.query]
     assert len(queries) == 12_000
     for episode, query in queries:
@@ -178,14 +178,14 @@ def test_all_phrasings_of_all_released_queries_are_read() -> None:
 
 @pytest.mark.release
 @needs_release
-def test_released_descriptions_of_scenes_not_looked_at_are_read_as_well_as_the_reference() -> None:
+def test_released_descriptions_of_held_out_scenes_are_read_as_well_as_by_the_reference() -> None:
     dataset = PersonalDataset(RELEASE)
     held_out = tuple(sorted(dataset.scenes)[1::2])
     episodes = list(dataset.episodes(scenes=held_out))
     source = RulePhrases()
     found = [source.phrases(episode.task("pog")) for episode in episodes]
     scores = phrase_scores(found, [tuple(dict.fromkeys(episode.record.extracted_summary)) for episode in episodes])
-    # GROUNDING.md, section 6: .83, .92, .95; ours .92, .957, .999
+    # reference, GROUNDING.md section 6: .83, .92, .95; ours: .92, .957, .999
     assert scores.pair_f1 > 0.91
     assert scores.pair_overlap_f1 > 0.95
     assert scores.owner_f1 > 0.99

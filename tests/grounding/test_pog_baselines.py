@@ -1,4 +1,4 @@
-"""Random cell, map centre, query scoring, the ranking of cells, and phrases of the data set."""
+"""Random cell, map centre, query scoring, the ranking of cells, and phrases of the dataset."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ TASK = Task("pog", "Ada owns the oak table. Bo owns the grey sofa.", ("Find Bo's
 
 
 def small_map(*texts: str, encoder: str = WORDS.name) -> FeatureMap:
-    """A 4 x 6 grid of half metres whose cells (1, 0), (1, 2), (1, 4) hold the texts."""
+    """A 4 x 6 grid with cells of 0.5 m, whose cells (1, 0), (1, 2), (1, 4) hold the texts."""
     return map_from_cells(
         WORDS.encode_texts(texts),
         np.array([[1, 2 * index] for index in range(len(texts))]),
@@ -30,7 +30,7 @@ def small_map(*texts: str, encoder: str = WORDS.name) -> FeatureMap:
     )
 
 
-def test_ranking_takes_the_best_first_ties_by_cell_and_drops_neighbours() -> None:
+def test_ranking_is_best_first_with_ties_by_cell_and_drops_neighbours() -> None:
     line = np.array([[0, col] for col in range(5)])
     scores = np.array([0.1, 0.9, 0.8, -np.inf, 0.7])
     assert rank_cells(scores, line) == [1, 4]
@@ -42,24 +42,24 @@ def test_ranking_takes_the_best_first_ties_by_cell_and_drops_neighbours() -> Non
     assert rank_cells(np.full(3, -np.inf), np.array([[0, 0], [0, 1], [0, 2]])) == []
 
 
-def test_query_scoring_answers_the_cell_most_like_the_query() -> None:
+def test_query_scoring_answers_with_the_cell_most_similar_to_the_query() -> None:
     grounding = QueryScoring(WORDS).ground(small_map("oak table", "grey sofa", "tall lamp"), TASK, ())
     first = grounding.candidates[0]
-    # column 2 of half-metre cells from x = 10, row 1 from z = -2
+    # column 2 of 0.5 m cells from x = 10, row 1 from z = -2
     assert first.position == (11.25, 3.0, -1.25)
     assert (first.row, first.col, first.index) == (1, 2, 8)
-    # "bo", "sofa", "bo sofa" against "grey", "sofa", "grey sofa"
+    # "bo", "sofa", "bo sofa" and "grey", "sofa", "grey sofa" share one of three terms
     assert first.score == pytest.approx(1 / 3)
     assert len(grounding.candidates) == 3
 
 
-def test_the_centre_is_the_middle_of_the_home_on_the_maps_floor() -> None:
+def test_the_centre_is_the_middle_of_the_home_on_the_floor_of_the_map() -> None:
     (candidate,) = MapCentre().ground(small_map("oak table"), TASK, ()).candidates
     assert candidate.position == (11.2, 3.0, -0.9)
     assert (candidate.row, candidate.col, candidate.index) == (2, 2, 14)
 
 
-def test_random_cells_are_three_different_ones_and_stay_the_same_for_a_task() -> None:
+def test_random_cells_are_three_distinct_ones_and_always_the_same_for_a_task() -> None:
     memory = small_map("oak table")
     first = RandomCell(seed=0).ground(memory, TASK, ()).candidates
     assert len({candidate.index for candidate in first}) == 3
@@ -73,12 +73,12 @@ def test_random_cells_cover_the_whole_grid_evenly() -> None:
     tasks = [Task("pog", f"home {number}", ("Find it",)) for number in range(2400)]
     first = [grounder.ground(memory, task, ()).candidates[0].index for task in tasks]
     counts = np.bincount(first, minlength=24)
-    # 100 expected per cell, standard deviation 10
+    # 100 are expected per cell, with a standard deviation of 10
     assert counts.min() > 60
     assert counts.max() < 140
 
 
-def test_rpg_shows_its_layers_on_the_maps_cells() -> None:
+def test_rpg_shows_its_layers_on_the_cells_of_the_map() -> None:
     phrases = ("Ada owns the oak table", "Bo owns the grey sofa")
     grounder = RegionGated(WORDS, options=RpgOptions(top_k=1, nhood=0))
     grounding = grounder.ground(small_map("oak table", "grey sofa", "tall lamp"), TASK, phrases)
@@ -118,7 +118,7 @@ def test_rpg_and_query_scoring_refuse_a_map_of_another_encoder() -> None:
         )
 
 
-def test_phrases_of_the_data_set_are_found_by_task(small_root: Path) -> None:
+def test_phrases_of_the_dataset_are_found_by_task(small_root: Path) -> None:
     episodes = list(PersonalDataset(small_root).episodes(scenes=("HomeTwo",)))
     source = DatasetPhrases(episodes)
     assert source.name == "dataset"

@@ -1,4 +1,4 @@
-"""What wrong answers are, and what the grounder's own layers say of them, on homes with known objects."""
+"""Kinds of wrong answers, and the reasons that the layers of the grounder give, on homes with known objects."""
 
 from pathlib import Path
 
@@ -49,7 +49,7 @@ def answered(dataset: PersonalDataset, episode: Episode, *points: tuple[float, f
         ([], "no answer", ""),
     ],
 )
-def test_where_the_answer_lies_says_what_it_is(
+def test_the_place_of_a_wrong_answer_decides_its_kind(
     dataset: PersonalDataset, sofa: Episode, points: list, kind: str, name: str
 ) -> None:
     goals = tuple(dataset.goals(SOFA.scene).values())
@@ -59,14 +59,14 @@ def test_where_the_answer_lies_says_what_it_is(
 
 
 def again(final: list[float], cells: list[tuple[int, int]]) -> AnswerAgain:
-    """A grounder's answer on a map of these cells of 1 m."""
+    """The answer of a grounder on a map with these cells of 1 m and these final scores."""
     grid = GridSpec((0.0, 0.0), 1.0, (10, 12))
     memory = map_from_cells(np.eye(len(cells), 4), np.array(cells), grid=grid, floor_y=0.0, encoder="e")
     layers = Layers(memory.rc, grid.shape, final=np.array(final, np.float32))
     return AnswerAgain(memory, Grounding((Candidate((2.5, 0.0, 7.5), 1.0, 7, 2, 86),), layers))
 
 
-def test_the_layers_say_tie_rank_gate_or_not_on_the_map(sofa: Episode) -> None:
+def test_the_reason_is_a_tie_a_rank_a_gate_or_an_unmapped_object(sofa: Episode) -> None:
     table_sofa = [(7, 2), (7, 5)]
     assert reasons(sofa, again([0.5, 0.5], table_sofa))[0].startswith("A tie: the right place scores as high")
     assert reasons(sofa, again([0.5, 0.25], table_sofa)) == ["The right place is 2. of 2, with 0.250 against 0.500."]
@@ -75,7 +75,7 @@ def test_the_layers_say_tie_rank_gate_or_not_on_the_map(sofa: Episode) -> None:
     assert reasons(sofa, AnswerAgain(problem="is none of ours")) == ["The method is none of ours."]
 
 
-def test_a_run_is_asked_again_with_its_own_settings(dataset: PersonalDataset, sofa: Episode) -> None:
+def test_an_episode_is_grounded_again_with_the_settings_of_its_run(dataset: PersonalDataset, sofa: Episode) -> None:
     answer = SceneGrounder(dataset, SOFA.scene, GroundSettings("rpg")).answer(sofa)
     info = run_of("rpg", [], config={"phrases": "dataset"}).info
     assert settings_of(info) == GroundSettings("rpg")

@@ -1,4 +1,4 @@
-"""Intervals by episode and by home against values known from elsewhere and from counting."""
+"""Intervals by episode and by home, compared with published values and values computed by hand."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ import pytest
 from grounding.report.statistics import FEWEST_HOMES, HomeDraws, Range, mean_of_shares, wilson
 
 
-def test_intervals_are_wilsons_and_by_home_and_none_where_few_homes_or_equal_values() -> None:
-    # Newcombe 1998, table I: 81/263 and 0/20
+def test_intervals_are_wilsons_by_episode_and_bootstrapped_by_home_except_for_few_homes_or_equal_values() -> None:
+    # Newcombe 1998, table I, has 81/263 and 0/20
     assert wilson(81, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)
     assert wilson(0, 20) == pytest.approx((0.0, 0.1611), abs=1e-4)
     assert wilson(20, 20) == pytest.approx((0.8389, 1.0), abs=1e-4)
@@ -18,7 +18,7 @@ def test_intervals_are_wilsons_and_by_home_and_none_where_few_homes_or_equal_val
     values = np.array([float(index // 10 % 2) for index in range(200)])
     found = HomeDraws(homes, seed=0).interval(values, homes, ["easy"] * 200)
     assert found is not None
-    # 20 coins, half heads: 50 -+ 196 sqrt(0.25 / 20) percent
+    # 20 homes, half of them at 1: 50 +- 196 sqrt(0.25 / 20) percent
     assert found == pytest.approx((28, 72), abs=3)
     assert found.high - found.low > 200 * (wilson(100, 200).high - wilson(100, 200).low)
     few = [f"h{index % (FEWEST_HOMES - 1)}" for index in range(40)]

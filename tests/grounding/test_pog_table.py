@@ -1,4 +1,4 @@
-"""The POG table: rows and tables that are kept apart, figures by hand, differences, curves, refusals."""
+"""The POG table: separate rows and tables, figures computed by hand, differences, curves, refusals."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ EASY, HARD = keys("easy", 6, 2), keys("hard", 6, 1)
 
 
 def answers(right: int) -> list:
-    """The first so many easy episodes are 0.4 m off, other easy ones 1.6 m; hard ones on another storey."""
+    """Answers 0.4 m off in the first `right` easy episodes, 1.6 m in the others, on another storey in hard ones."""
     easy = [answer_to(key, 0.4 if index < right else 1.6, top3=True) for index, key in enumerate(EASY)]
     return easy + [answer_to(key, None) for key in HARD]
 
@@ -33,7 +33,7 @@ def table() -> PogTable:
     return only(pog_report([run_of("rpg", answers(9), config={"phrases": "dataset"}), run_of("qs", answers(6))]))
 
 
-def test_splits_and_their_plain_mean_are_counted_by_hand_beside_the_papers_figures(table: PogTable) -> None:
+def test_splits_and_their_plain_mean_equal_those_computed_by_hand_and_stand_beside_the_papers(table: PogTable) -> None:
     assert [item.name for item in table.rows] == ["qs", "rpg (phrases dataset)"]
     assert row(table, "qs").paper == (15.4, 12.7, 8.6, 11.9) == PAPER_POG["qs"]
     assert row(table, "qs").commits == ("abc",)
@@ -50,7 +50,7 @@ def test_splits_and_their_plain_mean_are_counted_by_hand_beside_the_papers_figur
     assert cells["easy"].num_homes == 6
 
 
-def test_the_curve_rises_where_answers_lie_and_needs_the_distances_of_three(table: PogTable) -> None:
+def test_the_curve_rises_at_the_distances_of_answers_and_top3_needs_those_of_three_candidates(table: PogTable) -> None:
     curve = {point.metres: point.sr for point in row(table, "qs").curve}
     assert len(curve) == 41
     assert (curve[0.0], curve[0.25], curve[0.5], curve[1.0], curve[1.5], curve[1.75]) == (0, 0, 25, 25, 25, 50)
@@ -63,7 +63,7 @@ def test_the_curve_rises_where_answers_lie_and_needs_the_distances_of_three(tabl
     assert only(pog_report([people])).rows[0].curve[-1].top3 is None
 
 
-def test_the_curve_of_three_takes_the_nearest_and_meets_top3() -> None:
+def test_the_curve_of_three_candidates_uses_the_nearest_and_equals_top3_at_one_metre() -> None:
     shown = [
         answer_to(EASY[0], 3.0, others=(0.4, 7.0), top3=True),
         answer_to(EASY[1], 2.0, others=(None, 8.0)),
@@ -77,13 +77,13 @@ def test_the_curve_of_three_takes_the_nearest_and_meets_top3() -> None:
     assert [point.sr for point in found.curve if point.metres in (1.0, 3.0, 10.0)] == [25, 75, 75]
 
 
-def test_intervals_by_home_stand_on_the_curve_of_three() -> None:
+def test_the_curve_of_three_candidates_has_intervals_by_home() -> None:
     shown = [answer_to(key, 5.0, others=(0.5 if index % 3 else 4.0,)) for index, key in enumerate(EASY)]
     points = {point.metres: point for point in row(only(pog_report([run_of("qs", shown)])), "qs").curve}
     interval = points[1.0].top3_by_home
     assert interval is not None
     assert interval.low < points[1.0].top3 < interval.high
-    assert points[1.0].by_home is None, "no first answer is within 1 m in any home"
+    assert points[1.0].by_home is None, "no first candidate is within 1 m in any home"
 
 
 def test_differences_are_paired_on_common_episodes(table: PogTable) -> None:
@@ -99,7 +99,7 @@ def test_differences_are_paired_on_common_episodes(table: PogTable) -> None:
     assert difference.first_minus_second == 0.0
 
 
-def test_answers_by_rules_are_counted_seeds_averaged_and_older_defaults_make_no_other_table() -> None:
+def test_answers_by_rules_are_counted_seeds_averaged_and_missing_defaults_need_no_other_table() -> None:
     shown = answers(9)
     shown[0] = shown[0].model_copy(update={"phrases_fell_back": True})
     assert row(only(pog_report([run_of("rpg", shown)])), "rpg").num_fallbacks == 1
@@ -130,7 +130,7 @@ def test_kinds_of_homes_encoders_and_noise_never_share_a_table() -> None:
     assert not [table for table in report.tables if table.differences]
 
 
-def test_an_object_map_is_a_row_beside_the_grid_of_the_same_homes() -> None:
+def test_an_object_map_is_a_row_beside_the_grid_map_of_the_same_homes() -> None:
     explored = {"map": "explore"}
     runs = [
         run_of("rpg", answers(3), config=explored, scene_kind="invented"),
@@ -139,7 +139,7 @@ def test_an_object_map_is_a_row_beside_the_grid_of_the_same_homes() -> None:
     assert [item.name for item in only(pog_report(runs)).rows] == ["rpg", "object-phrase (objects)"]
 
 
-def test_people_stand_beside_maps_of_their_kind_of_homes_only() -> None:
+def test_people_are_listed_only_beside_maps_of_their_kind_of_homes() -> None:
     clicks = [answer_to(key, 0.2, participant=code) for key in EASY for code in ("P01", "P02")]
     people = run_of("human", clicks, config={}, who_kind="human", scene_kind="invented", seed=None)
     explored = run_of("rpg", answers(3), config={"map": "explore"}, scene_kind="invented")
@@ -155,7 +155,7 @@ def test_people_stand_beside_maps_of_their_kind_of_homes_only() -> None:
     assert alone.title == "People in invented homes (not HM3D)"
 
 
-def test_a_curve_over_an_option_needs_runs_that_differ_in_it_alone() -> None:
+def test_a_curve_over_an_option_needs_runs_that_differ_only_in_it() -> None:
     runs = [
         run_of("qs", answers(right), config={"cell_noise": noise}) for noise, right in ((0.0, 12), (0.1, 6), (0.2, 0))
     ]
@@ -168,7 +168,7 @@ def test_a_curve_over_an_option_needs_runs_that_differ_in_it_alone() -> None:
     assert [(point.value, point.sr) for point in curve.points] == [(0.0, 50.0), (0.1, 25.0), (0.2, 0.0)]
 
 
-def test_walks_whose_captions_an_oracle_saw_say_so_and_kinds_of_homes_have_curves_of_their_own() -> None:
+def test_explored_maps_of_oracle_perception_say_so_and_kinds_of_homes_have_separate_curves() -> None:
     runs = [
         run_of(
             who, answers(right), config={"map": "explore", "paraphrase": level}, scene_kind=kind, dataset_digest=kind
@@ -187,12 +187,12 @@ def test_walks_whose_captions_an_oracle_saw_say_so_and_kinds_of_homes_have_curve
     assert {point.table for curve in report.curves for point in curve.points} == {t.title for t in report.tables}
 
 
-def test_a_trial_that_stands_twice_is_refused() -> None:
+def test_a_trial_that_occurs_twice_is_refused() -> None:
     with pytest.raises(RunFileError, match="a second time"):
         pog_report([run_of("qs", answers(6)), run_of("qs", answers(6), run_id="again")])
 
 
-def test_unscored_answers_and_walks_are_refused_and_technical_failures_left_out() -> None:
+def test_unscored_answers_and_runs_without_answers_are_refused_and_technical_failures_left_out() -> None:
     whole = answers(6)
     unscored = whole[0].model_copy(update={"measures": None})
     with pytest.raises(RunFileError, match="holds no measures for easy/Home0/0"):
@@ -203,7 +203,7 @@ def test_unscored_answers_and_walks_are_refused_and_technical_failures_left_out(
         pog_report([run_of("qs", [])])
 
 
-def test_the_report_is_the_same_every_time_with_episodes_in_order_of_their_numbers() -> None:
+def test_the_report_is_always_the_same_with_episodes_in_order_of_their_numbers() -> None:
     runs = [run_of("rpg", answers(9)), run_of("qs", answers(6))]
     assert pog_report(runs).model_dump_json() == pog_report(runs[::-1]).model_dump_json()
     shuffled = [answer_to(EpisodeKey("easy", "Home0", name), 0.5) for name in ("10", "9", "2")]

@@ -1,4 +1,4 @@
-"""CLIP, SigLIP and BLIP-2 through the real loading code, with tiny models of random weights; offline."""
+"""CLIP, SigLIP and BLIP-2 through the real loading code, offline, with tiny models of random weights."""
 
 import json
 import shutil
@@ -30,7 +30,7 @@ class Kind:
     save: Callable[..., Path]
     dim: int
     grid: tuple[int, int]
-    """Patches of a picture of 64 x 96 pixels."""
+    """(rows, columns) of patches in a picture of 64 x 96 pixels."""
 
 
 KINDS = {
@@ -45,14 +45,14 @@ ALL = pytest.mark.parametrize("kind", list(KINDS))
 
 @pytest.fixture(scope="module", autouse=True)
 def few_threads() -> Iterator[None]:
-    """Tiny products are slower on several threads, and much slower beside other processes."""
+    """Uses one thread: tiny products are slower on several, and much slower beside other processes."""
     with one_thread():
         yield
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The saved model of a kind, made once."""
+    """Gives the folder of the saved model of a kind, which is made once."""
     root, saved = tmp_path_factory.mktemp("models"), {}
 
     def of(kind: str) -> Path:
@@ -93,7 +93,7 @@ def test_shapes_are_those_of_the_model(kind: str, load) -> None:
 
 
 @ALL
-def test_patches_lie_where_the_picture_shows_it(kind: str, load) -> None:
+def test_patches_are_in_the_order_of_the_picture(kind: str, load) -> None:
     patches = load(kind).encode_patches([picture(30, 220)])[0]
     left, right = patches[:, 0], patches[:, -1]
     within = (left @ left.T).mean() + (right @ right.T).mean()
@@ -116,7 +116,7 @@ def test_bfloat16_changes_little(kind: str, load) -> None:
 
 
 @ALL
-def test_the_same_weights_have_the_same_name_wherever_they_lie(kind: str, folder, load, tmp_path: Path) -> None:
+def test_the_same_weights_have_the_same_name_in_any_folder(kind: str, folder, load, tmp_path: Path) -> None:
     made = KINDS[kind]
     again = make_image_encoder(f"{made.family}:{made.save(tmp_path / 'copy')}")
     other = make_image_encoder(f"{made.family}:{made.save(tmp_path / 'other', seed=1)}")
@@ -134,14 +134,14 @@ CLASSES = {
 
 
 def squeezed(source: Path, frame: Frame, *, side: int | None = 32) -> dict[str, torch.Tensor]:
-    """A whole picture as `transformers` prepares it for the model's square; None: in its own proportions."""
+    """A picture as `transformers` resizes it to a square of `side` pixels; None = in its own proportions."""
     how = {"size": {"height": side, "width": side}, "do_center_crop": False} if side else {}
     processor = transformers.AutoImageProcessor.from_pretrained(source)
     return dict(processor([frame.rgb], return_tensors="pt", input_data_format="channels_last", **how))
 
 
 @pytest.mark.parametrize("kind", list(CLASSES))
-def test_vectors_are_those_that_transformers_computes(kind: str, folder, load) -> None:
+def test_vectors_equal_those_of_transformers(kind: str, folder, load) -> None:
     source, frame = folder(kind), picture(30, 220)
     model = CLASSES[kind].from_pretrained(source).eval()
     full = {"padding": "max_length", "max_length": 12, "padding_side": "right"} if kind in ("siglip", "naflex") else {}
@@ -160,7 +160,7 @@ def test_vectors_are_those_that_transformers_computes(kind: str, folder, load) -
     assert np.allclose(load(kind).encode_images([frame]), image, atol=1e-5)
 
 
-def test_siglip_reads_lower_case_long_texts_are_cut_and_naflex_takes_one_size_of_picture(load) -> None:
+def test_siglip_ignores_case_long_texts_are_cut_and_naflex_needs_pictures_of_one_size(load) -> None:
     assert np.allclose(*load("siglip").encode_texts(["Red CHAIR", "red chair"]), atol=1e-6)
     with pytest.raises(AgentError, match="frames of several sizes; expected one"):
         load("naflex").encode_patches([picture(30, 220), picture(30, 220, width=64)])
@@ -168,7 +168,7 @@ def test_siglip_reads_lower_case_long_texts_are_cut_and_naflex_takes_one_size_of
     assert np.allclose(first, second, atol=1e-6)
 
 
-def test_clips_patches_are_the_usual_ones_where_looking_around_brings_nothing(folder, tmp_path: Path) -> None:
+def test_patches_of_clip_equal_the_usual_ones_if_the_last_attention_adds_nothing(folder, tmp_path: Path) -> None:
     source, frame = tmp_path / "alone", picture(30, 220)
     shutil.copytree(folder("clip"), source)
     model = transformers.CLIPModel.from_pretrained(source).eval()
@@ -181,7 +181,7 @@ def test_clips_patches_are_the_usual_ones_where_looking_around_brings_nothing(fo
     assert np.allclose(make_image_encoder(f"clip:{source}").encode_patches([frame]), expected, atol=1e-5)
 
 
-def test_blip2s_hidden_space_is_what_the_model_projects(folder, load) -> None:
+def test_the_hidden_space_of_blip2_is_the_input_of_its_projection(folder, load) -> None:
     source = folder("hidden768")
     model = transformers.Blip2ForImageTextRetrieval.from_pretrained(source).eval()
     projected: list[torch.Tensor] = []
@@ -195,13 +195,13 @@ def test_blip2s_hidden_space_is_what_the_model_projects(folder, load) -> None:
     assert np.allclose(load("hidden768").encode_texts(["red chair"]), first, atol=1e-5)
 
 
-def test_a_text_encoder_by_name_is_the_model_behind_a_cache(folder, load) -> None:
+def test_a_text_encoder_by_name_has_the_name_of_its_model(folder, load) -> None:
     encoder = make_encoder(f"clip:{folder('clip')}")
     assert encoder.name == load("clip").name
     assert np.allclose(encoder.encode_texts(["lamp"]), load("clip").encode_texts(["lamp"]), atol=1e-6)
 
 
-def test_one_model_serves_queries_and_pictures_until_other_options_come(folder, tmp_path: Path) -> None:
+def test_one_loaded_model_serves_queries_and_pictures_until_other_options_are_given(folder, tmp_path: Path) -> None:
     shutil.copytree(folder("siglip"), tmp_path / "model")
     name, options = f"siglip:{tmp_path / 'model'}", ModelOptions(batch_size=2)
     eye = make_image_encoder(name, options=options)
@@ -222,7 +222,7 @@ def test_one_model_serves_queries_and_pictures_until_other_options_come(folder, 
         ("clip:{empty}", r"cannot be loaded \(.*expected config\.json, weights, tokenizer"),
     ],
 )
-def test_a_model_that_is_not_there_says_what_to_do(name: str, message: str, tmp_path: Path) -> None:
+def test_an_error_about_a_missing_model_says_what_to_do(name: str, message: str, tmp_path: Path) -> None:
     with pytest.raises(AgentError, match=message):
         make_image_encoder(name.replace("{empty}", str(tmp_path)), options=ModelOptions(download=False))
 
@@ -265,7 +265,7 @@ def test_damaged_weights_are_refused_instead_of_filled_at_random(damage, message
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has a GPU")
-def test_a_missing_gpu_is_named(folder) -> None:
+def test_a_missing_gpu_is_refused(folder) -> None:
     with pytest.raises(AgentError, match="torch sees no such device"):
         make_image_encoder(f"clip:{folder('clip')}", options=ModelOptions(device="cuda"))
 
@@ -280,7 +280,7 @@ def test_without_transformers_the_extra_is_named(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.gpu
 @ALL
-def test_a_gpu_says_the_same_as_the_cpu(kind: str, folder, load) -> None:
+def test_a_gpu_gives_the_same_vectors_as_the_cpu(kind: str, folder, load) -> None:
     name, frames = f"{KINDS[kind].family}:{folder(kind)}", [picture(30, 220)]
     there = make_image_encoder(name, options=ModelOptions(device="cuda"))
     assert there.name == load(kind).name

@@ -1,4 +1,4 @@
-"""Better methods and the other encoder against the figures of GROUNDING.md, section 7.2, on all released episodes."""
+"""Better methods and the other encoder reach the figures of GROUNDING.md section 7.2 on all released episodes."""
 
 import json
 from pathlib import Path
@@ -13,14 +13,14 @@ pytestmark = [pytest.mark.release, pytest.mark.timeout(900)]
 
 @pytest.fixture(scope="module", autouse=True)
 def vectors(tmp_path_factory: pytest.TempPathFactory):
-    """MiniLM's vectors are made here once, and are not those of other runs."""
+    """Gives this module its own cache, so that MiniLM's vectors are computed once and not taken from other runs."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PERSONAL_VIZ_CACHE", str(tmp_path_factory.mktemp("vectors")))
         yield
 
 
 def pooled(capsys: pytest.CaptureFixture[str], **options) -> float:
-    """Percent of all 2,000 episodes, each counted alike, as the specification does."""
+    """Success rate over all 2,000 episodes with equal weight, in percent, as in the specification."""
     assert Ground(**options, json=True, jobs=2).run() == 0
     found = json.loads(capsys.readouterr().out)
     assert found["n"] == 2000

@@ -1,4 +1,4 @@
-"""Recordings of robots in several layouts give the map that the same views give directly; bad frames are counted."""
+"""Robot recordings in several layouts give the same map as their views do directly; unusable frames are counted."""
 
 import json
 import shutil
@@ -37,7 +37,7 @@ DIRECT = built([plain(frame) for frame in FRAMES])
 
 
 def assert_same_map(found: HomeMemory, *, cells: float = 0.98, cosine: float = 0.99) -> None:
-    """Rounding of depth to mm, and of colours in JPEG files, moves a few patches to the next cell."""
+    """Fails if many cells differ; rounding of depth to mm and of colours in JPEG moves a few patches to other cells."""
     first, second = DIRECT.storeys[0].memory, found.storeys[0].memory
     assert second.grid == first.grid
     one, other = ({tuple(rc): row for rc, row in zip(m.rc.tolist(), m.rows, strict=True)} for m in (first, second))
@@ -61,7 +61,7 @@ def test_a_recording_of_simulated_views_gives_the_same_map(up, colour: str, tmp_
     assert_same_map(built(frames))
 
 
-def test_the_wrong_up_axis_is_warned_of_and_gives_another_map(tmp_path: Path) -> None:
+def test_a_wrong_up_axis_gives_a_warning_and_other_heights(tmp_path: Path) -> None:
     write_recording(tmp_path / "run", FRAMES, up="z")
     frames, counts = read_robot_frames(tmp_path / "run", up="y")
     assert "0, 1.00) on average, in a frame whose y should point up" in counts.warning
@@ -69,7 +69,7 @@ def test_the_wrong_up_axis_is_warned_of_and_gives_another_map(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("axes", ["opengl", "flu"])
-def test_other_camera_axes_are_turned(axes, tmp_path: Path) -> None:
+def test_other_camera_axes_are_converted(axes, tmp_path: Path) -> None:
     write_recording(tmp_path / "run", FRAMES, up="y")
     for path in (tmp_path / "run/poses").iterdir():
         T = np.loadtxt(path)
@@ -83,7 +83,7 @@ def test_other_camera_axes_are_turned(axes, tmp_path: Path) -> None:
 
 
 def quat_xyzw_of(R: np.ndarray) -> np.ndarray:
-    """Of a rotation with a positive trace or any other, by the largest part."""
+    """The quaternion of a rotation (3, 3), as the eigenvector of the largest eigenvalue; right for any trace."""
     K = np.array(
         [
             [R[0, 0] - R[1, 1] - R[2, 2], 0, 0, 0],
@@ -96,7 +96,7 @@ def quat_xyzw_of(R: np.ndarray) -> np.ndarray:
 
 
 def write_tum(folder: Path) -> None:
-    """TUM RGB-D: pictures by time stamp, depth a little later, 5000 units a metre, poses at other times."""
+    """TUM RGB-D: pictures by time stamp, depth a little later, 5000 units per metre, poses at other times."""
     for name in ("rgb", "depth"):
         (folder / name).mkdir(parents=True)
     lines = ["# ground truth trajectory", "# timestamp tx ty tz qx qy qz qw"]
@@ -111,7 +111,7 @@ def write_tum(folder: Path) -> None:
 
 
 def write_scannet(folder: Path) -> None:
-    """ScanNet's exporter: bare numbers, larger colours, lost poses as -inf, intrinsics of each size."""
+    """ScanNet's exporter: plain numbers as names, larger colour pictures, lost poses as -inf, intrinsics per size."""
     for name in ("color", "depth", "pose", "intrinsic"):
         (folder / name).mkdir(parents=True)
     for index, (frame, T) in enumerate(zip(FRAMES, poses_of(FRAMES, up="z"), strict=True)):
@@ -127,7 +127,7 @@ def write_scannet(folder: Path) -> None:
 
 
 def write_replica(folder: Path) -> None:
-    """Replica as NICE-SLAM renders it: one folder, poses in one file by order, the camera beside the scenes."""
+    """Replica as NICE-SLAM renders it: one folder, poses in one file in order, the camera file beside the scenes."""
     (folder / "results").mkdir(parents=True)
     rows = []
     for index, (frame, T) in enumerate(zip(FRAMES, poses_of(FRAMES, up="z"), strict=True)):
@@ -141,7 +141,7 @@ def write_replica(folder: Path) -> None:
 
 
 def write_seven_scenes(folder: Path) -> None:
-    """7-Scenes: all files of a sequence in one folder, 65535 where there is no depth."""
+    """7-Scenes: all files of a sequence in one folder, depth 65535 where nothing was measured."""
     folder.mkdir(parents=True)
     for index, (frame, T) in enumerate(zip(FRAMES, poses_of(FRAMES, up="y"), strict=True)):
         stem = folder / f"frame-{index:06}"
@@ -187,7 +187,7 @@ def test_frames_that_cannot_be_used_are_counted_by_reason(tmp_path: Path) -> Non
     Image.fromarray(np.zeros((120, 160), np.uint16)).save(folder / "depth/0008.png")
     Image.fromarray(np.ones((60, 80), np.uint16)).save(folder / "depth/0009.png")
     frames, counts = read_robot_frames(folder, up="y")
-    assert len(list(frames)) == len(list(frames)) == 1  # a second pass does not count again
+    assert len(list(frames)) == len(list(frames)) == 1  # a second pass does not count them again
     assert dict(counts.by_reason) == {
         "another size": 1,
         "depth not 16 bit": 1,
@@ -202,7 +202,7 @@ def test_frames_that_cannot_be_used_are_counted_by_reason(tmp_path: Path) -> Non
     assert counts.num_found == 11
 
 
-def test_missing_and_undecided_files_are_named(tmp_path: Path) -> None:
+def test_missing_wrong_and_ambiguous_files_are_refused(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     with pytest.raises(SceneError, match=r"run: found no colour picture; expected color/\*.jpg"):
         read_robot_frames(folder, up="z")
@@ -231,17 +231,17 @@ def test_missing_and_undecided_files_are_named(tmp_path: Path) -> None:
     frames, _ = read_robot_frames(folder, up="z")
     assert frames.some(1)[0].camera.focal == pytest.approx(FRAMES[0].camera.focal / 2)
     (folder / "intrinsics.json").write_text('{"fx": 1, "fy": 1, "cx": 9000, "cy": 3, "width": 160, "height": 120}')
-    with pytest.raises(SceneError, match="expected positive focal lengths and a middle inside of the picture"):
+    with pytest.raises(SceneError, match="expected positive focal lengths and a principal point inside the picture"):
         read_robot_frames(folder, up="z")
     (folder / "intrinsics.json").write_text('{"fx": -1, "fy": 1, "cx": 80, "cy": 60, "width": 160, "height": 120}')
     with pytest.raises(SceneError, match=r"intrinsics.json: fx is -1; expected: Input should be greater than 0"):
         read_robot_frames(folder, up="z")
     shutil.copy(folder / "color/0000.png", folder / "color/00.png")
-    with pytest.raises(SceneError, match=r"00.png and 0000.png have one number|0000.png and 00.png have one number"):
+    with pytest.raises(SceneError, match=r"(00.png and 0000.png|0000.png and 00.png) have the same number"):
         read_robot_frames(folder, up="z")
 
 
-def test_floors_under_cameras_of_unknown_height_are_found_from_depth() -> None:
+def test_the_floor_below_a_camera_of_unknown_height_is_found_from_depth() -> None:
     up = np.eye(4)
     up[1, 3] = 2.9
     above = [view.frame for view in check_views(T_map_room=up)][::3]

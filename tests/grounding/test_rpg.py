@@ -1,4 +1,4 @@
-"""Algorithm 1: equality with loops over Python floats, of batches with their members, and cases by hand."""
+"""Algorithm 1 equals loops over Python floats, batches equal their members, and cases computed by hand."""
 
 import math
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ LAWS = settings(max_examples=40, deadline=None)
 
 @pytest.fixture(autouse=True, scope="module")
 def few_threads() -> Iterator[None]:
-    """Products this small wait for each other's threads on busy cores."""
+    """Uses one thread, because the threads of such small products wait for each other on busy cores."""
     with one_thread():
         yield
 
@@ -38,7 +38,7 @@ class Problem:
 
 @st.composite
 def rough_problems(draw: st.DrawFn) -> Problem:
-    """Small integers: many empty cells and many exact ties, no near ties."""
+    """Problems of small integers: many empty cells and exact ties, no near ties."""
     shape = draw(st.tuples(st.integers(1, 5), st.integers(1, 5)))
     values = st.integers(-2, 2)
     features = draw(hnp.arrays(np.int8, (*shape, 3), elements=values)) * draw(
@@ -51,7 +51,7 @@ def rough_problems(draw: st.DrawFn) -> Problem:
 
 @st.composite
 def smooth_problems(draw: st.DrawFn, *, most: int = 4) -> Problem:
-    """Random directions without near ties, about half of the cells empty, never all."""
+    """Problems of random directions: no near ties, about half of the cells empty, never all."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     height, width = draw(st.integers(1, 6)), draw(st.integers(1, 6))
     features = rng.normal(size=(height, width, 5)) * (rng.random((height, width, 1)) < 0.6)
@@ -71,7 +71,7 @@ def any_options() -> st.SearchStrategy[RpgOptions]:
 
 
 def solve(problem: Problem, options: RpgOptions, *, mask: np.ndarray | None = None) -> RpgResult:
-    """The dense form on a batch of one, float32."""
+    """Solves it with the dense form on a batch of one, float32."""
     return rpg_dense(
         torch.tensor(problem.features[None], dtype=torch.float32),
         torch.tensor(problem.phrases[None], dtype=torch.float32),
@@ -82,7 +82,7 @@ def solve(problem: Problem, options: RpgOptions, *, mask: np.ndarray | None = No
 
 
 def solve_packed(problem: Problem, options: RpgOptions) -> RpgResult:
-    """The packed form of the same problem, float32."""
+    """Solves it with the packed form, float32."""
     height, width, _ = problem.features.shape
     rc = np.argwhere(np.ones((height, width), bool))
     memory = map_from_cells(
@@ -118,7 +118,7 @@ def first_maximum(scores: dict[tuple[int, int], float]) -> tuple[int, int] | Non
 
 @dataclass(frozen=True)
 class Found:
-    """Answer, its value, open cells and peaks of each phrase, all cells as flat indices; -1 = none."""
+    """The answer, its value, the open cells and the peaks of each phrase; cells are flat indices, -1 = none."""
 
     index: int
     value: float
@@ -152,7 +152,7 @@ def loops(problem: Problem, options: RpgOptions) -> Found:
 
 
 def flat(result: RpgResult, cells: np.ndarray | None = None) -> Found:
-    """An answer of one episode; `cells`: the flat indices of the packed cells."""
+    """The result of one episode; `cells` are the flat indices of the packed cells, None = dense."""
     cells = np.arange(result.gate.shape[1]) if cells is None else cells
     peaks = result.peaks[0] if result.peaks.ndim == 3 else result.peaks
     places = np.append(cells, -1)[peaks.numpy()].tolist()
@@ -181,7 +181,7 @@ def test_dense_and_packed_equal_loops_over_floats_ties_included(
         assert packed.value == pytest.approx(expected.value, abs=1e-5)
 
 
-def test_the_literal_form_leaves_a_gate_of_negative_cosines_and_an_empty_map_has_no_answer() -> None:
+def test_the_literal_form_answers_outside_a_gate_of_negative_cosines_and_an_empty_map_has_no_answer() -> None:
     features = np.zeros((2, 2, 2))
     features[1, 1] = [-1.0, 0.5]
     problem = Problem(features, np.array([[0.0, 1.0]]), np.array([1.0, 0.0]))
@@ -195,8 +195,8 @@ def test_the_literal_form_leaves_a_gate_of_negative_cosines_and_an_empty_map_has
     assert answer(solve_packed(problem, PRESETS["paper"])) == -1
 
 
-def test_a_gate_and_peaks_by_hand() -> None:
-    # one row of five cells: the phrase's only peak is cell 3, the query likes cell 0 best, then 2
+def test_a_gate_and_peaks_equal_those_computed_by_hand() -> None:
+    # one row of five cells: the only peak of the phrase is cell 3; the query scores highest in cell 0, then 2
     features = np.array([[[9.0, 0.0], [0.0, 0.0], [3.0, 4.0], [0.0, 1.0], [-1.0, 1.0]]])
     problem = Problem(features, np.array([[0.0, 2.0]]), np.array([5.0, 0.0]))
     result = solve(problem, RpgOptions(top_k=1, nhood=1))
@@ -212,7 +212,7 @@ def test_a_gate_and_peaks_by_hand() -> None:
 
 @LAWS
 @given(smooth_problems(), any_options(), st.integers(1, 3))
-def test_padded_phrases_make_no_peaks(problem: Problem, options: RpgOptions, padding: int) -> None:
+def test_padded_phrases_have_no_peaks(problem: Problem, options: RpgOptions, padding: int) -> None:
     padded = np.concatenate([problem.phrases, np.full((padding, problem.query.size), np.nan)])
     mask = np.arange(len(padded)) < len(problem.phrases)
     result = solve(Problem(problem.features, padded, problem.query), options, mask=mask)
@@ -270,11 +270,11 @@ def test_ties_go_to_the_first_cell_in_row_major_order() -> None:
     direction, across = rng.normal(size=(2, 768))
     across -= direction * (across @ direction) / (direction @ direction)
     features = np.zeros((50, 50, 768))
-    # the same direction at many lengths: float32 products of these cells differ in their last bits
+    # the same direction with many lengths: float32 products of these cells differ in their last bits
     for row, col in rng.integers(4, 50, size=(40, 2)):
         features[row, col] = direction * rng.uniform(0.1, 9)
     features[4, 0] = direction
-    # the first one's cosine is lower by half of what counts as a tie
+    # the cosine of the first cell is lower by half the tolerance of a tie
     features[3, 49] = direction * 0.3 + across * 0.3 * math.sqrt(TIE)
     problem = Problem(features, direction[None], direction * 7.5)
     assert answer(solve(problem, PRESETS["paper"])) == 3 * 50 + 49

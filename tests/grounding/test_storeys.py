@@ -1,4 +1,4 @@
-"""Storeys of a growing map: floors met on the way, frames held on stairs, points sorted by the floor below them."""
+"""Storeys of a growing map: floors are found on the way, frames on stairs wait, points belong to the floor below."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ CAMERA = Camera(width=80, height=60)
 
 
 def frame(x: float, feet: float, z: float = 0.0, *, depth: float = 2.0) -> Frame:
-    """A view along -z on a wall."""
+    """A view along -z of a wall `depth` metres away."""
     T = T_world_camera(Pose((x, feet, z), 0.0), CAMERA)
     return Frame(np.zeros((60, 80, 3), np.uint8), np.full((60, 80), depth, np.float32), T, CAMERA)
 
@@ -22,13 +22,13 @@ def feet_of(frames: list[Frame]) -> list[float]:
     return [round(float(one.T_world_camera[1, 3]) - 0.88, 3) for one in frames]
 
 
-def test_a_robot_that_climbs_opens_a_storey_only_where_it_walks_on_level_ground() -> None:
+def test_a_robot_that_climbs_opens_a_storey_only_when_it_moves_on_level_floor() -> None:
     storeys = Storeys(ViewOptions(batch=1))
     stairs = [(0.25 * step, 0.15 * step) for step in range(1, 20)]  # to 2.85 m
     assert feet_of(storeys.take(frame(0.0, 0.0))) == [0.0]
     out = [feet_of(storeys.take(frame(x, feet))) for x, feet in stairs]
     assert out[:9] == [[round(0.15 * step, 3)] for step in range(1, 10)]
-    assert out[9:] == [[]] * 10  # 1.5 m and more above the floor: which storey is not known yet
+    assert out[9:] == [[]] * 10  # from 1.5 m above the floor on, the storey is not known yet
     assert storeys.take(frame(5.0, 2.85)) == []
     assert storeys.take(frame(5.25, 2.85)) == []
     assert len(storeys.take(frame(5.5, 2.85))) == 13
@@ -37,7 +37,7 @@ def test_a_robot_that_climbs_opens_a_storey_only_where_it_walks_on_level_ground(
     assert storeys.num_frames == 1 + 19 + 3 + 1
 
 
-def test_turning_on_a_stair_opens_no_storey_and_frames_left_there_go_to_the_floor_below() -> None:
+def test_turning_on_a_stair_opens_no_storey_and_the_waiting_frames_go_to_the_floor_below() -> None:
     storeys = Storeys(ViewOptions(batch=1))
     storeys.take(frame(0.0, 0.0))
     assert all(storeys.take(frame(3.0, 1.8)) == [] for _ in range(12))
@@ -57,15 +57,15 @@ def test_a_robot_that_goes_down_opens_a_storey_below() -> None:
     assert storeys.index_of(np.array([-1.0, -2.9, 0.1, -4.3])).tolist() == [1, 1, 0, -1]
 
 
-def test_pixels_become_points_of_the_floor_below_with_the_weights_of_onemap_and_vlfm() -> None:
+def test_points_belong_to_the_floor_below_and_have_the_weights_of_onemap_and_vlfm() -> None:
     storeys = Storeys(ViewOptions(floors=(2.8, 0.0)))
     heights = np.array([-1.6, -1.4, 0.0, 2.4, 2.49, 2.51, 2.8, 9.0])
     assert storeys.index_of(heights).tolist() == [-1, 0, 0, 0, 0, 1, 1, 1]
     points = points_at(frame(1.0, 0.5, 3.0), np.array([[29, 39], [30, 40], [0, 0]]))
     middle = points[:2].mean(axis=0)
     assert middle == pytest.approx([1.0, 0.5 + 0.88, 1.0])
-    assert points[2, 0] < 0  # left
-    assert points[2, 1] > 1.38  # above
+    assert points[2, 0] < 0  # the upper left pixel lies to the left
+    assert points[2, 1] > 1.38  # and above the camera
     assert points[2, 2] == pytest.approx(1.0)
     assert distance_weight(np.array([0.5, 1, 2, 3, 4, 5])) == pytest.approx(
         [0.964, 1, 0.862, 0.553, 0.264, 0.093], abs=6e-4
@@ -75,7 +75,7 @@ def test_pixels_become_points_of_the_floor_below_with_the_weights_of_onemap_and_
     assert bearing_weight(columns, CAMERA) == pytest.approx([1, 0.8902, 0.625, 0.25], abs=1e-4)
 
 
-def test_each_view_grows_the_occupancy_of_its_own_storey_and_missing_returns_block_nothing() -> None:
+def test_a_view_extends_the_occupancy_of_its_own_storey_and_missing_returns_block_nothing() -> None:
     storeys = Storeys(ViewOptions(floors=(0.0, 3.0)))
     storeys.take(frame(0.0, 3.0, depth=4.0))
     storeys.rest()

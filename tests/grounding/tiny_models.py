@@ -1,4 +1,4 @@
-"""Tiny vision-language models with random weights, saved as the real ones are, and pictures for them."""
+"""Tiny vision-language models with random weights, saved like the real ones, and pictures for them."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ WORDS = (
 )
 SPECIALS = ("<pad>", "<unk>", "<bos>", "<eos>")
 SIZE, PATCH = 32, 8
-"""Pixels of the models' square pictures and of their patches: 4 x 4 patches."""
+"""Sides of the models' square pictures and of their patches, in pixels: 4 x 4 patches."""
 VISION = {
     "hidden_size": 32,
     "intermediate_size": 48,
@@ -72,7 +72,7 @@ def save_blip2(folder: Path, *, seed: int = 0) -> Path:
 
 
 def picture(left: int, right: int, *, width: int = 96, height: int = 64, seed: int = 0) -> Frame:
-    """A picture whose halves are noise around two grey levels."""
+    """A picture whose left and right halves are noise around two grey levels."""
     rng = np.random.default_rng(seed)
     level = np.where(np.arange(width) < width // 2, left, right)
     rgb = np.clip(level[None, :, None] + rng.integers(-20, 20, (height, width, 3)), 0, 255).astype(np.uint8)
@@ -85,7 +85,7 @@ def _save(folder: Path, model_class, config, processor, *, seed: int) -> Path:
         torch.manual_seed(seed)
         model = model_class(config)
         for values in model.parameters():
-            if values.dim() > 1:  # some start at zero, or so small that all answers are alike
+            if values.dim() > 1:  # some start at zero, or so small that all answers would be the same
                 torch.nn.init.normal_(values, std=0.4)
     model.save_pretrained(folder)
     _tokenizer().save_pretrained(folder)

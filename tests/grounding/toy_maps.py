@@ -1,4 +1,4 @@
-"""Maps whose cosines are known by hand: one axis per thing, texts and cells as weights of things."""
+"""Maps with cosines computed by hand: one axis per object, and texts and cells as weighted sums of axes."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,13 +12,13 @@ ORIGIN = (-2.0, 3.0)
 
 
 def vector(weights: Mapping[str, float]) -> np.ndarray:
-    """Unit vector of weights of things."""
+    """The unit vector with these weights on the axes of objects."""
     row = np.array([weights.get(thing, 0.0) for thing in THINGS])
     return row / np.linalg.norm(row)
 
 
 class ToyEncoder:
-    """A text's vector is the sum of the axes of the things that it names; "other" where it names none."""
+    """Encodes a text as the sum of the axes of the objects that it names, or as "other" if it names none."""
 
     name = "toy"
     dim = len(THINGS)
@@ -36,7 +36,7 @@ def toy_map(
     cell: float = 1.0,
     backwards: bool = False,
 ) -> FeatureMap:
-    """A map of these cells; `shift` empty rows and columns before them leave the cells where they are in the world."""
+    """A map of these cells; `shift` adds empty rows and columns before them, without moving the cells in the world."""
     places = list(cells)[::-1] if backwards else list(cells)
     return map_from_cells(
         np.array([vector(cells[rc]) for rc in places]),
@@ -48,7 +48,7 @@ def toy_map(
 
 
 def xz(row: float, col: float) -> tuple[float, float]:
-    """World x and z of a cell's middle."""
+    """World x and z of the middle of a cell."""
     return (ORIGIN[0] + col + 0.5, ORIGIN[1] + row + 0.5)
 
 

@@ -21,5 +21,5 @@ class Clocks:
         self.steady_ns += int(seconds * S)
 
     def reboot(self, *, steady_s: float = 10.0) -> None:
-        """The steady clock starts again; by now it shows `steady_s`."""
+        """Starts the steady clock again, which shows `steady_s` now."""
         self.boot, self.steady_ns = f"boot at {self.wall_ns}", int(steady_s * S)

@@ -1,4 +1,4 @@
-"""What the crash test runs in processes that it kills: a participant who walks on and on."""
+"""A participant who keeps walking, run by the crash test in processes that it kills."""
 
 from itertools import cycle
 from multiprocessing.connection import Connection
@@ -15,7 +15,7 @@ WALK = (Action.FORWARD, Action.FORWARD, Action.LEFT, Action.FORWARD, Action.RIGH
 
 
 def walk_until_killed(folder: Path, acknowledged: Connection) -> None:
-    """Take p02's first trial where it stands and walk; send (seq, step, pose) after each acknowledged write."""
+    """Walks on in p02's first trial; sends (seq, step, pose) after each acknowledged write."""
     config = study()
     store = open_small(folder, config)
     trial = store.open_trial("p02", 1)

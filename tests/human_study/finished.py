@@ -1,4 +1,4 @@
-"""Studies in the small room with finished trials, made of fixed commands whose results are known by hand."""
+"""Studies in the small room with finished trials, made of fixed commands with results computed by hand."""
 
 import json
 from collections.abc import Sequence
@@ -31,13 +31,13 @@ BEGUN: list[Command] = [Start(), Move(Action.FORWARD, "KeyW")]
 
 
 def room(scene: StudyScene | None = None, *, scene_digest: str = SCENE_DIGEST) -> TrialHome:
-    """The room as verification and import check want it."""
+    """The room as a home for verification and import check."""
     del scene
     return TrialHome(SquareRoom(), scene_digest, STOREYS, lambda key: episode(key.episode_id))
 
 
 def events_of(key: EpisodeKey, commands: Sequence[Command], *, task: TaskKind) -> list[Event]:
-    """What a session makes of the commands, one a second."""
+    """The events of a session that gets these commands, one a second."""
     text = study().task_for(episode(key.episode_id), task)
     session: PanSession | PogSession
     if task == "pan":

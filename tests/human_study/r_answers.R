@@ -1,4 +1,4 @@
-# What R says of r_trials.csv, as `name value` lines: Rscript r_answers.R > r_answers.txt
+# R's answers about r_trials.csv, as `name value` lines: Rscript r_answers.R > r_answers.txt
 # Packages: sandwich (two-way variance); all else is base R.
 library(sandwich)
 folder <- dirname(sub("^--file=", "", grep("^--file=", commandArgs(), value = TRUE)))
@@ -43,7 +43,7 @@ of_mean("spl", lm(spl ~ 1, d), 1, mean(d$spl), FALSE)
 by_split <- lm(success ~ 0 + split, d)
 of_mean("total", by_split, rep(1 / 3, 3), mean(coef(by_split)), TRUE)
 
-# What memory changes within people and within episodes
+# Effect of memory within people and within episodes
 for (name in c("success", "spl")) {
   d$value <- d[[name]]
   model <- lm(value ~ memory + participant + episode, d)

@@ -1,4 +1,4 @@
-"""R, where it is installed: for tests that compare with it."""
+"""Runs R, where it is installed, for tests that compare with it."""
 
 import functools
 import shutil
@@ -10,7 +10,7 @@ RSCRIPT = shutil.which("Rscript")
 
 @functools.cache
 def lacks(*packages: str) -> str:
-    """Why R cannot be asked; empty where it and its packages are there."""
+    """The reason why R cannot be used; empty if it and these packages are installed."""
     if RSCRIPT is None:
         return "found no Rscript; install R (r-base-core) to compare with it"
     names = ", ".join(f'"{name}"' for name in packages)
@@ -20,7 +20,7 @@ def lacks(*packages: str) -> str:
 
 
 def told_by(script: Path) -> tuple[str, str]:
-    """(standard output, standard error) of a script that must end well."""
+    """(standard output, standard error) of a script that must exit with 0."""
     assert RSCRIPT is not None
     found = subprocess.run([RSCRIPT, str(script)], capture_output=True, text=True, check=False, timeout=240)
     assert found.returncode == 0, found.stderr

@@ -41,7 +41,7 @@ def pan_episode(
     reason: EndReason = "stop",
     scene_digest: str = "s",
 ) -> EpisodeRun:
-    """A walk of `steps` steps, a second each, a quarter of a metre along z for the first `path`."""
+    """A walk of `steps` steps, one second each; the first `path` steps go 0.25 m along z."""
     rule = RuleMeasures(
         success=success, spl=0.5 * success, soft_spl=0.4, dtg=0.0 if success else 3.0, start_distance=5.0
     )
@@ -65,7 +65,7 @@ def pan_episode(
 
 
 def run_info(run_id: str, who: str, config: StudyConfig | None = None, **more: object) -> RunInfo:
-    """`run.json` as the study export writes it, or of an agent; without `config` it names no study."""
+    """`run.json` of people, as the study export writes it, or of an agent; without `config` it names no study."""
     fields = {
         "run_id": run_id,
         "who": who,
@@ -79,7 +79,7 @@ def run_info(run_id: str, who: str, config: StudyConfig | None = None, **more: o
 
 
 def example_rows(seed: int = 3) -> list[TrialRow]:
-    """Every person does every episode once; half of them with the map, the other half for the next person."""
+    """Every person does every episode once; half of them with the map, which the next person has in the other half."""
     rng = np.random.default_rng(seed)
     rows = []
     for number, code in enumerate(PEOPLE):
@@ -91,7 +91,7 @@ def example_rows(seed: int = 3) -> list[TrialRow]:
 
 
 def trial_row(code: str, order_no: int, key: EpisodeKey, condition: str, *, success: bool, steps: int, **more: object):
-    """One counted trial that ended with STOP; `more` overrides."""
+    """One counted trial that ended with STOP; `more` replaces fields."""
     fields = {
         "participant": code,
         "order_no": order_no,
@@ -159,7 +159,7 @@ def people_runs(rows: Sequence[TrialRow], config: StudyConfig) -> list[Run]:
 
 
 def agent_run(who: str, seed: int, config: StudyConfig, *, rate: float) -> Run:
-    """An agent at all episodes."""
+    """A run of an agent on all episodes."""
     rng = np.random.default_rng([seed, len(who)])
     episodes = [pan_episode(key, success=bool(rng.random() < rate), steps=60, code=None, path=8) for key in KEYS]
     return Run(info=run_info(f"{who}-{seed}", who, config, seed=seed), episodes=tuple(episodes))
@@ -199,7 +199,7 @@ def write_export(folder: Path, rows: Sequence[TrialRow], config: StudyConfig) ->
 
 
 def participant_row(code: str, stages: Sequence[Stage] = ("arrived", "consented", "quiz_passed", "finished")):
-    """Somebody who reached these stages."""
+    """The row of a participant who reached these stages."""
     return ParticipantRow(
         participant=code,
         task="pan",

@@ -21,7 +21,7 @@ WALL_Z = -0.9
 WALL_END = 1.0
 """A thin wall at z = WALL_Z from x = -WALL_END to WALL_END."""
 GAP = 0.001
-"""How far before a wall a walk ends, metres."""
+"""Distance from a wall at which a walk ends, metres."""
 CANARY = "CANARY"
 """Part of every ground-truth text of the episode."""
 SCENE_DIGEST = "d" * 64
@@ -145,7 +145,7 @@ FILLED = {
     },
     "privacy": {"retention": "2027-12-31"},
 }
-"""Fields of a study file that leave no place of the texts open."""
+"""Fields of a study file that fill every place in the texts."""
 
 
 def paged_study(**changes: object) -> StudyConfig:

@@ -26,7 +26,7 @@ OPEN = Open(
     **{"max_steps": 500, "actions": (Action.STOP,), "position": (0.0, 0.0, 0.0), "yaw": 0.0},
 )
 HOUSE_ONCE = {"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5}
-"""In three homes with an episode each: p01 and p02 do one of each and p03 is spare."""
+"""In three homes with one episode each: p01 and p02 do every episode, and p03 is spare."""
 HOMES = ("A", "B", "C")
 ENDS: dict[str, Event] = {
     "giveup": Moment(kind="giveup"),
@@ -50,19 +50,19 @@ def plan_homes(
 
 
 def open_planned(folder: Path, config: StudyConfig, drawn: StudyPlan | None = None) -> StudyStore:
-    """The store of a planned study, of `HOMES` where nothing else is said, with everybody registered."""
+    """The store of a planned study with everybody registered; without `drawn`, its homes are `HOMES`."""
     store = open_store(folder, config, drawn or plan_homes(config))
     register(store)
     return store
 
 
 def started(folder: Path, **changes: object) -> StudyStore:
-    """`open_planned` of a study of PAN in `HOMES`; `HOUSE_ONCE` where nothing else is said."""
+    """`open_planned` of a study of PAN in `HOMES`, with the design `HOUSE_ONCE` unless another is given."""
     return open_planned(folder, study(**({"task": ("pan",), "design": HOUSE_ONCE} | changes)))
 
 
 def register(store: StudyStore) -> None:
-    """Everybody of the plan who is not registered; tokens are `token-p01` and so on."""
+    """Registers everybody of the plan who is not registered; tokens are `token-p01` and so on."""
     for person in store.plan.participants:
         if store.code_of_token(token := f"token-{person.code}") is None:
             store.add_participant(person, token_hash(token))
@@ -85,7 +85,7 @@ def opened(folder: Path) -> Iterator[tuple[StudyStore, Trial]]:
 
 
 def begun_trial(folder: Path) -> Trial:
-    """The trial that a store holds with its first event; the store is closed."""
+    """A trial with its first event, in a store that is closed again."""
     with opened(folder) as (_, trial):
         return trial
 
@@ -101,7 +101,7 @@ def begin_next(store: StudyStore, code: str) -> Trial | None:
 
 
 def do_next(store: StudyStore, code: str, *, reason: str = "giveup") -> EpisodeKey | None:
-    """The participant's next trial, ended with this reason; its episode."""
+    """Does the participant's next trial, which ends for this reason; returns its episode, None where none is due."""
     trial = begin_next(store, code)
     if trial is None:
         return None
@@ -123,7 +123,7 @@ def checked(store: StudyStore) -> int:
 
 
 def edit(folder: Path, sql: str) -> None:
-    """Change the database behind the store's back, append-only triggers removed."""
+    """Changes the database behind the store's back, after removing the append-only triggers."""
     database = sqlite3.connect(folder / "study.db")
     for (name,) in database.execute("SELECT name FROM sqlite_schema WHERE type = 'trigger'").fetchall():
         database.execute(f"DROP TRIGGER {name}")

@@ -1,4 +1,4 @@
-"""Agreement against published answers; where people pointed or stopped, by hand."""
+"""Agreement against published answers; spread and chosen objects computed by hand."""
 
 import numpy as np
 import pytest
@@ -97,7 +97,7 @@ def test_the_published_example() -> None:
     assert gwet_ac1(example()) == pytest.approx(0.775, abs=1e-3)
 
 
-def test_perfect_agreement_is_one_and_nothing_to_compare_is_nothing() -> None:
+def test_perfect_agreement_is_one_and_is_undefined_without_comparisons() -> None:
     alike = np.array([[3, 0], [0, 3], [3, 0]])
     assert krippendorff_alpha(alike) == pytest.approx(1)
     assert gwet_ac1(alike) == pytest.approx(1)
@@ -107,7 +107,7 @@ def test_perfect_agreement_is_one_and_nothing_to_compare_is_nothing() -> None:
     assert gwet_ac1(np.array([[1, 0], [0, 1]])) is None
 
 
-def test_a_common_place_needs_its_share() -> None:
+def test_a_common_place_needs_the_given_share_of_points() -> None:
     points = np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.6], [7.0, 7.0]])
     place = common_place(points, radius=1.0, share=0.75)
     assert place is not None

@@ -33,7 +33,7 @@ def test_a_trial_that_is_due_stays_the_same_until_it_ends(tmp_path: Path) -> Non
         assert homes_done(store, "p01") == list(HOMES)
 
 
-def test_what_a_drop_out_leaves_goes_to_a_spare_person_once(tmp_path: Path) -> None:
+def test_the_episodes_of_a_drop_out_go_to_a_spare_person_once(tmp_path: Path) -> None:
     with started(tmp_path) as store:
         assert store.next_trial("p03") is None
         done = do_next(store, "p01")
@@ -47,7 +47,7 @@ def test_what_a_drop_out_leaves_goes_to_a_spare_person_once(tmp_path: Path) -> N
         assert not has_dropped_out(store.participant("p01").stages)  # asked for more: has returned
 
 
-def test_who_comes_back_in_time_gets_the_own_episodes_again(tmp_path: Path) -> None:
+def test_a_drop_out_who_comes_back_in_time_gets_the_same_episodes_again(tmp_path: Path) -> None:
     with started(tmp_path) as store:
         store.drop_out("p01", "away")
         assert has_dropped_out(store.participant("p01").stages)
@@ -79,7 +79,7 @@ def test_a_technical_failure_is_queued_once_more(tmp_path: Path) -> None:
         assert do_next(store, "p03") == first
 
 
-def test_fifty_who_come_at_once_get_different_places(tmp_path: Path) -> None:
+def test_fifty_people_who_come_at_once_get_different_places(tmp_path: Path) -> None:
     config = study(task=("pan",), design={"kind": "crossed", "raters_per_episode": 50})
     with open_planned(tmp_path, config, plan_homes(config, "A")) as store:
         barrier, got = threading.Barrier(50), []
@@ -157,7 +157,7 @@ def test_a_withdrawal_that_was_cut_short_is_finished_at_the_next_start(tmp_path:
     assert json.loads((tmp_path / "keys.json").read_text())["p01"] is None
 
 
-def test_what_is_kept_after_a_withdrawal_can_still_be_read(tmp_path: Path) -> None:
+def test_records_kept_after_a_withdrawal_can_still_be_read(tmp_path: Path) -> None:
     with started(tmp_path, privacy={"on_withdraw": "keep"}) as store:
         do_next(store, "p01")
         store.withdraw("p01")
@@ -185,7 +185,7 @@ def test_a_lost_key_is_an_error_and_not_a_withdrawal(tmp_path: Path) -> None:
         reader.trials("p01")
 
 
-def test_who_is_screened_out_gives_the_trials_to_others(tmp_path: Path) -> None:
+def test_the_trials_of_a_screened_out_person_go_to_others(tmp_path: Path) -> None:
     with started(tmp_path) as store:
         store.enter_stage("p01", "screened_out")
         assert all(trial.is_released for trial in trials_of(store, "p01"))
@@ -200,7 +200,7 @@ def twelve_homes(folder: Path) -> StudyStore:
     return open_planned(folder, config, plan_homes(config, "ABCDEFGHIJKL", splits=SPLITS))
 
 
-def test_who_comes_back_goes_on_in_the_order_of_the_plan(tmp_path: Path) -> None:
+def test_a_person_who_comes_back_goes_on_in_the_order_of_the_plan(tmp_path: Path) -> None:
     with twelve_homes(tmp_path) as store:
         planned = [trial.key for trial in store.plan.participant("p01").trials]
         done = [do_next(store, "p01") for _ in range(3)]

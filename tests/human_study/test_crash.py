@@ -1,4 +1,4 @@
-"""kill -9 in the middle of a trial: what was acknowledged is there, and the trial goes on at the same step and pose."""
+"""kill -9 in the middle of a trial: acknowledged events are there, and the trial goes on at the same step and pose."""
 
 import multiprocessing
 import os

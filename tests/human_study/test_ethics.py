@@ -62,7 +62,7 @@ def test_a_mark_that_a_line_break_cuts_is_found() -> None:
     assert open_places(text) == ("ethics.contact",)
 
 
-def test_what_remains_after_a_withdrawal_is_what_the_consent_form_says() -> None:
+def test_the_consent_form_says_what_remains_after_a_withdrawal() -> None:
     deleted, kept = consent_text(paged_study()), consent_text(paged_study(privacy={"on_withdraw": "keep"}))
     flat = " ".join(deleted.split())
     assert "We then delete the key that your records are encrypted with" in flat

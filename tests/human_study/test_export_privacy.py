@@ -58,7 +58,7 @@ def test_no_ground_truth_text_is_in_an_export(finished: Path) -> None:
     assert CANARY.encode() not in bytes_of(finished / "out")
 
 
-def test_a_platform_id_is_in_neither_as_text(tmp_path: Path) -> None:
+def test_a_platform_id_is_in_neither_database_nor_export_as_text(tmp_path: Path) -> None:
     with filled(tmp_path / "study") as store:
         assert store.claim_person("ab" * 32) == "p01"
         store.enter_stage("p01", "arrived")
@@ -129,13 +129,13 @@ def test_a_withdrawal_in_the_middle_of_a_trial_leaves_a_chain_that_verifies_and_
         assert reader.events(trial.trial_id) == ()
     export_study(tmp_path / "study", tmp_path / "out")
     assert table_of(tmp_path / "out", "events") == []
-    shutil.copy(backup, tmp_path / "study" / DATABASE_FILE)  # from before the withdrawal: as unreadable
+    shutil.copy(backup, tmp_path / "study" / DATABASE_FILE)  # made before the withdrawal, and just as unreadable
     with read_study(tmp_path / "study") as reader:
         assert reader.events(trial.trial_id) == ()
         assert {status.is_shredded for status in reader.trials("p02")} == {True}
 
 
-def test_numbers_stay_when_somebody_withdraws(tmp_path: Path) -> None:
+def test_people_keep_their_codes_when_somebody_withdraws(tmp_path: Path) -> None:
     config = study(task=("pan",), design={"kind": "crossed", "raters_per_episode": 4})
     with filled(tmp_path / "study", config) as store:
         for number, code in enumerate(("p01", "p02", "p03", "p04")):

@@ -1,4 +1,4 @@
-"""The report's script for R runs as it is written, and finds what the report says of the same trials."""
+"""The report's script for R runs as it is written, and agrees with the report on the same trials."""
 
 import re
 from dataclasses import replace
@@ -33,15 +33,15 @@ def people(
     once: bool = False,
     seed: int = 4,
 ) -> list[TrialGroup]:
-    """Invented people who differ, at episodes that differ; the second condition helps by so much (log odds).
+    """Invented people who differ, at episodes that differ; the second condition helps by `helps`.
 
     Args:
-        task: Of all trials.
+        task: Task of all trials.
         conditions: Everybody meets half of the episodes in each.
-        helps: Of the second condition.
-        num_people: How many.
+        helps: Effect of the second condition, log odds.
+        num_people: Number of people.
         once: Each episode is done by one person only, and nobody does two.
-        seed: Of the draws.
+        seed: Seed of the random draws.
     """
     rng = np.random.default_rng(seed)
     skill, ease = rng.normal(size=num_people), 1.2 * rng.normal(size=len(KEYS))
@@ -106,7 +106,7 @@ def test_the_effect_of_a_condition_is_that_of_the_report(
     assert "failed to converge" not in complaints + printed
 
 
-def test_no_effect_is_none_in_both(tmp_path: Path) -> None:
+def test_without_an_effect_neither_r_nor_the_report_finds_one(tmp_path: Path) -> None:
     groups = people("pan", ("none", "memory_topdown"), helps=0.0)
     printed, _ = fitted(tmp_path, groups, "pan")
     ours, low, high = of_report(groups)
@@ -116,13 +116,13 @@ def test_no_effect_is_none_in_both(tmp_path: Path) -> None:
     assert least < 0 < most
 
 
-def test_a_first_condition_that_is_missing_is_that_of_the_report(tmp_path: Path) -> None:
+def test_without_the_usual_first_condition_r_compares_the_same_two_as_the_report(tmp_path: Path) -> None:
     groups = people("pog", ("map_2d", "map_open"), helps=1.6)
     printed, _ = fitted(tmp_path, groups, "pog")
     assert points(printed, "map_open - map_2d") == pytest.approx(of_report(groups)[0], abs=2.5)
 
 
-def test_trials_without_records_and_of_one_condition_are_fitted_with_what_is_there(tmp_path: Path) -> None:
+def test_trials_without_records_and_of_one_condition_are_fitted_with_the_remaining_terms(tmp_path: Path) -> None:
     (group,) = people("pan", ("none",), helps=0.0, num_people=6)
     bare = replace(group, trials=trial_frame(group.trials[["key", "participant", "sr"]].to_dict("records")))
     printed, complaints = fitted(tmp_path, [bare], "pan")
@@ -131,7 +131,7 @@ def test_trials_without_records_and_of_one_condition_are_fitted_with_what_is_the
     assert "Warning" not in complaints + printed
 
 
-def test_trials_that_share_nobody_and_no_episode_are_fitted_without_them(tmp_path: Path) -> None:
+def test_trials_that_share_neither_people_nor_episodes_are_fitted_without_these_terms(tmp_path: Path) -> None:
     groups = people("pan", ("none", "memory_topdown"), helps=1.0, num_people=30, once=True, seed=2)
     printed, complaints = fitted(tmp_path, groups, "pan")
     assert "(1 | participant)" not in printed

@@ -60,8 +60,8 @@ def test_a_missing_file_and_one_too_many_are_named(out: Path) -> None:
 def test_a_folder_that_is_no_export_is_refused(tmp_path: Path, out: Path) -> None:
     with pytest.raises(StudyError, match=r"manifest\.json: cannot be read .* expected an export"):
         import_check(tmp_path, room)
-    (out / "manifest.json").write_text('{"schema_version": 3}')
-    with pytest.raises(StudyError, match=r"manifest\.json: schema_version is 3; expected"):
+    (out / "manifest.json").write_text('{"schema_version": 4}')
+    with pytest.raises(StudyError, match=r"manifest\.json: schema_version is 4; expected"):
         import_check(out, room)
 
 
@@ -124,7 +124,7 @@ def test_an_export_of_version_1_which_knew_no_paper_strict_agrees(out: Path) -> 
         return "".join(json.dumps(line) + "\n" for line in lines)
 
     change(out, f"{walker(out)}/steps.jsonl", without_strict)
-    change(out, f"{walker(out)}/run.json", lambda text: text.replace('"schema_version": 2', '"schema_version": 1'))
+    change(out, f"{walker(out)}/run.json", lambda text: text.replace('"schema_version": 3', '"schema_version": 1'))
     report = import_check(out, room)
     assert report.agrees
     assert report.num_agreeing == 3

@@ -72,7 +72,7 @@ def test_a_failed_device_check_can_be_passed_later() -> None:
     assert place(("device_failed", {}), ("device_ok", {})) == "consent"
 
 
-def test_the_demo_has_one_page_and_none_for_who_comes_back() -> None:
+def test_the_demo_has_one_page_and_none_for_people_who_come_back() -> None:
     demo = config(flow=("instructions",))
     assert place(study=demo) == "instructions"
     assert place(study=demo, trials=[trial(1, is_begun=True), trial(2)]) == "trial"
@@ -93,7 +93,7 @@ def test_two_failed_rounds_of_the_quiz_lead_back_to_the_instructions() -> None:
     assert place(*ready, failed, failed, ("instructed", {}), failed, ("quiz_passed", {})) == "trial"
 
 
-def test_practice_attention_trials_and_what_was_given_back_are_not_counted() -> None:
+def test_practice_attention_and_given_back_trials_are_not_counted() -> None:
     others = [trial(2), trial(3)]
     assert journey(*READY, trials=[trial(1, phase="practice"), *others]) == Journey("practice", 0, 2)
     assert journey(*READY, trials=[trial(1, phase="practice", is_over=True), *others]) == Journey("trial", 0, 2)
@@ -104,7 +104,7 @@ def test_practice_attention_trials_and_what_was_given_back_are_not_counted() -> 
     assert place(*READY, trials=[given_back]) == "ending"
 
 
-def test_a_break_comes_after_so_many_trials_and_never_within_one() -> None:
+def test_a_break_comes_after_the_set_number_of_trials_and_never_within_one() -> None:
     study = config(breaks=StudyBreaks(every=2, sitting_max=None))
     done = [trial(1, is_over=True), trial(2, is_over=True)]
     assert place(*READY, trials=[*done, trial(3)], study=study) == "break"
@@ -114,7 +114,7 @@ def test_a_break_comes_after_so_many_trials_and_never_within_one() -> None:
     assert place(*READY, trials=done, study=study) == "ending"
 
 
-def test_a_sitting_ends_after_so_many_trials_goes_on_with_the_next_and_holds_up_no_trial_under_way() -> None:
+def test_a_sitting_ends_after_the_set_number_of_trials_never_within_one_and_the_next_goes_on() -> None:
     study = config(breaks=StudyBreaks(every=None, sitting_max=1, sitting_gap_s=3600.0))
     trials = [trial(1, is_over=True), trial(2), trial(3)]
     ended: Entered = ("break_started", {"done": 1, "sitting": True})
@@ -127,17 +127,17 @@ def test_a_sitting_ends_after_so_many_trials_goes_on_with_the_next_and_holds_up_
 
 
 @pytest.mark.parametrize("stage", ["declined", "withdrawn", "screened_out", "full"])
-def test_who_is_out_stays_out(stage: Stage) -> None:
+def test_a_person_who_is_out_stays_out(stage: Stage) -> None:
     assert place(*READY, (stage, {})) == stage
     assert place((stage, {}), *READY) == stage
 
 
-def test_the_end_is_what_is_stored_and_not_that_nothing_is_due() -> None:
+def test_a_person_has_finished_only_when_that_is_stored() -> None:
     assert place(*READY, trials=[trial(1, is_over=True)]) == "ending"
     assert place(*READY, ("finished", {}), trials=[trial(1, is_over=True)]) == "finished"
 
 
-def test_who_never_came_has_not_arrived_and_who_dropped_out_may_return() -> None:
+def test_a_person_who_never_came_has_not_arrived_and_a_drop_out_may_return() -> None:
     assert journey_of(config(), somebody(is_claimed=False)).place == "not_arrived"
     gone: Entered = ("dropped_out", {})
     assert place(*READY, gone) == "dropped_out"
@@ -171,7 +171,7 @@ def test_only_a_trial_that_has_ended_is_stored() -> None:
     assert [ended_trial(person, order_no) for order_no in (1, 2, 3, 4)] == [trials[0], None, None, None]
 
 
-def test_whoever_went_on_from_a_break_has_rested_until_the_next_trial_is_done() -> None:
+def test_a_person_back_from_a_break_has_rested_until_the_next_trial_is_done() -> None:
     def rested(*stages: Entered, num_done: int) -> bool:
         return has_rested(somebody(*stages), Journey("trial", num_done, 9))
 

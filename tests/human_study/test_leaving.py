@@ -1,4 +1,4 @@
-"""Who leaves in mid-trial, and what fails twice: an outcome of its own, and a bounded number of other attempts."""
+"""People who leave in the middle of a trial, and failures: an outcome of its own, a bounded number of new attempts."""
 
 from pathlib import Path
 
@@ -40,7 +40,7 @@ def slots(store: StudyStore) -> SlotCount:
     return found
 
 
-def test_who_leaves_in_mid_trial_for_good_has_abandoned_it(tmp_path: Path) -> None:
+def test_a_trial_left_in_the_middle_for_good_is_abandoned(tmp_path: Path) -> None:
     with started(tmp_path) as store:
         trial = begin_next(store, "p01")
         assert store.drop_out("p01", "away") == 3
@@ -75,7 +75,7 @@ def test_an_end_that_waits_for_its_outcome_is_not_called_abandoned(tmp_path: Pat
 
 
 @pytest.mark.parametrize(("code", "task", "commands"), [("p02", "pan", BEGUN), ("p01", "pog", POINT[:2])])
-def test_what_was_abandoned_is_verified(tmp_path: Path, code: str, task: TaskKind, commands: list) -> None:
+def test_an_abandoned_trial_is_verified(tmp_path: Path, code: str, task: TaskKind, commands: list) -> None:
     with filled(tmp_path) as store:
         trial = store.open_trial(code, 1)
         store.append_many(trial.trial_id, trial.epoch, events_of(trial.key, commands, task=task))
@@ -89,7 +89,7 @@ def test_what_was_abandoned_is_verified(tmp_path: Path, code: str, task: TaskKin
     assert (found.status, found.detail) == ("verified", "")
 
 
-def test_where_nobody_else_can_take_it_the_same_person_gets_it_once_more(tmp_path: Path) -> None:
+def test_an_abandoned_trial_that_nobody_else_can_take_goes_to_the_same_person_once_more(tmp_path: Path) -> None:
     with crossed(tmp_path) as store:
         first = do_next(store, "p01", reason="abandoned")
         assert do_next(store, "p01", reason="abandoned") == first
@@ -99,7 +99,7 @@ def test_where_nobody_else_can_take_it_the_same_person_gets_it_once_more(tmp_pat
         assert slots(store) == SlotCount("pan", "none", "easy", num_done=1, num_held=0, num_free=0, num_failed=1)
 
 
-def test_where_a_spare_person_can_take_it_that_person_does(tmp_path: Path) -> None:
+def test_an_abandoned_trial_goes_to_a_spare_person_who_can_take_it(tmp_path: Path) -> None:
     with crossed(tmp_path, overbook=2.0) as store:
         first = do_next(store, "p01", reason="abandoned")
         assert do_next(store, "p01") != first
@@ -107,7 +107,7 @@ def test_where_a_spare_person_can_take_it_that_person_does(tmp_path: Path) -> No
         assert do_next(store, "p02") == first
 
 
-def test_who_comes_back_to_a_crossed_study_finds_the_abandoned_trial_again(tmp_path: Path) -> None:
+def test_a_person_who_comes_back_to_a_crossed_study_finds_the_abandoned_trial_again(tmp_path: Path) -> None:
     with crossed(tmp_path) as store:
         key = begin_next(store, "p01").key
         assert store.drop_out("p01", "away") == 2
@@ -117,7 +117,7 @@ def test_who_comes_back_to_a_crossed_study_finds_the_abandoned_trial_again(tmp_p
         assert slots(store).num_done == 2
 
 
-def test_another_attempt_of_who_left_goes_to_a_spare_person(tmp_path: Path) -> None:
+def test_the_second_attempt_of_a_person_who_left_goes_to_a_spare_person(tmp_path: Path) -> None:
     with crossed(tmp_path, overbook=2.0) as store:
         first = do_next(store, "p01", reason="technical")
         assert store.drop_out("p01", "away") == 2
@@ -131,7 +131,7 @@ def house_once(folder: Path) -> StudyStore:
     return open_planned(folder, config, plan_homes(config, "A"))
 
 
-def test_what_failed_twice_is_given_to_nobody_else(tmp_path: Path) -> None:
+def test_an_episode_that_failed_twice_is_given_to_nobody_else(tmp_path: Path) -> None:
     with house_once(tmp_path) as store:
         assert do_next(store, "p01", reason="technical") is not None
         assert slots(store).num_free == 1

@@ -25,7 +25,7 @@ FORBIDDEN_TYPES = (Episode, Goal, Measures, RuleMeasures, PanSession, PogSession
 
 
 def walk(value: object, path: str = "view") -> Iterator[tuple[str, object]]:
-    """Every value inside `value` with the names that lead to it, whatever it is made of."""
+    """Every value inside `value` with the names that lead to it, for values of any type."""
     yield path, value
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         for field in dataclasses.fields(value):

@@ -41,7 +41,7 @@ def test_a_click_on_the_map_is_a_point_on_the_floor_of_the_storey_that_was_shown
 
 
 @pytest.mark.parametrize("hit", [None, (-1.99, 3.0, 0.015), (-1.995, 0.0, 0.015)])
-def test_a_point_that_is_not_its_pixels_is_refused(hit: tuple[float, float, float] | None) -> None:
+def test_a_point_that_is_not_the_place_of_its_pixel_is_refused(hit: tuple[float, float, float] | None) -> None:
     events = pointed(Click(UPSTAIRS, (0.0, 3.0, 0.0), pixel=PIXEL))
     events = [event.model_copy(update={"hit": hit}) if isinstance(event, Clicked) else event for event in events]
     with pytest.raises(StudyError, match="the place of its pixel"):
@@ -55,11 +55,11 @@ def test_an_end_that_the_server_wrote_without_a_time_gives_an_answer_without_one
 
 
 @pytest.mark.parametrize("kind", ["pan", "pog"])
-def test_a_failure_of_ours_and_somebody_who_never_came_back_have_no_measures(kind: TaskKind) -> None:
+def test_technical_failures_and_people_who_never_came_back_have_no_measures(kind: TaskKind) -> None:
     begun = driven(new_session(kind, TrialTerms(condition="none" if kind == "pan" else "map_open")), [(Start(), 0.0)])
     endings: list[tuple[Event, bool]] = [
         (Error(t_s=5.0, message="renderer died", is_fatal=True), False),
-        (Abandoned(away_s=1000.0), False),  # by the store
+        (Abandoned(away_s=1000.0), False),  # the store wrote it
         (Abandoned(t_s=5.0, away_s=1000.0), True),
         (Moment(kind="giveup", t_s=5.0), True),
     ]

@@ -75,7 +75,7 @@ def test_a_path_has_the_length_that_was_walked() -> None:
     assert ">1 m</text>" in drawn
 
 
-def test_the_floor_lies_under_the_paths_where_it_is() -> None:
+def test_a_known_floor_lies_under_the_paths() -> None:
     free = np.zeros((4, 6), bool)
     free[1, 1:5] = free[2, 1:3] = free[2, 4] = True
     storey = StoreyMap(0, 0.0, free, GridSpec((-1.0, -0.5), 0.5, (4, 6)))

@@ -1,4 +1,4 @@
-"""The planner gives the figures of HUMAN_STUDY.md, section 3 and 8, within the error of few simulations."""
+"""The planner gives the figures of HUMAN_STUDY.md, sections 3 and 8, within the error of a few simulations."""
 
 import json
 from pathlib import Path
@@ -31,7 +31,7 @@ def first_row(design: PowerDesign, *, sd: float, simulations: int = 120, **more:
 def test_widths_are_those_of_the_design_document(
     people: int, episodes: int, raters: int, alike: float, different: float
 ) -> None:
-    """250 trials per split. Own episodes come out 3 to 4 points wider than there: our t keeps the people's df."""
+    """250 trials per split. Own episodes come out 3 to 4 points wider than stated: our t keeps the people's df."""
     design = PowerDesign("one", people, episodes, raters)
     margin = 4.5 if raters == 1 else 2.5
     assert first_row(design, sd=0.3).width_split == pytest.approx(alike, abs=margin)
@@ -55,8 +55,8 @@ def test_power_of_the_paired_comparison_with_an_agent() -> None:
 
 
 @pytest.mark.release
-def test_no_effect_is_found_about_as_seldom_as_promised() -> None:
-    """With gaps next to nothing, finds are false alarms: at most 5 of 100, and the errors of 200 draws."""
+def test_false_alarms_are_about_as_rare_as_promised() -> None:
+    """With almost no gap, findings are false alarms: at most 5 of 100, within the error of 200 draws."""
     design = PowerDesign("one", 10, 50, 5, num_conditions=2)
     row = first_row(design, sd=0.9, simulations=200, agent_gap=1e-6, split_gap=1e-6, memory_gap=1e-6)
     assert max(row.power_splits, row.power_agent, row.power_memory) <= 0.1

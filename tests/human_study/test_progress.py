@@ -1,4 +1,4 @@
-"""How a running study goes: who is where, what is free; and that nothing of it says how anybody did."""
+"""Progress of a running study: where people are, which places are free, and never how well anybody did."""
 
 import dataclasses
 import json
@@ -28,7 +28,7 @@ FLOW = {"flow": ("device", "consent", "instructions", "quiz")}
 
 
 def progress_of(folder: Path, *, after_s: float = 0.0) -> StudyProgress:
-    """The study's progress so long after the newest thing that is stored."""
+    """The study's progress, `after_s` after the newest stored entry."""
     with read_study(folder) as reader:
         newest = reader.rows(
             "SELECT max(max(coalesce((SELECT max(at_ns) FROM stage), 0)),"
@@ -140,7 +140,7 @@ def test_every_stage_has_its_place(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stage", ["declined", "screened_out", "full"])
-def test_who_is_out_is_shown_as_out(tmp_path: Path, stage: str) -> None:
+def test_a_person_who_is_out_is_shown_as_out(tmp_path: Path, stage: str) -> None:
     with filled(tmp_path) as store:
         store.enter_stage("p01", stage)
         found = person(tmp_path, "p01", after_s=1e6)
@@ -172,7 +172,7 @@ def test_a_spare_person_who_takes_over_is_counted_from_then_on(tmp_path: Path) -
     assert found.slots[0] == SlotCount("pan", "none", "easy", num_done=1, num_held=3, num_free=2, num_failed=0)
 
 
-def test_two_failures_of_ours_in_one_trial_are_said_and_not_done(tmp_path: Path) -> None:
+def test_a_trial_with_two_technical_failures_counts_as_failed_and_not_as_done(tmp_path: Path) -> None:
     with started(tmp_path, design={"kind": "crossed", "raters_per_episode": 1}) as store:
         do_next(store, "p01", reason="technical")
         assert progress_of(tmp_path).slots[0].num_held == 3

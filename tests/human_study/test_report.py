@@ -118,7 +118,7 @@ def test_an_agent_is_shown_on_the_peoples_episodes_only(runs: list[Run]) -> None
         study_report([*few, others])
 
 
-def test_what_does_not_count_is_said(runs: list[Run]) -> None:
+def test_trials_that_do_not_count_are_listed(runs: list[Run]) -> None:
     broken = pan("easy", "0", success=False, steps=3, code="p09", reason="technical")
     added = Run(info=run_info("study-p09-pan", "human"), episodes=(broken,))
     found = study_report([*runs, added])
@@ -217,7 +217,7 @@ def test_other_homes_are_no_human_baseline(runs: list[Run], found: StudyReport) 
 
 def test_the_report_has_paper_strict_and_the_share_far_from_view_beside_paper_and_warns(runs: list[Run]) -> None:
     def measured(run: Run) -> Run:
-        """In turn right by both rules beside a view point, and right by `paper` only and far from it."""
+        """Episodes alternate: right by both rules beside a view point, or right by `paper` only and far from it."""
         found = []
         for number, item in enumerate(run.episodes):
             measures = item.end.measures
@@ -251,3 +251,14 @@ def test_the_report_has_paper_strict_and_the_share_far_from_view_beside_paper_an
     assert all(f"**{line}**" in text for line in report.warnings)
     assert "Warning: " in latex(report)
     assert study_report(runs).warnings == ()
+
+
+def test_runs_on_several_versions_of_a_home_are_named_in_one_line(runs: list[Run]) -> None:
+    agent = next(run for run in runs if run.info.who != "human" and run.episodes)
+    first, *others = agent.episodes
+    assert first.end.measures is not None
+    end = first.end.model_copy(update={"measures": first.end.measures.model_copy(update={"scene_digest": "newer"})})
+    moved = agent.model_copy(update={"episodes": (first.model_copy(update={"end": end}), *others)})
+    (line,) = study_report([moved if run is agent else run for run in runs]).warnings
+    assert line.startswith("Warning: runs in 1 home are on several versions of the home, whose distances may differ;")
+    assert f"newer ({agent.info.run_id})" in line

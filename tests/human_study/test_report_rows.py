@@ -33,7 +33,7 @@ def values(aggregate: Aggregate) -> tuple[float, float, float]:
 def test_a_total_is_the_mean_of_splits_every_trial_the_same_or_splits_by_their_size() -> None:
     assert values(Aggregate()) == pytest.approx((75, 100 / 6, (75 + 100 / 6) / 2))
     assert values(Aggregate("pooled")) == pytest.approx((75, 100 / 6, 40))
-    sizes = {"easy": 600, "medium": 700, "hard": 200}  # nobody did medium: it has no part
+    sizes = {"easy": 600, "medium": 700, "hard": 200}  # nobody did medium, so it has no weight
     assert values(Aggregate("dataset_weighted", split_sizes=sizes)) == pytest.approx(
         (75, 100 / 6, 0.75 * 75 + 0.25 * 100 / 6)
     )

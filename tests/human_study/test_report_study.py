@@ -67,14 +67,14 @@ def value(found: StudyReport, who: str, condition: str, split: str = "total", me
 
 
 def ways_of(found: StudyReport, row: TrialRow) -> dict:
-    """The ways to count people's trials in the condition of a row, by what stands before the colon."""
+    """The ways to count people's trials in the condition of a row, by the text before the colon."""
     condition = "memory_topdown" if row.condition == "topdown" else "none"
     rows = [way for way in found.sensitivity if (way.who, way.condition) == ("human", condition)]
     return {way.way.partition(":")[0]: way for way in rows}
 
 
 def counted(rows: Sequence[TrialRow], *conditions: str) -> list[TrialRow]:
-    """Rows of counted trials with a result, of all conditions where none is named."""
+    """Rows of counted trials with a result; of all conditions if none is named."""
     main = [row for row in rows if row.phase == "main" and row.end_reason == "stop"]
     return [row for row in main if row.condition in (conditions or (row.condition,))]
 
@@ -141,7 +141,7 @@ def test_time_to_decision_is_from_the_tasks_start_to_the_end_in_every_row(rows: 
         for is_odd in (bool(number % 2) and row.end_reason == "stop",)
         if row.end_reason == "stop" and row.phase == "main"
     ]
-    runs = people_runs(changed, CONFIG)  # those that gave up have no run here, as excluded ones: their rows count
+    runs = people_runs(changed, CONFIG)  # given up and excluded trials have no run here: their rows count
     found = study_report(runs, records=StudyRecords(CONFIG, tuple(changed)))
     times = [row for row in found.rows if row.measure == "t_s" and row.kind == "human"]
     assert {row.condition for row in times} == {"none", "memory_topdown"}
@@ -209,7 +209,7 @@ def test_verification_stands_below_tables(found: StudyReport, rows: list[TrialRo
     assert markdown(found).count(note) > 10
 
 
-def test_the_flow_counts_who_came_how_far() -> None:
+def test_the_flow_counts_how_far_people_came() -> None:
     stages = [
         ("arrived", "device_ok", "consented", "quiz_failed", "quiz_passed", "finished"),
         ("arrived", "declined"),

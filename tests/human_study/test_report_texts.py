@@ -1,4 +1,4 @@
-"""What goes beside the tables: the script for R, the checklist, hypotheses by name, pages and cells."""
+"""The parts of a report beside its tables: the script for R, the checklist, hypotheses by name, pages and cells."""
 
 import csv
 import io

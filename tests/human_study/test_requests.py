@@ -1,4 +1,4 @@
-"""What a researcher asks of a study while another process serves it: done by that process, answered, or refused."""
+"""A researcher's requests to a study that another process serves: done by that process, answered, or refused."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -38,7 +38,7 @@ def prepared(folder: Path) -> StudyStore:
 
 @contextmanager
 def answered(take: Callable[[], list[str]]) -> Iterator[list[str]]:
-    """Somebody takes requests up, as upkeep does, until the block ends; what was told."""
+    """Takes up requests, as upkeep does, until the block ends; yields the lines that it tells."""
     told: list[str] = []
     is_over = threading.Event()
 
@@ -95,7 +95,7 @@ def test_a_refusal_comes_back_as_it_was_said(tmp_path: Path) -> None:
     assert len(told) == 1
 
 
-def test_a_process_that_takes_nothing_up_is_named_and_nothing_is_left(tmp_path: Path) -> None:
+def test_a_process_that_takes_up_no_request_is_named_and_no_request_is_left(tmp_path: Path) -> None:
     with prepared(tmp_path) as store:
         with pytest.raises(
             StudyError, match=r"process \d+ has the study open .* Nothing was changed: let that process"
@@ -106,7 +106,7 @@ def test_a_process_that_takes_nothing_up_is_named_and_nothing_is_left(tmp_path: 
         assert not store.participant("p02").is_withdrawn
 
 
-def test_what_was_begun_when_the_process_ended_is_done_at_its_next_start(tmp_path: Path) -> None:
+def test_a_request_begun_when_the_process_ended_is_done_at_its_next_start(tmp_path: Path) -> None:
     with prepared(tmp_path) as store:
         with pytest.raises(StudyError, match="Nothing was changed"):
             change_study(tmp_path, [Withdrawal(participant="p02")], wait_s=0.0)
@@ -136,7 +136,7 @@ def test_without_a_process_that_serves_it_the_change_is_made_here(tmp_path: Path
     assert not (tmp_path / REQUEST_FOLDER).exists()
 
 
-def test_who_is_withdrawn_in_a_practice_trial_finds_it_ended(tmp_path: Path) -> None:
+def test_a_person_withdrawn_in_a_practice_trial_finds_it_ended(tmp_path: Path) -> None:
     made = plan(study())
     key = episode().key
     practice = PlannedTrial(

@@ -288,7 +288,7 @@ def test_the_pose_in_which_the_camera_comes_to_rest_is_kept_however_soon_it_came
     session = begun("pog")
     driven(session, [(camera(5.0), 1.0), (camera(6.0), 1.1), (camera(7.0), 1.2)])
     assert session.wait_s(1.25) == pytest.approx(0.25)
-    assert session.wait_s(1.75) == 0  # who asks late is not told to wait for ever
+    assert session.wait_s(1.75) == 0  # a late question still gets a finite wait
     assert cams(session.handle(Tick(), 1.75).events) == [(1.75, (0.0, 7.0, 0.0))]
     assert session.wait_s(1.75) is None
     assert session.handle(Tick(), 3.0).events == ()

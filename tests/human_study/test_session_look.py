@@ -69,7 +69,7 @@ def test_the_map_cannot_be_left_before_the_shortest_look(kind: TaskKind, terms: 
 
 
 @pytest.mark.parametrize(("kind", "terms"), LOOKS)
-def test_the_longest_look_ends_without_anybody_doing_anything(kind: TaskKind, terms: TrialTerms) -> None:
+def test_a_look_ends_by_itself_after_its_longest_time(kind: TaskKind, terms: TrialTerms) -> None:
     session = new_session(kind, terms)
     now_s = 100.0
     events = list(session.handle(Start(), now_s).events)
@@ -138,14 +138,14 @@ def test_a_pog_answer_is_timed_from_the_texts() -> None:
 
 
 @pytest.mark.parametrize(("kind", "terms"), LOOKS)
-def test_who_comes_back_finds_the_look_with_what_is_left_of_it(kind: TaskKind, terms: TrialTerms) -> None:
+def test_a_person_who_comes_back_finds_the_rest_of_the_look(kind: TaskKind, terms: TrialTerms) -> None:
     session = new_session(kind, terms)
     events = driven(session, [(Start(), 0.0), (ShowStorey(1), 1.0), (Tick(), 23.0), (Tick(), 25.5)])
     again, back = resumed(kind, terms, events, away_s=200.0, now_s=1000.0)
     assert kinds(back) == ["map_on"]
     view = again.view(1000.0)
     assert isinstance(view, LookView)
-    assert (view.storey, view.wait_s, view.left_s) == (1, 0, 37)  # the last that was stored was at 23 s
+    assert (view.storey, view.wait_s, view.left_s) == (1, 0, 37)  # the last stored event was at 23 s
     off = again.handle(CloseMap(), 1010.0).events[0]
     assert isinstance(off, MapOff)
     assert off.look_s == 33.0
@@ -170,7 +170,7 @@ def test_reloading_again_and_again_does_not_make_a_look_longer_than_one_pause_be
 
 
 @pytest.mark.parametrize(("kind", "terms"), LOOKS)
-def test_who_comes_back_to_the_task_does_not_see_the_map_again(kind: TaskKind, terms: TrialTerms) -> None:
+def test_a_person_who_comes_back_to_the_task_does_not_see_the_map_again(kind: TaskKind, terms: TrialTerms) -> None:
     events = driven(new_session(kind, terms), [(Start(), 0.0), (CloseMap(), 10.0)])
     session, back = resumed(kind, terms, events)
     assert session.phase == "task"

@@ -74,7 +74,7 @@ WAITS = st.integers(0, 12).map(lambda quarters: quarters / 4)  # exact in binary
 
 
 def settled(view: LookView | PanView | PogView | RateView) -> tuple:
-    """A view without what depends on the moment, or on a press that an absence takes back."""
+    """A view without the fields that depend on the moment, or on a press that an absence takes back."""
     if isinstance(view, LookView):
         return (dataclasses.replace(view, wait_s=0, left_s=0),)
     if isinstance(view, PanView):
@@ -97,7 +97,7 @@ class Trial(RuleBasedStateMachine):
         self.give(Start())
 
     def give(self, command: Command, *, busy: bool = False) -> None:
-        """One command; its events are stored as text."""
+        """Gives one command; its events are stored as text."""
         was_done = self.session.is_done if self.events else False
         update = self.session.handle(command, self.now_s, busy=busy)
         assert not (was_done and update.events)
@@ -115,7 +115,7 @@ class Trial(RuleBasedStateMachine):
     @precondition(lambda self: not self.session.is_done)
     @rule()
     def wait(self) -> None:
-        """Until something happens by itself."""
+        """Waits until something happens by itself."""
         wait_s = self.session.wait_s(self.now_s)
         if wait_s is not None:
             assert wait_s > 0

@@ -1,4 +1,4 @@
-"""What a session keeps of the page around it, the question after the end, and taking a trial over from another tab."""
+"""A session's record of its page, the question after the end, and taking a trial over from another tab."""
 
 import pytest
 
@@ -52,13 +52,13 @@ def test_round_trips_are_kept_and_one_that_is_no_number_is_refused() -> None:
         session.handle(Measure(float("nan")), 1.0)
 
 
-def test_after_the_end_a_page_is_of_no_interest() -> None:
+def test_after_the_end_nothing_of_the_page_is_recorded() -> None:
     session = new_session("pan", TrialTerms(condition="none"))
     driven(session, STOPPED)
     assert session.handle(PageChanged("hidden"), 4.0).events == ()
 
 
-def test_who_has_answered_is_asked_how_sure_the_answer_is() -> None:
+def test_a_person_who_has_answered_is_asked_how_sure_the_answer_is() -> None:
     session = new_session("pan", ASKING)
     events = driven(session, STOPPED)
     assert (session.is_over, session.is_done, session.phase) == (True, False, "rate")
@@ -83,7 +83,7 @@ def test_the_question_changes_neither_answer_nor_time() -> None:
 
 
 @pytest.mark.parametrize("ending", [[(GiveUp(), 1.0), (GiveUp(), 2.0)], [(Fail("renderer died"), 1.0)]])
-def test_who_has_not_answered_is_not_asked(ending: list) -> None:
+def test_a_person_who_has_not_answered_is_not_asked(ending: list) -> None:
     session = new_session("pan", ASKING)
     driven(session, [(Start(), 0.0), *ending])
     assert session.phase == "done"
@@ -101,7 +101,7 @@ def test_the_question_does_not_wait_for_ever() -> None:
     assert session.wait_s(63.0) is None
 
 
-def test_who_comes_back_to_the_question_finds_it_unless_that_was_too_late() -> None:
+def test_a_person_who_comes_back_to_the_question_finds_it_unless_it_is_too_late() -> None:
     events = driven(new_session("pan", ASKING), STOPPED)
     soon, back = resumed("pan", ASKING, events, away_s=30.0)
     assert (soon.phase, back) == ("rate", ())

@@ -52,10 +52,10 @@ def test_names_and_order_do_not_matter() -> None:
     )
     assert (other.value, other.n) == (first.value, first.n)
     assert (other.interval.low, other.interval.high) == pytest.approx((first.interval.low, first.interval.high))
-    assert other.bootstrap == first.bootstrap  # drawn by place, and places are by name
+    assert other.bootstrap == first.bootstrap  # draws go by position in the order of names
 
 
-def test_each_once_is_wilsons_interval() -> None:
+def test_one_trial_per_episode_gives_wilsons_interval() -> None:
     ten = trials_of([1] * 8 + [0] * 2, [f"p{k}" for k in range(10)], [f"e{k}" for k in range(10)])
     found = rate(ten)
     assert found.interval == wilson_interval(8, 10)

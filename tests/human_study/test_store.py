@@ -97,7 +97,7 @@ def test_the_first_outcome_stays_and_nothing_comes_after_it(tmp_path: Path) -> N
             store.open_trial("p02", 1)
 
 
-def test_what_the_store_cannot_take_is_named(tmp_path: Path) -> None:
+def test_a_write_that_the_store_cannot_take_is_named(tmp_path: Path) -> None:
     with filled(tmp_path) as store:
         trial = store.open_trial("p02", 1)
         with pytest.raises(StudyError, match="has no events"):
@@ -183,7 +183,7 @@ def test_a_second_process_is_refused_and_told_who_holds_the_study(tmp_path: Path
 
 
 def _fill_up(folder: Path, results: object) -> None:
-    """Write until the operating system refuses larger files, then allow them again and write once more."""
+    """Writes until the operating system refuses larger files, then allows them again and writes once more."""
     with opened(folder) as (store, trial):
         size = (folder / "study.db-wal").stat().st_size
         resource.setrlimit(resource.RLIMIT_FSIZE, (size + 30_000, resource.RLIM_INFINITY))

@@ -98,7 +98,7 @@ def test_a_steady_clock_that_starts_again_is_compared_within_its_boot_only(tmp_p
 
 
 def secs_before_the_next(store: StudyStore, trial: Trial) -> float | None:
-    """Gives the trial up; how long its participant was in the home before the next one there."""
+    """Gives the trial up; returns `secs_in_scene_before` of the participant's next trial."""
     store.append(trial.trial_id, trial.epoch, Moment(kind="giveup"))
     store.finish_trial(trial.trial_id, EpisodeEnd(reason="giveup"))
     store.open_trial(trial.code, trial.order_no + 1)

@@ -1,4 +1,4 @@
-"""Databases that are damaged, foreign, newer, too old, changed behind the back, or in need of a later step."""
+"""Databases that are damaged, foreign, newer, too old, changed behind the store's back, or in need of a migration."""
 
 import shutil
 import sqlite3
@@ -59,7 +59,7 @@ def test_a_database_of_another_program_is_left_alone(tmp_path: Path) -> None:
         pytest.param(
             1,
             r"schema version 1; expected at least 2\..*use the personal-viz that",
-            id="one of before the first release",
+            id="one from before the first release",
         ),
     ],
 )
@@ -106,13 +106,13 @@ def test_an_event_cut_off_the_end_of_a_finished_trial_is_found(tmp_path: Path) -
         open_small(tmp_path)
 
 
-def test_an_up_to_date_database_needs_no_step(tmp_path: Path) -> None:
+def test_an_up_to_date_database_needs_no_migration(tmp_path: Path) -> None:
     filled(tmp_path).close()
     assert bring_up_to_date(tmp_path) == []
     assert not (tmp_path / database_module.BACKUP_FOLDER).exists()
 
 
-def test_a_migration_keeps_a_copy_of_what_was_and_moves_the_version(tmp_path: Path) -> None:
+def test_a_migration_keeps_a_copy_of_the_old_database_and_raises_the_version(tmp_path: Path) -> None:
     with opened(tmp_path) as (store, trial):
         store.append_many(trial.trial_id, trial.epoch, [KEY, KEY])
     path = tmp_path / "study.db"

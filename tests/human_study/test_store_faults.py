@@ -43,7 +43,7 @@ def counts(folder: Path) -> dict[str, int]:
 
 
 class BrokenDisk:
-    """A connection whose commits fail with an error of SQLite, in one of the two ways in which they do."""
+    """A connection whose commits fail with an error of SQLite, with or without rolling back."""
 
     def __init__(self, database: sqlite3.Connection, code: int, *, rolls_back: bool) -> None:
         self._database, self._code, self._rolls_back = database, code, rolls_back
@@ -153,7 +153,7 @@ def test_a_write_with_a_bug_does_not_stop_the_others_of_its_commit(
 
 
 def _between_two_keys(store: StudyStore, trial: Trial, job: Callable[[], object]) -> object:
-    """What a write came to that is in one commit with a key before it and one after it, which are both stored."""
+    """The result of a write in one commit with a key press before it and one after it, which are both stored."""
     results: dict[str, object] = {}
 
     def write(name: str, job: Callable[[], object]) -> None:
@@ -172,7 +172,7 @@ def _between_two_keys(store: StudyStore, trial: Trial, job: Callable[[], object]
 
 
 def _together(store: StudyStore, threads: list[threading.Thread]) -> None:
-    """Run the threads so that their writes are in one commit."""
+    """Runs the threads so that their writes are in one commit."""
     writer, is_free, has_begun = store._writer, threading.Event(), threading.Event()
 
     def hold(_: sqlite3.Connection) -> None:
@@ -198,7 +198,7 @@ def _together(store: StudyStore, threads: list[threading.Thread]) -> None:
         thread.join(30)
 
 
-def test_a_backup_that_fails_keeps_nobody_from_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_backup_that_fails_keeps_nobody_from_finishing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise sqlite3.OperationalError("database or disk is full")
 
@@ -221,7 +221,7 @@ def test_a_backup_without_room_leaves_no_half_file(tmp_path: Path) -> None:
             store.back_up()
 
 
-def test_a_result_that_comes_after_the_withdrawal_is_refused_also_when_it_was_stored_before(tmp_path: Path) -> None:
+def test_a_result_that_comes_after_the_withdrawal_is_refused_even_if_it_was_stored_before(tmp_path: Path) -> None:
     with opened(tmp_path) as (store, trial):
         store.finish_trial(trial.trial_id, STOP)
         store.withdraw("p02")

@@ -77,7 +77,9 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
         )
 
 
-def test_a_power_loss_leaves_what_was_acknowledged_when_the_log_was_so_long(tmp_path: Path, written: Written) -> None:
+def test_a_log_cut_by_a_power_loss_holds_every_event_acknowledged_at_that_length(
+    tmp_path: Path, written: Written
+) -> None:
     rng = np.random.default_rng(1)
     lengths = sorted({0, len(written.wal), *(int(n) for n in rng.integers(0, len(written.wal), 40))})
     found = []
@@ -134,25 +136,25 @@ def test_the_study_goes_on_after_a_power_loss(tmp_path: Path, written: Written) 
     assert steps_in(folder, written.trial) == [*range(10), 100, 101]
 
 
-# --- kills at chosen instants, each in a process of its own
+# Kills at chosen instants, each in a process of its own
 
 
 def die(*_: object, **__: object) -> None:
-    """End this process as the system would, with nothing tidied up."""
+    """Ends this process as the system would, with nothing tidied up."""
     os.kill(os.getpid(), signal.SIGKILL)
 
 
 def _finish_and_die_after_the_commit(folder: Path) -> None:
     store = open_small(folder)
     trial = store.open_trial("p02", 1)
-    store_module.read_study = die  # type: ignore[assignment]  # the answer is read back after the commit
+    store_module.read_study = die  # the answer is read back after the commit
     store.finish_trial(trial.trial_id, STOP)
 
 
 def _finish_and_die_before_the_commit(folder: Path) -> None:
     store = open_small(folder)
     trial = store.open_trial("p02", 1)
-    store_module.queue_again = die  # type: ignore[assignment]  # the last step of the transaction
+    store_module.queue_again = die  # the last step of the transaction
     store.finish_trial(trial.trial_id, STOP)
 
 
@@ -167,7 +169,7 @@ def _withdraw_and_die_before_the_key_is_deleted(folder: Path) -> None:
 
 
 def killed(work: Callable[[Path], None], folder: Path) -> None:
-    """Run it in a process that it does not survive."""
+    """Runs the work in a process that it ends."""
     context = multiprocessing.get_context("forkserver")
     process = context.Process(target=work, args=(folder,))
     process.start()
@@ -176,7 +178,7 @@ def killed(work: Callable[[Path], None], folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_who_was_cut_off_between_commit_and_reply_finds_the_same_outcome_once(tmp_path: Path) -> None:
+def test_a_person_cut_off_between_commit_and_reply_finds_the_same_outcome_once(tmp_path: Path) -> None:
     trial = begun_trial(tmp_path)
     killed(_finish_and_die_after_the_commit, tmp_path)
     with open_small(tmp_path) as store:
@@ -189,7 +191,7 @@ def test_who_was_cut_off_between_commit_and_reply_finds_the_same_outcome_once(tm
 
 
 @pytest.mark.slow
-def test_who_was_cut_off_before_the_commit_finds_the_trial_running(tmp_path: Path) -> None:
+def test_a_person_cut_off_before_the_commit_finds_the_trial_running(tmp_path: Path) -> None:
     trial = begun_trial(tmp_path)
     killed(_finish_and_die_before_the_commit, tmp_path)
     with open_small(tmp_path) as store:

@@ -1,4 +1,4 @@
-"""Whatever people, tabs, crashes and the researcher do in whatever order, the store's promises hold."""
+"""The store's promises hold for any order of acts of people, tabs, crashes and the researcher."""
 
 import itertools
 import shutil
@@ -43,7 +43,7 @@ class StoreMachine(RuleBasedStateMachine):
         self.consent: dict[str, bool] = {}
         self.withdrawn: set[str] = set()
         self.out: set[str] = set()
-        """Who declined or withdrew: for good."""
+        """People who declined or withdrew, for good."""
         self.numbers = itertools.count()
 
     def teardown(self) -> None:
@@ -99,7 +99,7 @@ class StoreMachine(RuleBasedStateMachine):
 
     @rule(trial=trials, reason=REASONS)
     def finish(self, trial: Trial, reason: str) -> None:
-        """The first end stays, whoever tells another one later."""
+        """The first end stays; later ones change nothing."""
         first = self.outcomes.get(trial.trial_id)
         try:
             stored = self.store.finish_trial(trial.trial_id, EpisodeEnd(reason=reason))
@@ -115,7 +115,7 @@ class StoreMachine(RuleBasedStateMachine):
 
     @rule(code=CODES)
     def leave(self, code: str) -> None:
-        """What was under way is abandoned, and what was not begun has no end."""
+        """A trial under way is abandoned; a trial that was not begun has no end."""
         with read_study(self.folder) as reader:
             running = [
                 trial.trial_id for trial in reader.trials(code) if trial.trial_id and trial.is_due and trial.attempt
@@ -135,7 +135,7 @@ class StoreMachine(RuleBasedStateMachine):
     @rule()
     def crash(self) -> None:
         """The program ends without closing anything; a new one opens the same files."""
-        # what SQLite and the lock would keep of a killed process is nothing: give the files up as they are
+        # SQLite and the lock keep nothing of a killed process: the files are given up as they are
         survivors = {path.name: path.read_bytes() for path in self.folder.iterdir() if path.name != "study.db-shm"}
         self.store.close()
         shutil.rmtree(self.folder)
@@ -189,7 +189,7 @@ class StoreMachine(RuleBasedStateMachine):
 
 
 def _check_slots(reader: StudyReader) -> None:
-    """One live holder of each episode, condition and repetition."""
+    """Each episode, condition and repetition has at most one live holder."""
     held = reader.rows(
         "SELECT count(*) FROM assignment WHERE phase = 'main' AND NOT EXISTS(SELECT 1 FROM release WHERE"
         " release.assignment_id = assignment.assignment_id) GROUP BY task, condition, split, scene, episode_id, rep"
@@ -206,8 +206,8 @@ StoreMachine.TestCase.settings = settings(
 test_the_promises_hold_in_any_order_of_things = pytest.mark.slow(StoreMachine.TestCase)
 
 
-def test_whoever_writes_first_the_same_is_kept(tmp_path: Path) -> None:
-    """The same people do the same, one after the other or in turns: the same trials, events, ends and places."""
+def test_the_order_in_which_people_write_changes_nothing_that_is_kept(tmp_path: Path) -> None:
+    """The same people do the same things, one after the other or in turns: the same trials, events, ends and places."""
     orders = (["p01"] * 3 + ["p02"] * 3, ["p02", "p01"] * 3, ["p01", "p02", "p02", "p01", "p01", "p02"])
     kept = [_kept_after(tmp_path / str(number), codes) for number, codes in enumerate(orders)]
     assert kept[0] == kept[1] == kept[2]
@@ -215,7 +215,7 @@ def test_whoever_writes_first_the_same_is_kept(tmp_path: Path) -> None:
 
 
 def _kept_after(folder: Path, codes: list[str]) -> list[tuple[object, ...]]:
-    """What is stored when these people do their next trials in this order."""
+    """The records after these people did their next trials in this order."""
     with started(folder, flow=FLOW) as store:
         for person in store.plan.participants:
             store.give_consent(person.code, "text", given=True)

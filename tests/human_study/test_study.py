@@ -45,7 +45,7 @@ def test_the_example_of_the_specification_reads(tmp_path: Path) -> None:
     assert config.design.trials_per_person == 30
 
 
-def test_the_study_version_is_the_hash_of_what_was_chosen() -> None:
+def test_the_study_version_is_the_hash_of_the_choices() -> None:
     config = StudyConfig(study="pilot", dataset=StudyDataset(sha256="0"), task=("pan",))
     text = '{"dataset":{"sha256":"0"},"study":"pilot","task":["pan"]}'
     assert config.canonical_json() == text

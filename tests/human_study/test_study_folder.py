@@ -20,7 +20,7 @@ from .stores import filled, open_small
 
 @pytest.fixture(params=[0o000, 0o022, 0o277], ids=lambda mask: f"umask {mask:03o}")
 def umask(request: pytest.FixtureRequest) -> Iterator[None]:
-    """The test runs with it."""
+    """Runs the test with this umask."""
     before = os.umask(request.param)
     yield
     os.umask(before)
@@ -96,7 +96,7 @@ def test_whole_keys_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         (lambda keys: json.dumps({"p01": keys["p02"], "p02": keys["p01"]}), "cannot be decrypted; expected"),
     ],
 )
-def test_missing_damaged_and_other_keys_are_one_line(tmp_path: Path, damage, line: str) -> None:
+def test_missing_damaged_and_other_keys_are_reported_in_one_line(tmp_path: Path, damage, line: str) -> None:
     study_with_trials(tmp_path)
     keys = tmp_path / "keys.json"
     text = damage(json.loads(keys.read_text()))

@@ -1,4 +1,4 @@
-"""What people are told is what is scored: every rule, limit and key, in every text; and which texts `plan` refuses."""
+"""People are told the rules that are scored: every rule, limit and key, in every text; which texts `plan` refuses."""
 
 import itertools
 import re
@@ -36,17 +36,17 @@ STEP_M = 0.25
 PAN_ARMS: tuple[tuple[PanCondition, ...], ...] = (("none",), ("topdown",), ("none", "topdown", "glb"))
 POG_ARMS: tuple[tuple[PogCondition, ...], ...] = (("map_open",), ("map_2d",), ("map_first", "map_open", "map_2d"))
 NEAR_M = 0.02
-"""How far on either side of a told limit an answer is scored."""
+"""Distance on either side of a told limit at which an answer is scored, metres."""
 
 
 def lengths_m(text: str) -> set[float]:
-    """All lengths that a text says, in metres, but that of one step."""
+    """All lengths in a text but that of one step, metres."""
     found = re.findall(r"(\d+(?:\.\d+)?)\s+(metres?|m|centimetres?|cm)\b", text)
     return {round(float(number) * (0.01 if unit.startswith("c") else 1), 6) for number, unit in found} - {STEP_M}
 
 
 def seen_from(metres: float) -> Episode:
-    """The episode whose target has its one view point so far from its middle."""
+    """The episode with the target's one view point at this distance from the target's middle."""
     whole = episode()
     target = whole.targets[0]
     point = target.view_points[0]
@@ -97,7 +97,7 @@ def ended(task: TaskKind, *, config: StudyConfig, is_right: bool) -> EpisodeRun 
 
 
 def texts_that_tell_the_rule(config: StudyConfig, task: TaskKind, conditions: tuple[Condition, ...]) -> dict[str, str]:
-    """Every text in which somebody reads when an answer is right, by name."""
+    """Every text that tells people when an answer is right, by name."""
     name = "distance" if task == "pan" else "middle"
     question = next(question for question in questions_for(config, task, conditions) if question.name == name)
     documents = ethics_documents(config, plan(config))
@@ -202,7 +202,7 @@ def test_keys_and_limits_of_a_trial_are_those_of_the_study_file(keys: str) -> No
     assert (look.min_s, look.max_s, task_max_s) == (10.0, 90.0, 75.0)
 
 
-def test_each_participant_is_told_the_own_task_only(tmp_path: Path) -> None:
+def test_each_participant_is_told_about_one_task_only(tmp_path: Path) -> None:
     config = paged_study(task=("pan", "pog"), success="habitat", **FILLED)
     names = freeze_texts(tmp_path, config, plan(config))
     texts = {name: (tmp_path / name).read_text(encoding="utf-8") for name in names}

@@ -85,7 +85,7 @@ def test_practice_and_attention_trials_are_in_the_table_and_never_counted(tmp_pa
     ]
 
 
-def test_rules_of_person_and_trial_are_told_once_each(tmp_path: Path) -> None:
+def test_exclusion_rules_of_person_and_trial_are_listed_once_each(tmp_path: Path) -> None:
     with filled(tmp_path) as store:
         trial_id = do_trial(store, "p02", 1, TOO_FAR)
         store.exclude("participant", "p02", rule_id="attention", reason="two of two missed")
@@ -98,7 +98,7 @@ def test_rules_of_person_and_trial_are_told_once_each(tmp_path: Path) -> None:
     assert row.left_out == "excluded: attention, disturbed"
 
 
-def test_people_whose_records_were_deleted_are_not_in_it(folder: Path) -> None:
+def test_people_whose_records_were_deleted_are_not_in_the_table(folder: Path) -> None:
     with open_small(folder / "study") as store:
         store.withdraw("p02")
     assert {row.participant for row in rows_of(folder / "study")} == {"p01"}
@@ -119,7 +119,7 @@ def test_a_damaged_record_is_named(folder: Path) -> None:
         rows_of(folder / "study")
 
 
-def test_the_look_at_a_map_is_told_by_its_end_and_one_that_was_cut_off_by_its_last_event() -> None:
+def test_a_look_at_a_map_lasts_until_its_end_or_until_its_last_event_if_it_was_cut_off() -> None:
     map_on = MapOn(t_s=1.0, what="topdown", min_s=0.0, max_s=60.0)
     off = MapOff(t_s=13.5, what="topdown", reason="left", look_s=12.5)
     assert look(map_on, Moment(kind="looking", t_s=6.0), off, Shown(t_s=13.6, step=0, frame_hash=None)) == 12.5

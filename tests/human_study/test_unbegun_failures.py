@@ -36,13 +36,13 @@ def stray(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     return folder
 
 
-def test_its_row_says_technical_and_has_no_figures(stray: Path) -> None:
+def test_the_row_of_an_unbegun_failure_says_technical_and_has_no_figures(stray: Path) -> None:
     row = next(row for row in rows_of(stray) if (row.participant, row.order_no, row.attempt) == ("p02", 2, 1))
     assert (row.end_reason, row.left_out) == ("technical", "technical")
     assert (row.success, row.n_steps, row.t_total_s, row.t_look_s, row.t_hidden_s) == (None, None, None, None, 0.0)
 
 
-def test_the_study_is_exported_checked_and_reported(stray: Path, tmp_path: Path) -> None:
+def test_a_study_with_an_unbegun_failure_is_exported_checked_and_reported(stray: Path, tmp_path: Path) -> None:
     export_study(stray, tmp_path / "out")
     checked = import_check(tmp_path / "out", room)
     assert checked.agrees, checked.problems
@@ -52,7 +52,7 @@ def test_the_study_is_exported_checked_and_reported(stray: Path, tmp_path: Path)
     assert Counter({count.reason: count.n for count in report.left_out})["technical failure"] == 1
 
 
-def test_figures_that_were_put_into_its_row_are_found(stray: Path, tmp_path: Path) -> None:
+def test_figures_that_were_put_into_the_row_of_an_unbegun_failure_are_found(stray: Path, tmp_path: Path) -> None:
     from .test_import_check import change
 
     export_study(stray, tmp_path / "out")
@@ -62,7 +62,7 @@ def test_figures_that_were_put_into_its_row_are_found(stray: Path, tmp_path: Pat
 
 @pytest.mark.parametrize("events", [[], [BROKEN], [NOTE], [NOTE, BROKEN]], ids=len)
 @pytest.mark.parametrize("task", ["pan", "pog"])
-def test_it_is_verified(events: list[Event], task: TaskKind) -> None:
+def test_an_unbegun_failure_is_verified(events: list[Event], task: TaskKind) -> None:
     assert not has_begun(events)
     outcome = unscored_outcome(episode().key, task, reason="technical", participant="p02")
     assert verify_trial(events, outcome, episode().key, home=room(), participant="p02").status == "verified"

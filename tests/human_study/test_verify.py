@@ -1,4 +1,4 @@
-"""Doing finished trials again."""
+"""Verification of finished trials, which recomputes them from their events."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Effects within people: by hand, and against what they must not see."""
+"""Effects within people: computed by hand, and the same for better people and easier episodes."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def test_better_people_and_easier_episodes_change_nothing() -> None:
     assert (shifted.value, shifted.low, shifted.high) == pytest.approx((once.value, once.low, once.high))
 
 
-def test_a_slope_is_found_back() -> None:
+def test_a_known_slope_is_recovered() -> None:
     rng = np.random.default_rng(2)
     order = np.concatenate([rng.permutation(20) for _ in range(6)]).astype(float)
     people, episodes = np.repeat(np.arange(6), 20), np.tile(np.arange(20), 6)
@@ -38,7 +38,7 @@ def test_a_slope_is_found_back() -> None:
     assert found.p < 0.001
 
 
-def test_what_does_not_vary_within_people_cannot_be_told() -> None:
+def test_a_condition_that_does_not_vary_within_people_has_no_effect() -> None:
     found = WithinDesign(PEOPLE.astype(float), PEOPLE, EPISODES).effect(np.arange(16.0))
     assert (found.value, found.p) == (None, None)
     assert "does not vary within people and episodes" in found.method
@@ -46,14 +46,14 @@ def test_what_does_not_vary_within_people_cannot_be_told() -> None:
     assert alone.value is None
 
 
-def test_trials_that_differ_by_nothing_else_have_no_interval() -> None:
+def test_trials_without_other_variation_have_no_interval() -> None:
     found = WithinDesign(WITH, PEOPLE, EPISODES).effect(2 * WITH)
     assert found.value == pytest.approx(2)
     assert (found.low, found.p) == (None, None)
 
 
 @pytest.mark.release
-def test_no_effect_is_found_at_most_as_often_as_promised() -> None:
+def test_false_alarms_are_at_most_as_frequent_as_promised() -> None:
     rng = np.random.default_rng(5)
     people, episodes = np.repeat(np.arange(10), 30), np.concatenate([rng.permutation(60)[:30] for _ in range(10)])
     covariate = np.tile(np.arange(30.0), 10)

@@ -68,13 +68,13 @@ def driven(session: PanSession | PogSession, commands: Sequence[tuple[Command, f
 def resumed(
     kind: TaskKind, terms: TrialTerms, events: Sequence[Event], *, away_s: float = 30.0, now_s: float = 0.0
 ) -> tuple[PanSession | PogSession, tuple[Event, ...]]:
-    """The session after these events and an absence, and what the return led to."""
+    """The session after these events and an absence, and the events of the return."""
     session = rebuilt_session(kind, terms, events)
     return session, session.handle(Resume(away_s=away_s), now_s).events
 
 
 def run_of(events: Sequence[Event]) -> EpisodeRun:
-    """The result of a walk of p02's."""
+    """The result of p02's walk."""
     return pan_outcome(events, episode(), navigation=SquareRoom(), participant="p02")
 
 

@@ -73,7 +73,7 @@ def library(*episodes: Episode, runs: Sequence[Run] = ()) -> Library:
 
 
 def run_of(key: EpisodeKey, run_id: str, *, participant: str | None = None, points: int = 0) -> Run:
-    """A walk of two steps, or an answer of so many points."""
+    """A walk of two steps, or an answer with `points` points."""
     who = {"who": "human", "who_kind": "human"} if participant else {}
     info = run_info(run_id, scene_kind="invented", **who)
     if points:

@@ -64,7 +64,7 @@ class Compared:
         return EpisodeRun(start=first, steps=env.steps, end=EpisodeEnd(reason="stop", measures=measures))
 
     def answer(self, episode: Episode, *points: tuple[float, float, float], participant: str | None = None) -> Answer:
-        """Ranked answers, each so far from the target's centre."""
+        """Ranked answers at these offsets from the target's centre, metres."""
         centre = episode.targets[0].position
         candidates = tuple((centre[0] + dx, centre[1] + dy, centre[2] + dz) for dx, dy, dz in points)
         storeys = scene_storeys(self.dataset.goals(HOME).values())
@@ -80,8 +80,8 @@ class Compared:
         )
 
     def write_runs(self) -> Path:
-        """Two people who succeed everywhere, `idle` which never does, EVIL which does in the first episode only;
-        of the first episode a person's click and answers of a grounder in the home and of one on an oracle map."""
+        """Two people who always succeed, `idle` which never does, EVIL which does in the first episode only; for the
+        first episode also a person's click, and answers of a grounder in the home and of one on an oracle map."""
         first = self.episodes[0]
         study = [self.walk(e, to_goal=True, participant=code) for e in self.episodes for code in ("P01", "P02")]
         click = self.answer(first, (0.1, 0.0, 0.0), participant="P01")

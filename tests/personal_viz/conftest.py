@@ -6,8 +6,8 @@ ends nor starts again, one of the shared studies:
 - `quick_study`: one page ("Start"), then two trials of PAN or POG. The usual choice.
 - `full_study`: device check, consent, instructions, quiz, practice, breaks, how sure, completion code.
 
-Each test is somebody new: `code = quick_study.newcomer("pan")`, then `page.goto(quick_study.links[code])`. What is
-stored of that person: `flow_steps.record(quick_study, code)` and `events(quick_study, code, order_no)`. Tests that
+Each test takes part as somebody new: `code = quick_study.newcomer("pan")`, then `page.goto(quick_study.links[code])`.
+Their records: `flow_steps.record(quick_study, code)` and `events(quick_study, code, order_no)`. Tests that
 need no gateway and no store use `stage.staged`; those that kill or restart a program serve their own
 (`flow_studies.served`), on homes from `invented.invented_dataset`, which are made once per run.
 """
@@ -32,14 +32,14 @@ from .flow_studies import PlannedStudy, plan_small
 from .flow_studies import served as served_planned
 
 Profiles = Callable[..., contextlib.AbstractContextManager[BrowserContext]]
-"""Opens an empty profile until the end of a block; what it takes is what Playwright's `new_context` takes."""
+"""Opens an empty profile until the end of a block; takes the arguments of Playwright's `new_context`."""
 NUM_PEOPLE = 40
-"""Of each task in a shared study."""
+"""Number of participants of each task in a shared study."""
 
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Profiles]:
-    """Opens profiles in one headless Chromium; a missing one is a failure in CI and a skip elsewhere."""
+    """Opens profiles in one headless Chromium; a missing Chromium fails the test in CI and skips it elsewhere."""
     if find_chromium() is None:
         if os.environ.get("CI") == "true":
             pytest.fail("found no Chromium; CI must run the browser tests")
@@ -74,7 +74,7 @@ def browser(chromium: Profiles) -> Iterator[BrowserContext]:
 
 @pytest.fixture(scope="session")
 def quick_study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlannedStudy]:
-    """Participants of PAN and of POG who see one page before their two trials; shared, so be a `newcomer`."""
+    """Participants of PAN and of POG who see one page before their two trials; shared, so take part as a `newcomer`."""
     root = _copied_quick_study(tmp_path_factory.mktemp("quick"))
     with served_planned(root / "study", root / "dataset") as study:
         yield study
@@ -82,7 +82,7 @@ def quick_study(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PlannedStu
 
 @pytest.fixture
 def quick_folder(tmp_path: Path) -> Path:
-    """The plan of a quick study that this test serves, and may kill, itself; its dataset lies beside it."""
+    """A planned quick study for a test that serves it itself and may kill it; its dataset lies beside it."""
     return _copied_quick_study(tmp_path) / "study"
 
 

@@ -35,7 +35,7 @@ from ..human_study.trials import ray_down
 PASS = object()
 """In a script: the participant does nothing until time alone changes something."""
 EVERY_S = 1.0
-"""Between two commands of a script."""
+"""Time between two commands of a script, seconds."""
 RAY = ray_down(0.0, 3.0, 0.0)
 HIT = (-1.5, 0.0, 0.0)
 View = LookView | PanView | PogView | RateView
@@ -65,7 +65,7 @@ class MemoryLink:
         self.changed = threading.Condition()
 
     def open_trial(self) -> Trial:
-        """As the store's; older epochs cannot write after it."""
+        """Opens the trial as the store does; older epochs cannot write afterwards."""
         self.trial = dataclasses.replace(self.trial, epoch=self.trial.epoch + 1)
         return self.trial
 
@@ -144,12 +144,12 @@ class ScriptedPage:
 
 
 class RenderedHere:
-    """Stands for `Frames`: renders when asked, ahead never."""
+    """Stands for `Frames`: renders when asked, never ahead."""
 
     def __init__(self) -> None:
         self._renderer = PoseColours()
         self.ahead: dict[str, int] = {}
-        """How many pictures are wished for, by participant."""
+        """Number of pictures wished for, by participant."""
         self.begun: list[Any] = []
 
     def render(self, T_world_camera: Any, camera: Camera) -> Frame:
@@ -177,7 +177,7 @@ class Pointed:
 
 @dataclasses.dataclass
 class FakeScene:
-    """What trials need of a scene."""
+    """The parts of a scene that trials need."""
 
     label = "a room (invented)"
     unnamed_label = "an invented room"
@@ -193,21 +193,21 @@ class Played:
     page: ScriptedPage
     watches: Watches
     shown: list[View]
-    """Every view, on whichever screen."""
+    """Every view, on any screen."""
     screens: list[str]
     """Names of the screens and titles of the cards, in order."""
     raised: Exception | None
-    """What ended it before its outcome was stored and shown."""
+    """The error that ended it before its outcome was stored and shown."""
 
 
 def make_env(episode: Episode) -> PanEnv:
-    """What a participant walks in."""
+    """The environment in which a participant walks."""
     return PanEnv(episode.start, SquareRoom(), renderer=PoseColours(), camera=study().robot_camera, max_steps=500)
 
 
 @pytest.fixture
 def fake_screens(monkeypatch: pytest.MonkeyPatch) -> tuple[list[View], list[str]]:
-    """Replaces all screens; (what they are shown, their names as they open)."""
+    """Replaces all screens; returns (the views that they show, their names as they open)."""
     shown: list[View] = []
     screens: list[str] = []
 
@@ -295,11 +295,11 @@ def played(
         fakes: From the fixture `fake_screens`.
         link: The store.
         script: Commands, rays, PASS, and errors that the page raises.
-        observers: Who watches.
+        observers: Observers of the trial.
         away_s: How long the participant was away.
-        took_over: Whether from another tab.
+        took_over: Whether the trial is taken over from another tab.
         home_options: Fields of the home.
-        choices: The study's.
+        choices: Fields of the study file.
     """
     clock = Clock()
     watches = Watches(observers, make_env=make_env)

@@ -1,7 +1,7 @@
 """A worker without viser, started by tests: it answers each message with the sender's code and its own pid.
 
 Its last argument says how it behaves: `good`; `broken`, which cannot start; `fragile`, which ends once it is ready;
-`deaf`, which goes on when the gateway is gone; `slow`, which says that it is there only when the file `go` is.
+`deaf`, which goes on when the gateway is gone; `slow`, which answers only once the file `go` exists.
 """
 
 import os

@@ -21,16 +21,16 @@ from sim.types import TaskKind
 from .flow_studies import PlannedStudy
 
 HOLD_MS = 100
-"""How long a key or a mouse button is held, like a person: of two presses within 50 ms sessions drop the second, and
-viser sends one."""
+"""Time for which a key or a mouse button is held, as by a person: of two presses within 50 ms, sessions drop the
+second and viser sends one."""
 
 
 VISER_VFOV = math.radians(75)
-"""viser's vertical field of view at first, radians."""
+"""viser's initial vertical field of view, radians."""
 
 
 def start(page: Page, link: str) -> None:
-    """The one page of a quick study."""
+    """Opens a quick study and leaves its only page."""
     page.goto(link)
     page.get_by_role("button", name="Start", exact=True).click()
 
@@ -53,14 +53,14 @@ def events(study: PlannedStudy, code: str, order_no: int) -> list:
 
 
 def events_in(folder: Path, code: str, order_no: int, attempt: int = -1) -> list:
-    """Events of an attempt at a trial, the newest where nothing else is said."""
+    """Events of an attempt at a trial, by default the newest."""
     with read_study(folder) as reader:
         trial_id = [trial.trial_id for trial in reader.trials(code) if trial.order_no == order_no][attempt]
         return [stored.event for stored in reader.events(trial_id)] if trial_id is not None else []
 
 
 def acts(folder: Path, code: str, order_no: int = 1) -> list[Act]:
-    """Stored steps of the newest attempt at a trial; the hash chains are whole."""
+    """Stored steps of the newest attempt at a trial, after a check of the hash chains."""
     with read_study(folder) as reader:
         reader.check()
     return [event for event in events_in(folder, code, order_no) if isinstance(event, Act)]
@@ -74,7 +74,7 @@ def progress(folder: Path, code: str) -> PersonProgress:
 
 
 def come_to_the_trials(page: Page, study: PlannedStudy, code: str, task: TaskKind = "pan") -> None:
-    """Everything up to the first practice trial, by the keyboard alone."""
+    """Does everything up to the first practice trial, by the keyboard alone."""
     page.goto(study.links[code])
     expect(page.get_by_text("Your window has room")).to_be_visible()
     if task == "pan":
@@ -96,13 +96,13 @@ def come_to_the_trials(page: Page, study: PlannedStudy, code: str, task: TaskKin
 
 
 def take_step(page: Page, number: int, key: str = "a") -> None:
-    """Presses a key, which is this step."""
+    """Presses a key and waits for the step with this number."""
     page.keyboard.press(key, delay=HOLD_MS)
     see_step(page, number)
 
 
 def see_step(page: Page, number: int) -> None:
-    """Waits for counter and picture: who presses before the picture is there is dropped as busy."""
+    """Waits for counter and picture: a press before the picture is there is dropped as busy."""
     expect(page.get_by_text(f"Step {number} of 500")).to_be_visible()
     expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", str(number))
 
@@ -118,7 +118,7 @@ def give_up(page: Page) -> None:
 
 
 def stop(page: Page) -> None:
-    """Enter twice."""
+    """Presses Enter twice."""
     page.keyboard.press("Enter", delay=HOLD_MS)
     expect(page.get_by_text("Press Enter or STOP again to finish")).to_be_visible()
     page.keyboard.press("Enter", delay=HOLD_MS)
@@ -140,10 +140,10 @@ def point_somewhere(page: Page) -> None:
 def resting_camera(
     page: Page, told: Callable[[], list], is_there: Callable[[Cam], bool] = lambda _: True, *, rests_s: float = 1.0
 ) -> Cam:
-    """The newest camera pose among these events, once it is where it should be and no other has come for so long."""
+    """The newest camera pose among these events, once it is where it should be and has rested for `rests_s`."""
     last, num_equal = None, 0
     for _ in range(240):
-        page.wait_for_timeout(250)  # a participant who holds still: that nothing comes can only be waited for
+        page.wait_for_timeout(250)  # only waiting shows that no further pose comes
         cams = [event for event in told() if isinstance(event, Cam)]
         num_equal = num_equal + 1 if cams and cams[-1] == last and is_there(cams[-1]) else 0
         if num_equal == 4 * rests_s:
@@ -153,7 +153,7 @@ def resting_camera(
 
 
 def pixel_of(point: tuple[float, float, float], cam: Cam, box: dict[str, float]) -> tuple[float, float]:
-    """Where a world point is on the page, seen by a stored camera."""
+    """Place of a world point on the page in pixels, seen by a stored camera."""
     R_world_camera = Rs_from_quats_xyzw(np.array([[*cam.wxyz[1:], cam.wxyz[0]]]))[0]
     x, y, z = R_world_camera.T @ (np.array(point) - np.array(cam.position))
     focal = box["height"] / 2 / math.tan(VISER_VFOV / 2)

@@ -49,7 +49,7 @@ class PlannedStudy:
     """Participants whom `newcomer` has named."""
 
     def newcomer(self, task: TaskKind) -> str:
-        """The code of a participant of this task whom no test has been, for tests that share a study."""
+        """The code of a participant of this task whom no test has used yet, for tests that share a study."""
         plan = load_plan(self.folder, load_study(self.folder))
         free = [person.code for person in plan.participants if person.task == task and person.code not in self.visited]
         self.visited.add(free[0])
@@ -60,7 +60,7 @@ def plan_small(root: Path, **choices: Any) -> Path:
     """A planned pilot on one invented home with all pages, one practice trial and a break after each trial.
 
     Args:
-        root: Gets `dataset` and `study`.
+        root: Folder that gets `dataset` and `study`.
         choices: Fields of StudyConfig.
     """
     dataset = root / "dataset"
@@ -87,7 +87,7 @@ def plan_small(root: Path, **choices: Any) -> Path:
 def served(
     folder: Path, dataset: Path, *more: str, port: int = 0, ended_by: signal.Signals = signal.SIGINT
 ) -> Iterator[PlannedStudy]:
-    """Serves a planned study until the end of the block, where the program hears a signal if it still runs.
+    """Serves a planned study for a block; at its end the program gets a signal if it still runs.
 
     Args:
         folder: The study's folder.
@@ -109,7 +109,7 @@ def children(pid: int) -> list[int]:
 
 
 class Line:
-    """A connection through us to a server, as a browser's network: it can be cut and mended."""
+    """A connection to a server through this process, like a browser's network: it can be cut and mended."""
 
     def __init__(self, port: int) -> None:
         """Listens on a free loopback port and passes everything on to `port`."""

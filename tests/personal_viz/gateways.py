@@ -1,4 +1,4 @@
-"""A gateway that runs in this process, with a viser that only remembers and answers, for tests of what gets through."""
+"""A gateway in this process, with a viser that only remembers and answers, for tests of what gets through."""
 
 import asyncio
 import contextlib
@@ -137,7 +137,7 @@ class EchoViser:
         self.ended = 0
         """Connections that were closed."""
         self.open = 0
-        """Connections that are not."""
+        """Connections that are open."""
         self._is_ready = threading.Event()
         self._changed = threading.Condition()
         self._loop = asyncio.new_event_loop()
@@ -194,7 +194,7 @@ class Running:
     """Lines for the person at the terminal."""
 
     def forget(self) -> None:
-        """Lets a test begin with a gateway of which nothing has been asked."""
+        """Lets a test begin with a gateway that has not been asked anything."""
         self.viser.wait_until(lambda: self.viser.open == 0)
         self.viser.received.clear()
         self.viser.ended = 0
@@ -222,7 +222,7 @@ def running(
 def _gateway(
     folder: Path, port: int, options: ServeOptions, **admission: Any
 ) -> tuple[ASGIApp, Tickets, FewPeople, list[str]]:
-    """A gateway before a port; (application, tickets, people, what it tells)."""
+    """(application, tickets, people, told lines) of a gateway in front of a port."""
     tickets, people, told = Tickets(), few_people(), list[str]()
     gateway = Gateway(
         admission_for(people, folder, **admission),
@@ -247,7 +247,7 @@ class Site:
 
 
 def site(folder: Path, *, options: ServeOptions | None = None, peer: str = "192.0.2.7", **admission) -> Site:
-    """A gateway that is asked from one address."""
+    """A gateway whose requests all come from one address."""
     app, *parts = _gateway(folder, 9, options or ServeOptions(), **admission)
     return Site(TestClient(app, base_url="http://127.0.0.1", client=(peer, 5000)), *parts)
 

@@ -1,9 +1,9 @@
-"""What a page of HTML is made of."""
+"""The elements and the text of an HTML page."""
 
 from html.parser import HTMLParser
 
 VOID = ("img", "br", "input", "meta", "link", "hr")
-"""Elements that have no end."""
+"""Elements without an end tag."""
 
 
 class Tags(HTMLParser):

@@ -10,12 +10,12 @@ from ..built_once import built_once
 
 
 def invented_dataset(out: Path, *, name: str, seed: int, episodes_per_split: int | None = None) -> None:
-    """Copies into `out` what `made_dataset` gives."""
+    """Copies the folder of `made_dataset` to `out`."""
     shutil.copytree(made_dataset(name, seed, episodes_per_split), out, dirs_exist_ok=True)
 
 
 def made_dataset(name: str, seed: int, episodes_per_split: int | None = None) -> Path:
-    """The folder, only read, that `invent_dataset` wrote, or with `episodes_per_split` what `dataset_files` gives."""
+    """The read-only folder that `invent_dataset` wrote, or, with `episodes_per_split`, one with the `dataset_files`."""
 
     def build(folder: Path) -> None:
         if episodes_per_split is None:

@@ -20,7 +20,7 @@ class Done:
 
 
 def personal_viz(*arguments: object, **environment: str) -> Done:
-    """What the program printed and how it ended; what its own child processes print is not there."""
+    """The program's output and exit code, without the output of its child processes."""
     code: object = None
     with (
         mock.patch.object(sys, "argv", ["personal-viz", *map(str, arguments)]),

@@ -30,7 +30,7 @@ from .fake_play import MemoryLink
 from .invented import invented_dataset
 
 SEED = 4
-"""Of an invented home with two storeys."""
+"""Seed of an invented home with two storeys."""
 
 
 @dataclass
@@ -72,11 +72,11 @@ def staged(
     """The stage until the end of the block.
 
     Args:
-        home: In which the trial takes place.
-        task: Of the trial.
-        condition: Of the trial.
-        again: Whether two notices and the same trial follow, with a new link, and so on.
-        choices: The study's.
+        home: Home of the trial.
+        task: Task of the trial.
+        condition: Condition of the trial.
+        again: Whether two notices and the same trial with a new link follow, again and again.
+        choices: Fields of the study file.
     """
     config, key = study(**choices), min(home.episodes)
 

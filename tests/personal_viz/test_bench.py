@@ -29,7 +29,7 @@ KEYS = [
     *("raw_ms", "depth_ms", "rgbd_ms", "open3d_rays_ms", "rgbd_over_raw", "depth_over_raw", "open3d_over_rgbd"),
     *("load_over_trimesh", "rss_mb", "path_us", "field_ms", "build_s", "env_steps_per_s"),
 ]
-"""What the issue asks for at each size."""
+"""Figures that the issue asks for at each size."""
 TINY = BenchSettings(
     (BenchSize(30_000, with_load=False), BenchSize(40_000, True, with_load=False)),
     left_out=("100k",),
@@ -131,7 +131,7 @@ def test_a_run_writes_figures_table_and_picture_and_prints_one_document(
         assert row["rgbd_over_raw"] == pytest.approx(row["rgbd_ms"] / row["raw_ms"])
         assert row["open3d_over_rgbd"] == pytest.approx(row["open3d_rays_ms"] / row["rgbd_ms"])
     assert document["left_out"] == ["100k"]
-    assert {figure["met"] for figure in document["figures"]} == {None}  # no target is for such small scenes
+    assert {figure["met"] for figure in document["figures"]} == {None}  # no target applies to such small scenes
     assert json.loads((tmp_path / "bench" / "bench-sim.json").read_text()) == document
     assert (tmp_path / "bench" / "bench-sim.png").read_bytes().startswith(b"\x89PNG")
     table = (tmp_path / "bench" / "bench-sim.md").read_text()
@@ -160,7 +160,7 @@ def test_a_part_that_takes_too_long_is_ended() -> None:
 
 
 @pytest.mark.release
-def test_what_has_no_time_left_is_named_as_left_out() -> None:
+def test_parts_without_time_left_are_named_as_left_out() -> None:
     late = BenchSettings(TINY.sizes, budget_s=0.0)
     found = simulator.measure(late, lambda line: None)
     assert found.values["sizes"] == {}
@@ -174,7 +174,9 @@ def test_a_quick_run_meets_the_targets_of_the_specification(tmp_path: Path) -> N
         [sys.executable, "-m", "personal_viz", *arguments], capture_output=True, text=True, timeout=200, check=True
     )
     document = json.loads(done.stdout)
-    has_all = not any("no time left" in name for name in document["left_out"])  # else code was yet to be compiled
+    has_all = not any(
+        "no time left" in name for name in document["left_out"]
+    )  # otherwise code still had to be compiled
     asked = [one for one in document["figures"] if one["target"] and (one["met"] is not None or has_all)]
     missed = [f"{one['name']}: {one['value']} instead of {one['target']}" for one in asked if one["met"] is not True]
     assert not missed

@@ -24,7 +24,7 @@ KEYS = {"literal_ms", "batch_ms", "packed_ms", "bound_ms", "literal_over_packed"
 
 @pytest.fixture
 def invented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As where the released dataset is missing."""
+    """Hides the released dataset."""
     monkeypatch.setattr(inputs, "RELEASE", tmp_path / "none")
 
 

@@ -1,4 +1,4 @@
-"""What all benchmarks share: figures beside targets and references, one table, one JSON, one command."""
+"""The parts that all benchmarks share: figures beside targets and references, one table, one JSON, one command."""
 
 import json
 import subprocess
@@ -55,7 +55,7 @@ def test_a_figure_on_its_limit_meets_the_target_and_one_beyond_does_not() -> Non
     assert report.missed() == ["b64.ours_ms"]
 
 
-def test_figures_have_units_and_stand_beside_what_was_measured_in_the_same_case() -> None:
+def test_figures_have_units_and_stand_beside_the_reference_of_the_same_case() -> None:
     found = {figure.name: figure for figure in made_up().figures}
     assert (found["b64.ours_ms"].unit, found["b64.ours_ms"].reference) == ("ms", 20.0)
     assert found["b64.ours_ms"].reference_name == "b64.theirs_ms"

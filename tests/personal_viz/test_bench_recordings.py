@@ -9,7 +9,7 @@ from sim.types import Action
 
 TINY = RecordingSettings(agent_steps=12, person_steps=5, num_people=2, num_agents=1, repeats=1)
 KEYS = {"steps_per_s", "encode_only_steps_per_s", "mb_with_pixels", "mb_without", "compare_build_s", "compare_open_s"}
-"""What the issue asks for."""
+"""Figures that the issue asks for."""
 
 
 @pytest.fixture(scope="module")

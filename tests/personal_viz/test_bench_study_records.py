@@ -1,4 +1,4 @@
-"""What the benchmark concludes from a study's records: which keys are lost, and who resumed elsewhere."""
+"""The benchmark's conclusions from a study's records: which keys are lost, and which people resumed elsewhere."""
 
 import os
 import socket
@@ -36,7 +36,7 @@ def step(number: int) -> Act:
 
 @contextmanager
 def stored(folder: Path, *events: Event) -> Iterator[tuple[StudyStore, Trial]]:
-    """p02's first trial with these events behind its first."""
+    """p02's first trial with these events after its first event."""
     with opened(folder) as (store, trial):
         store.append_many(trial.trial_id, trial.epoch, events)
         yield store, trial

@@ -1,4 +1,4 @@
-"""Simulated participants: what they know, and what is counted of what they did."""
+"""Simulated participants: their knowledge, and the counts of what they did."""
 
 from pathlib import Path
 
@@ -62,7 +62,9 @@ def test_a_bot_study_gives_everybody_every_episode(tmp_path: Path, demo_root: Pa
     assert not (tmp_path / "copy" / "secrets.json").exists()
 
 
-def test_what_bots_cannot_do_is_said_before_work_starts_and_they_never_stand_among_people(tmp_path: Path) -> None:
+def test_impossible_bot_studies_are_refused_before_work_starts_and_bots_never_stand_among_people(
+    tmp_path: Path,
+) -> None:
     with pytest.raises(StudyError, match="--rate 9"):
         StudyBots(rate=9.0).run()
     with pytest.raises(StudyError, match="found no --dataset"):

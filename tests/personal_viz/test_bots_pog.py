@@ -1,4 +1,4 @@
-"""Simulated POG participants: what they see of a home, where they click, and what is counted of what they did."""
+"""Simulated POG participants: what they see of a home, where they click, and the counts of what they did."""
 
 import json
 from pathlib import Path
@@ -39,7 +39,7 @@ RESULT = {
     "lost",
     "duplicated",
 }
-"""What the issue and its readers ask for."""
+"""Figures that the issue and readers of the document ask for."""
 CONDITIONS = ("map_2d", "map_open", "map_first")
 _DOWN = (0.0, -1.0, 0.0)
 
@@ -52,7 +52,7 @@ def test_bots_know_the_right_answers_of_their_own_task() -> None:
 
 
 def pog_click(ray: Ray, *, is_move: bool = False) -> Click:
-    """A click that met the floor; of a moved mark the server makes the ray, from a camera at its origin."""
+    """A click that met the floor; for a moved mark the server makes the ray, with a camera at its origin."""
     origin, direction = ray
     camera = origin if is_move else (9.0, 9.0, 9.0)
     pointed = ray_down(*origin).model_copy(update={"direction": direction, "camera_position": camera})
@@ -60,7 +60,7 @@ def pog_click(ray: Ray, *, is_move: bool = False) -> Click:
 
 
 def counted(folder: Path, commands: list[tuple[float, Click | Confirm]], log: BotLog, *, twice: int = 0) -> BotCount:
-    """What is counted after a trial of these commands (at these seconds); the last `twice` events stored twice."""
+    """The counts after a trial of these commands (at these seconds); the last `twice` events stored twice."""
     config = study(task=("pog",), pog={"conditions": ("map_open",)})
     session = PogSession(
         key=EpisodeKey("easy", "room", "0"),
@@ -152,7 +152,7 @@ def test_too_few_participants_of_a_task_are_said_before_anybody_comes_in() -> No
 
 @pytest.mark.release
 def test_bots_that_know_the_target_answer_rightly_under_all_conditions(tmp_path: Path) -> None:
-    """The golden bot: practice, counted trials, a break, the question how sure; all that is stored does verify."""
+    """The golden bot: practice, counted trials, a break, the question how sure; every stored trial verifies."""
     dataset = tmp_path / "dataset"
     invented_dataset(dataset, name="BotHome", seed=3, episodes_per_split=1)
     make_bot_study(

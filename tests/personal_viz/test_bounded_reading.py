@@ -27,7 +27,7 @@ READERS = {
     "run": "from sim.tasks.run_files import read_run as read",
     "recording": "from recordings.read import read_recorded as read",
 }
-"""Kind of file to the import of what reads it."""
+"""Kind of file to the import of its reader."""
 DEEP = "[" * 400_000
 
 
@@ -151,7 +151,7 @@ print(json.dumps(results))
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="only Linux tells the peak of a while")
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="only Linux can measure a peak anew")
 def test_a_bomb_is_one_line_in_bounded_time_and_memory(tmp_path: Path) -> None:
     expected: dict[str, tuple[str, int]] = {}
     kinds: dict[str, str] = {}

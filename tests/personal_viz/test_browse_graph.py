@@ -1,4 +1,4 @@
-"""Which object of the home each node of an ownership graph is, how the graph is drawn, and what 3-D shows."""
+"""Ownership graphs: the object of the home at each node, the drawing, and the 3-D view."""
 
 import re
 from types import SimpleNamespace
@@ -40,7 +40,7 @@ def test_targets_are_linked_by_the_dataset_and_others_by_their_captions() -> Non
     ]
 
 
-def test_an_object_that_two_captions_fit_alike_is_not_linked() -> None:
+def test_a_node_that_fits_two_captions_equally_well_is_not_linked() -> None:
     same = SceneTexts(
         {name: goal(name) for name in ("couch_1", "couch_2", "couch_4")},
         {

@@ -24,7 +24,7 @@ from .wire import line_to
 
 @contextlib.contextmanager
 def page_from(origin: str, address: str) -> Iterator[ClientConnection]:
-    """A connection to the app by a page that another address may have delivered."""
+    """A connection to the app from a page of this origin."""
     with line_to(address, origin=Origin(origin)) as connection:
         connection.send(pack(CAMERA))
         yield connection

@@ -41,7 +41,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Marks(NamedTuple):
-    """What the 3-D view of the newest browser was told, and the browser."""
+    """The marks that the 3-D view of the newest browser was told, and the browser."""
 
     outlined: list[list[Outlined]]
     clients: list[viser.ClientHandle]
@@ -87,7 +87,7 @@ def until(page: Page, holds) -> None:
         if holds():
             return
         page.wait_for_timeout(100)
-    raise AssertionError("it never came true")
+    raise AssertionError("the condition never came true")
 
 
 def test_filter_keys_list_and_slider_lead_through_episodes_and_a_run(
@@ -111,7 +111,7 @@ def test_filter_keys_list_and_slider_lead_through_episodes_and_a_run(
     expect(picture).to_have_attribute("data-step", "4")
     assert picture.get_attribute("src") != shown
     expect(page.get_by_text("shortest-path: step 4 of")).to_be_visible()
-    for _ in range(20):  # frames in which a turning camera would be told
+    for _ in range(20):  # frames in which a turning camera would be reported
         page.evaluate("new Promise(requestAnimationFrame)")
     assert tuple(camera.position) == pytest.approx(before, abs=1e-3)
 

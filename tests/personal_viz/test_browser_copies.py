@@ -50,7 +50,7 @@ WATCH_CANVAS = """
   });
 })();
 """
-"""Notes after how many milliseconds a frame with a large mesh first had many colours; reading waits for the frame."""
+"""Notes the time in ms at which a frame with a large mesh first had many colours; reading waits for the frame."""
 
 
 def room() -> Scene:

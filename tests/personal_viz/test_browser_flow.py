@@ -1,4 +1,4 @@
-"""Whole participants in real Chromium: from the personal link to the completion code, and the ways off that path."""
+"""Whole participants in real Chromium: from the personal link to the completion code, by keyboard, with larger text."""
 
 import re
 
@@ -36,6 +36,23 @@ KEYS = {Action.FORWARD: "w", Action.LEFT: "a", Action.RIGHT: "ArrowRight"}
 CODE = re.compile(r"^[0-9A-F]{8}$")
 
 
+def practise(page: Page, study: PlannedStudy, key: EpisodeKey) -> list[Action]:
+    """Walks to the target of the only practice trial and begins the trials that count; returns the practice actions."""
+    expect(page.get_by_text("Practice 1 of 1")).to_be_visible()
+    expect(page.get_by_alt_text("What the robot sees")).to_have_js_property("naturalWidth", 640)
+    walked = walk_to_practice_target(page, study, key)
+    stop(page)
+    expect(page.get_by_role("heading", name="How sure are you?")).to_be_visible()
+    page.keyboard.press("4", delay=HOLD_MS)
+    expect(page.get_by_role("heading", name="Saved")).to_be_visible()
+    expect(page.get_by_text("That was right. An answer is right when the robot stops")).to_be_visible()
+    press_by_keyboard(page, "Next search")
+    expect(page.get_by_role("heading", name="Now it counts")).to_be_visible()
+    expect(page.get_by_text("0 of 2 searches done")).to_be_visible()
+    press_by_keyboard(page, "Begin")
+    return [*walked, Action.STOP]
+
+
 def walk_to_practice_target(page: Page, study: PlannedStudy, key: EpisodeKey) -> list[Action]:
     """Walks the shortest way of the practice trial with real keys; returns its actions."""
     dataset = PersonalDataset(study.folder / PRACTICE_FOLDER)
@@ -58,21 +75,9 @@ def test_a_whole_pan_participant_from_link_to_code_by_keyboard_alone(
 ) -> None:
     who = full_study.newcomer("pan")
     plan = load_plan(full_study.folder, load_study(full_study.folder))
-    trials = plan.participant(who).trials
     page = browser.new_page()
     come_to_the_trials(page, full_study, who)
-    expect(page.get_by_text("Practice 1 of 1")).to_be_visible()
-    expect(page.get_by_alt_text("What the robot sees")).to_have_js_property("naturalWidth", 640)
-    walked = walk_to_practice_target(page, full_study, trials[0].key)
-    stop(page)
-    expect(page.get_by_role("heading", name="How sure are you?")).to_be_visible()
-    page.keyboard.press("4", delay=HOLD_MS)
-    expect(page.get_by_role("heading", name="Saved")).to_be_visible()
-    expect(page.get_by_text("That was right. An answer is right when the robot stops")).to_be_visible()
-    press_by_keyboard(page, "Next search")
-    expect(page.get_by_role("heading", name="Now it counts")).to_be_visible()
-    expect(page.get_by_text("0 of 2 searches done")).to_be_visible()
-    press_by_keyboard(page, "Begin")
+    practised_actions = practise(page, full_study, plan.participant(who).trials[0].key)
 
     expect(page.get_by_text("Search 1 of 2")).to_be_visible()
     page.keyboard.press("a", delay=HOLD_MS)
@@ -116,7 +121,7 @@ def test_a_whole_pan_participant_from_link_to_code_by_keyboard_alone(
     assert person.consent == ConsentEntry(plan.texts["told/consent-pan.md"], given=True)
 
     practice, outcome = events(full_study, who, stored[0].order_no), stored[0].outcome
-    assert [event.action for event in practice if isinstance(event, Act)] == [*walked, Action.STOP]
+    assert [event.action for event in practice if isinstance(event, Act)] == practised_actions
     assert isinstance(outcome, EpisodeEnd)
     assert outcome.measures.rules["paper"].success
     practised = PersonalDataset(full_study.folder / PRACTICE_FOLDER)

@@ -1,4 +1,4 @@
-"""The gateway's own pages in real Chromium: the open link, a full study, links that are not whole, the device."""
+"""The gateway's own pages in real Chromium: the open link, a full study, links that do not work, the device."""
 
 from pathlib import Path
 
@@ -41,7 +41,9 @@ def test_a_full_study_says_so_and_shows_the_code(tmp_path: Path, browser: Browse
         ("/join?PROLIFIC_PID=%3Cimg%20src%3Dx%20onerror%3Dalert(1)%3E", "This link is incomplete"),
     ],
 )
-def test_a_link_that_is_not_whole_is_explained(tmp_path: Path, browser: BrowserContext, path: str, text: str) -> None:
+def test_a_page_explains_why_a_link_does_not_work(
+    tmp_path: Path, browser: BrowserContext, path: str, text: str
+) -> None:
     with running(tmp_path, recruit="prolific") as gateway:
         page = browser.new_page()
         problems: list[str] = []

@@ -12,7 +12,7 @@ from personal_viz.study_app.home.homes import Home
 from personal_viz.study_app.screens import play as play_module
 
 from .fake_play import EmptySurface, MemoryLink, meshless_home
-from .flow_steps import HOLD_MS
+from .flow_steps import HOLD_MS, see_step
 from .stage import Stage, staged
 
 pytestmark = pytest.mark.browser
@@ -35,14 +35,14 @@ _MET_TWICE = "() => window.met.length > 1 && window.met.at(-1) !== null && windo
 
 @pytest.fixture
 def home(monkeypatch: pytest.MonkeyPatch) -> Home:
-    """A home without a mesh: the buttons beside it are what is tried."""
+    """A home without a mesh, because only the buttons beside it are tested."""
     monkeypatch.setattr(play_module, "SceneView", EmptySurface)
     return meshless_home()
 
 
 @dataclass(frozen=True, slots=True)
 class Button:
-    """Where a button is, pixels of the window."""
+    """A button and its place, pixels of the window."""
 
     label: str
     at: tuple[float, float, float, float]
@@ -50,7 +50,7 @@ class Button:
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Where a person presses it."""
+        """The point at which a person presses it."""
         x, y, width, height = self.at
         return x + width / 2, y + height / 2
 
@@ -61,7 +61,7 @@ def buttons(page: Page) -> list[Button]:
 
 
 def scrolled_to(page: Page, number: int) -> list[Button]:
-    """All buttons, after the panel was scrolled, where it must be, so that one of them can be pressed."""
+    """All buttons, after the panel was scrolled, if it must be, so that this one can be pressed."""
     page.evaluate(_SCROLL_TO, number)
     return buttons(page)
 
@@ -72,7 +72,7 @@ def rectangles(page: Page) -> list[tuple[float, float, float, float]]:
 
 
 def events_of(link: MemoryLink, *kinds: str) -> int:
-    """How many are stored."""
+    """Number of stored events of these kinds."""
     return sum(event.kind in kinds for event in link.events())
 
 
@@ -87,19 +87,21 @@ def press_twice(page: Page, stage: Stage, number: int) -> None:
         if is_answered:
             with link.changed:
                 assert link.changed.wait_for(lambda seen=num_answers: events_of(link, *kinds) > seen, timeout=30)
+            if link.trial.task == "pan":
+                see_step(page, events_of(link, "act"))
         assert rectangles(page) == [button.at for button in before], before[number].label
     assert page.evaluate(_MET_TWICE), before[number].label
 
 
 def cameras(found: Sequence[Button]) -> range:
-    """Buttons that turn the view: nothing is stored of them at once."""
+    """Numbers of the buttons that turn the view, of which nothing is stored at once."""
     labels = [button.label for button in found]
     first = labels.index("Show storey 2 of 2") + 1 if "Show storey 2 of 2" in labels else 0
     return range(first, first + 6 if first else 0)
 
 
 def press_tools(page: Page) -> None:
-    """The buttons of the page itself: a window that opens is not over them, and larger text leaves them in place."""
+    """Presses the page's own buttons: a window that opens is not over them, and larger text leaves them in place."""
     for button in buttons(page):
         if button.label in ("Keys", "Leave the study"):
             page.mouse.click(*button.middle, delay=HOLD_MS)
@@ -135,7 +137,7 @@ def end_twice(page: Page, stage: Stage, label: str, kind: Literal["stop", "giveu
 
 
 def confirm_twice(page: Page, stage: Stage) -> None:
-    """Confirms a mark with a double click: it is the answer, and whatever comes next stays as it is."""
+    """Confirms a mark with a double click: it is the answer, and the next screen stays as it is."""
     page.get_by_role("button", name="Right", exact=True).last.click(delay=HOLD_MS)
     stage.link.wait_for("click")
     page.get_by_role("button", name="Confirm the mark").dblclick()
@@ -145,7 +147,7 @@ def confirm_twice(page: Page, stage: Stage) -> None:
 
 
 def go_on(page: Page) -> None:
-    """From the notice after a trial to the next trial; the second press of a double click presses no new button."""
+    """Goes from the notice after a trial to the next trial; the second press of a double click meets no new button."""
     page.get_by_role("button", name="Once more").click(delay=HOLD_MS)
     expect(page.get_by_role("button", name="Begin")).to_be_visible()
     page.mouse.down(click_count=2)
@@ -156,7 +158,7 @@ def go_on(page: Page) -> None:
 
 
 def set_up(page: Page, size: tuple[int, int], *, large: bool) -> None:
-    """The window, and the size of the text."""
+    """Sets the size of the window and of the text."""
     page.set_viewport_size({"width": size[0], "height": size[1]})
     page.evaluate("(large) => document.documentElement.classList.toggle('personal-large', large)", large)
     page.wait_for_function("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")

@@ -34,7 +34,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Home]:
 
 
 def kinds(events: list[Event]) -> list[str]:
-    """Without what the page tells of itself and where the camera was."""
+    """Kinds of all events but reports of the page and camera poses."""
     of_page = {"resize", "net", "focus", "blur", "visible", "hidden", "cam", "looking"}
     return [event.kind for event in events if event.kind not in of_page]
 
@@ -117,7 +117,7 @@ def middle_of_picture(stage: Stage) -> tuple[float, float]:
 
 
 def wait_for_mark(page: Page, at: tuple[float, float]) -> None:
-    """Until the page has the mark's colour there."""
+    """Waits until the page has the mark's colour there."""
     col, row = (round(side) for side in at)
     for _ in range(100):
         shot = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
@@ -185,7 +185,7 @@ def test_a_mark_can_be_made_moved_and_confirmed_without_a_mouse(home: Home, brow
 
 
 def click(page: Page, button: str) -> None:
-    """A click, and as long as a key is held: sessions drop presses within 50 ms, and the picture is quicker."""
+    """Clicks a button and waits as for a held key: sessions drop presses within 50 ms, and the picture is quicker."""
     page.get_by_role("button", name=button).click()
     page.wait_for_timeout(HOLD_MS)
 

@@ -13,6 +13,7 @@ from human_study.design.study import load_study
 from human_study.export.verify import verify_trial
 from human_study.trial.events import Clicked, Dropped, Key, Reconnect
 from personal_viz.study_app.home.trial_homes import open_trial_home
+from personal_viz.study_app.page_script import LABEL
 from sim.copies.cut import storey_mesh
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.open_home import open_scene
@@ -137,7 +138,7 @@ def test_leaving_in_the_middle_of_a_trial_deletes_what_was_done(
 
 
 def press_place(page: Page, code: str, key: str) -> None:
-    """A key by its place on the keyboard (code) and the letter that the layout gives it."""
+    """Presses a key, given by its place on the keyboard (code) and the letter that the layout gives it."""
     page.evaluate(
         """([code, key]) => document.body.dispatchEvent(
             new KeyboardEvent('keydown', {code: code, key: key, bubbles: true, cancelable: true}))""",
@@ -170,8 +171,7 @@ def test_keys_are_places_on_the_keyboard_and_can_be_chosen(quick_study: PlannedS
     page.reload()
     see_step(page, 4)
     expect(page.get_by_role("button", name="Turn left (J)")).to_be_visible()
-    page.wait_for_function("document.querySelector('[data-tool=keys]') !== null")
-    page.wait_for_timeout(500)  # the script hears of the participant's keys just after the picture
+    expect(page.get_by_text(LABEL)).to_be_hidden()  # the script hides it when it has heard of the participant's keys
     take_step(page, 5, "j")
 
     assert actions(quick_study, code) == [Action.LEFT, Action.RIGHT, Action.LEFT, Action.LEFT, Action.LEFT]
@@ -205,7 +205,7 @@ def test_the_newest_tab_drives_and_the_back_button_and_a_copied_tab_count_no_ste
     assert actions(quick_study, code) == [Action.LEFT, Action.RIGHT]
 
 
-def test_a_lost_connection_is_said_and_the_trial_goes_on_at_the_same_step(
+def test_a_lost_connection_is_announced_and_the_trial_goes_on_at_the_same_step(
     quick_study: PlannedStudy, browser: BrowserContext
 ) -> None:
     code = quick_study.newcomer("pan")

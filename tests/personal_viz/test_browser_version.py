@@ -44,11 +44,11 @@ def serving(
 
 
 def notice(page: Page) -> Locator:
-    """What says that the program was updated."""
+    """The notice that the program was updated."""
     return page.get_by_role("alertdialog", name="The study's program was updated.")
 
 
-def test_a_page_of_before_an_upgrade_says_so_and_loads_itself_or_by_a_button(
+def test_a_page_from_before_an_upgrade_says_so_and_loads_itself_or_by_a_button(
     quick_folder: Path, browser: BrowserContext, chromium: Profiles
 ) -> None:
     folder, port, page, loaded = quick_folder, free_port(), browser.new_page(), list[str]()
@@ -83,7 +83,7 @@ def see_it_load_itself(page: Page, loaded: list[str]) -> None:
 
 
 def load_it_by_the_button(page: Page) -> None:
-    """Keys do nothing beside the notice but move to its button, which loads the same trial; then the second step."""
+    """Keys only move to the button of the notice, which loads the same trial; then comes the second step."""
     expect(notice(page)).to_be_visible(timeout=LONG_MS)
     expect(notice(page)).not_to_contain_text("in a moment")
     page.keyboard.press("Escape")
@@ -123,7 +123,7 @@ def test_a_page_that_stays_as_old_as_it_was_is_not_loaded_for_ever(tmp_path: Pat
 @pytest.mark.parametrize(
     ("status", "body"), [(502, "a proxy's words"), (200, "<html>a proxy's page</html>"), (404, "none"), (200, "")]
 )
-def test_other_answers_than_a_version_are_not_taken_for_an_update(
+def test_answers_that_are_no_version_do_not_count_as_an_update(
     tmp_path: Path, browser: BrowserContext, status: int, body: str
 ) -> None:
     with running(tmp_path) as gateway:

@@ -11,7 +11,7 @@ from personal_viz.study_app.screens.camera import ELEVATIONS, TURN, ZOOM, orbit,
 
 
 class Camera:
-    """As viser's: setting the position takes `look_at` along."""
+    """A camera like viser's: setting the position takes `look_at` along."""
 
     def __init__(self, position: tuple[float, float, float], look_at: tuple[float, float, float]) -> None:
         self._position = np.array(position)

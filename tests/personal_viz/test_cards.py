@@ -1,4 +1,4 @@
-"""The cards between two trials say what the store has of them, on the page that was open and on a new one."""
+"""The cards between two trials say what the store holds of the trials, on the page that was open and on a new one."""
 
 import pytest
 
@@ -59,13 +59,13 @@ def test_practice_has_its_feedback_on_the_page_that_played_it() -> None:
     assert "It was only practice." in card.body
 
 
-def test_a_break_says_it_instead() -> None:
+def test_a_break_has_its_page_instead_of_a_card() -> None:
     trials = [stored(1, is_over=True), stored(2, is_over=True), stored(3)]
     assert after(trials) is None
     assert welcome_back_card(CONFIG, person(trials)) is None
 
 
-def test_a_new_page_says_nothing_to_who_has_read_it_who_is_in_a_trial_and_who_has_done_none() -> None:
+def test_a_new_page_has_no_card_for_people_who_have_read_it_are_in_a_trial_or_have_done_none() -> None:
     done = [stored(1, is_over=True), stored(2, is_over=True)]
     for somebody in (
         person([*done, stored(3)], rested_at=2),

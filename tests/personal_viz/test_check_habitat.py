@@ -24,7 +24,7 @@ KEYS = [
     *("geodesic_within_1e-4", "reachability", "steps_within_1mm", "snap", "navigable", "grid_mean_rel_error"),
     *("grid_reachability", "grid_area_rel_error", "depth_median_mm", "depth_within_1mm", "measures_max_abs_error"),
 ]
-"""As issue 3 names them."""
+"""Names of the figures in issue 3."""
 Change = Callable[[Any], object]
 
 
@@ -64,7 +64,7 @@ def few(golden_root: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def rows_only(few: Path) -> Path:
-    """Without the scan, which most of the time goes into."""
+    """That folder without the scan, which takes most of the time."""
     (few / "dev_b.glb").unlink()
     return few
 
@@ -191,7 +191,7 @@ def test_no_measure_may_differ_unseen_by_the_target(rows_only: Path, name: str) 
     assert targets_met(agreement(rows_only))["measures_max_abs_error"] is False
 
 
-def test_rows_on_a_navmesh_that_nobody_knows_are_refused(rows_only: Path) -> None:
+def test_rows_on_an_unknown_navmesh_are_refused(rows_only: Path) -> None:
     change(rows_only, "geodesic.json.gz", lambda content: content["pairs"][3].update(navmesh="elsewhere.navmesh"))
     line = one_line(rows_only)
     assert "rows of dev_b name the navmesh 'elsewhere.navmesh'; expected one of those in dev_b.info.json" in line
@@ -211,9 +211,9 @@ print((after - before) / 1e3)
 
 
 def peak_mb(folder: Path) -> tuple[str, float]:
-    """The error line of reading `folder` in a process of its own, and the memory that it took at most."""
+    """The error line of reading `folder` in a process of its own, and its peak memory, MB."""
     if not Path("/proc/self/status").exists():
-        pytest.skip("a process's own peak of memory is told by Linux only")
+        pytest.skip("only Linux tells a process's own peak of memory")
     command = [sys.executable, "-c", MEMORY_CODE, str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     line, peak = done.stdout.splitlines()
@@ -322,7 +322,7 @@ def test_contents_that_contradict_each_other_are_one_line(few: Path, part: str, 
     [
         ("dev_b.geodesic.json.gz", lambda data: data[: len(data) // 2], "found a file that cannot be read"),
         ("dev_b.snap.json", lambda data: data[:-20], "text that is not JSON"),
-        ("dev_b.depth.npz", lambda data: data[:1000], "found a file that is no depth archive"),
+        ("dev_b.depth.npz", lambda data: data[:1000], "found no depth archive"),
         ("dev_b.navmesh", lambda data: data[:1000], "dev_b.navmesh"),
         ("dev_b.glb", lambda data: data[:1000], "dev_b.glb"),
         ("dev_b.info.json", lambda data: b"\xff", "dev_b.info.json"),

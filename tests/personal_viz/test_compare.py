@@ -32,7 +32,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Compared:
 
 @pytest.fixture(scope="module")
 def out(made: Compared, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What compare wrote of them."""
+    """The folder that `compare` wrote from them."""
     folder = tmp_path_factory.mktemp("page")
     written_now = write_comparison([made.runs], dataset=made.data, out=folder, picture_width=32)
     assert (written_now.num_episodes, written_now.num_made, written_now.num_runs) == (6, 6, 5)
@@ -145,7 +145,7 @@ def test_a_folder_that_cannot_be_written_is_an_error_in_one_line(made: Compared,
         write_comparison([made.runs / "idle"], dataset=made.data, out=tmp_path / "out", picture_width=0)
 
 
-def test_without_leave_nothing_of_a_scan_but_ways_and_goal_is_written(tmp_path: Path) -> None:
+def test_without_permission_only_paths_and_goal_of_a_scan_are_written(tmp_path: Path) -> None:
     scanned = Compared(tmp_path, kind="scan")
     run = Run(info=scanned.info("walker"), episodes=(scanned.walk(scanned.episodes[0], to_goal=True),))
     written(run, scanned.runs)

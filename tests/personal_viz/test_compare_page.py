@@ -51,9 +51,7 @@ def test_the_page_says_success_in_words_and_signs_not_by_colour_alone() -> None:
     assert "\u2717no success:" in tags.text
 
 
-def test_rows_beyond_the_first_hundred_wait_in_a_template_and_many_runs_are_folded_up_under_how_many_succeeded() -> (
-    None
-):
+def test_rows_beyond_the_first_hundred_wait_in_a_template_and_many_runs_are_folded_up_under_their_successes() -> None:
     html = page_html(page(num_rows=FIRST + 5))
     in_table, _, in_template = html.partition('<template class="rest">')
     assert (in_table.count("<tr data-split"), in_template.count("<tr data-split")) == (FIRST, 5)

@@ -57,7 +57,7 @@ def test_trials_that_were_not_scored_are_in_no_mean() -> None:
     assert found["agents"]["sr"] is None
 
 
-def test_rows_come_by_the_human_lead_and_rows_without_one_come_last(tmp_path: Path) -> None:
+def test_rows_are_sorted_by_the_human_lead_and_rows_without_one_come_last(tmp_path: Path) -> None:
     even, ahead, alone = (EpisodeKey("easy", "Hut", name) for name in ("1", "2", "3"))
     runs = [
         Run(info=info("human", who_kind="human"), episodes=(walk("d"),)),

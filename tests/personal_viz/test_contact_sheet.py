@@ -1,4 +1,4 @@
-"""Contact sheets: what stands where in the picture, views worth seeing, and crops that do not give themselves away."""
+"""Contact sheets: the places of their parts, views worth seeing, and crops that do not reveal their object."""
 
 import csv
 from collections import Counter

@@ -88,7 +88,7 @@ def test_another_sites_page_and_another_host_name_are_refused(busy: Path) -> Non
         assert client.get("/", headers={"Host": host}).status_code == 400
 
 
-def test_guesses_are_limited_and_keep_the_right_token_not_out(busy: Path) -> None:
+def test_guesses_are_limited_and_do_not_keep_out_the_right_token(busy: Path) -> None:
     page = Dashboard(busy)
     client = client_of(page)
     replies = [client.post("/enter", content=f"g{n}", headers={"Origin": ORIGIN}).status_code for n in range(12)]
@@ -155,7 +155,7 @@ def test_the_database_is_looked_at_once_for_many_pages(busy: Path, monkeypatch: 
         assert client.get("/progress").json()["progress"]["now_ns"] > first
 
 
-def test_a_study_that_cannot_be_read_is_said_without_details(busy: Path, tmp_path: Path) -> None:
+def test_a_study_that_cannot_be_read_is_reported_without_details(busy: Path, tmp_path: Path) -> None:
     with let_in(tmp_path) as client:
         reply = client.get("/progress")
     assert (reply.status_code, reply.text) == (503, "the study cannot be read now")

@@ -1,4 +1,4 @@
-"""The proxies' texts of docs/deploy.md work: real nginx and Caddy read them where they are installed; lines stay."""
+"""The proxy settings of docs/deploy.md work: nginx and Caddy read them where they are installed; needed lines stay."""
 
 import os
 import re
@@ -36,7 +36,7 @@ def text_of(language: str) -> str:
 
 
 def replaced(text: str, places: Mapping[str, str], changed: tuple[str, str]) -> str:
-    """The text with one setting changed, and what is of this machine in place of the document's."""
+    """The text with one setting changed, and this machine's values in place of the document's."""
     assert changed[0] in text
     text = text.replace(*changed) if changed[0] else text
     for found, place in places.items():
@@ -104,7 +104,7 @@ def until_ended(process: subprocess.Popen[bytes], ports: dict[str, int], log: Pa
 
 
 def failures(proxy: Proxy, folder: Path, *, changed: tuple[str, str] = ("", "")) -> list[str]:
-    """What the doctor finds wrong with a gateway behind it."""
+    """Names of the doctor's checks that fail for a gateway behind it."""
     ports = {"tls": free_port(), "http": free_port()}
     options = ServeOptions(port=0, public=True, hosts=(f"localhost:{ports['tls']}",), proxy="127.0.0.1", pilot=True)
     with running(folder, options=options) as gateway, proxy(folder, ports, gateway.port, changed=changed):
@@ -151,7 +151,7 @@ def test_one_setting_wrong_is_noticed(tmp_path: Path, proxy: Proxy, was: str, by
 
 
 def logged_without_gateway(proxy: Proxy, folder: Path, *, changed: tuple[str, str] = ("", "")) -> str:
-    """What a proxy writes about somebody who comes while nobody listens behind it."""
+    """A proxy's log after somebody has come while nobody listens behind it."""
     ports = {"tls": free_port(), "http": free_port()}
     with proxy(folder, ports, free_port(), changed=changed):
         context = ssl.create_default_context(cafile=folder / "cert.pem")

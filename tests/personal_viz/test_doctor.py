@@ -25,7 +25,7 @@ from .tls_proxy import Settings, TlsProxy, self_signed, tls_proxy
 
 @pytest.fixture(autouse=True)
 def unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The speed of the machine that runs the tests is no finding."""
+    """Makes the speed of the machine that runs the tests no finding."""
     monkeypatch.setattr(doctor, "MAX_ROUND_TRIP_S", 60.0)
     monkeypatch.setattr(doctor, "MIN_MBIT_S", 0.0)
 
@@ -93,7 +93,7 @@ def test_a_slow_line_and_a_proxy_that_is_not_the_named_one_are_noticed(
         assert failed(examined(tmp_path, proxy)) == ["proxy", "round trip", "bandwidth"]
 
 
-def test_a_certificate_that_ends_soon_or_that_nobody_knows_fails(tmp_path: Path) -> None:
+def test_a_certificate_that_ends_soon_or_is_not_trusted_fails(tmp_path: Path) -> None:
     with deployed(tmp_path, days=5) as (proxy, _):
         checks = examined(tmp_path, proxy)
         assert failed(checks) == ["certificate"]
@@ -127,7 +127,7 @@ def test_nobody_there_is_a_failure_with_advice(capsys: pytest.CaptureFixture[str
     assert "study serve are running" in out
 
 
-def test_plain_http_of_the_laboratory_can_be_looked_at_too(tmp_path: Path) -> None:
+def test_plain_http_of_the_laboratory_can_be_examined_too(tmp_path: Path) -> None:
     with running(tmp_path) as gateway:
         checks = examine(gateway.address, link=f"{gateway.address}/#good")
     assert failed(checks) == []

@@ -31,7 +31,7 @@ def home() -> Scene:
 
 
 def explore(home: Scene, steps: int) -> tuple[list[Action], list[Insight]]:
-    """What the agent does in a small home, and why."""
+    """The agent's actions in a small home, and its reasons."""
     x, y, z = home.navigation.random_point(np.random.default_rng(0), storey_y=home.navigation.storey_heights[0])
     env = PanEnv(Pose((x, y, z), 0.3), home.navigation, renderer=Raycaster(home.mesh), max_steps=steps)
     agent = ExplainingAgent()

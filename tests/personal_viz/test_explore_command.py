@@ -46,7 +46,7 @@ def test_one_home_gives_a_file_a_plot_and_figures_and_a_second_call_reads_them(
     assert document["coverage"]["min"] == row["coverage"] == document["coverage"]["mean"]
     assert (tmp_path / "coverage.png").read_bytes()[:4] == b"\x89PNG"
     assert document["config"] == {"max_steps": 30, "storeys": "start", "homes": 1}
-    assert document["dataset_digest"] is None, "an invented home comes of its seed"
+    assert document["dataset_digest"] is None, "an invented home comes from its seed"
     assert document["git_commit"] == git_commit()
     assert document["versions"] == package_versions()
     assert document["created_utc"].endswith("+00:00")
@@ -83,7 +83,7 @@ def test_random_frontier_is_a_name_of_run_and_others_are_refused() -> None:
 
 
 def figures(out: Path) -> dict:
-    """`explore.json` without what two calls cannot share."""
+    """`explore.json` without the fields that differ between two calls."""
     return {**json.loads((out / "explore.json").read_text()), "created_utc": None, "out": None}
 
 
@@ -102,7 +102,7 @@ def test_two_worker_processes_give_the_documents_that_one_gives(tmp_path: Path, 
 
 
 class DiesOnArrival:
-    """Ends the worker process that is sent it."""
+    """Ends the worker process that receives it."""
 
     def __reduce__(self) -> tuple:
         return os._exit, (1,)

@@ -1,4 +1,4 @@
-"""`personal-viz export` and `import` of what it wrote, as a person types them."""
+"""`personal-viz export`, and `import` of its files, as a person types them."""
 
 import math
 from itertools import pairwise
@@ -90,7 +90,7 @@ def test_a_recording_is_exported_as_the_run_that_it_shows(home: Path, tmp_path: 
 
 
 def test_free_motion_is_scored_in_a_row_of_its_own(home: Path, tmp_path: Path) -> None:
-    """The same way in steps of a quarter: 0.0625 m and 7.5 degrees."""
+    """The same path in steps a quarter as long: 0.0625 m and 7.5 degrees."""
     run = read_run(home / "runs" / RUN).episodes[0]
     rows = []
     for before, after in pairwise(run.poses):
@@ -151,7 +151,7 @@ def test_declarations_that_do_not_fit_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_runs_that_are_none_are_one_line(tmp_path: Path) -> None:
+def test_exporting_no_run_is_refused_in_one_line(tmp_path: Path) -> None:
     assert_one_line(personal_viz("export", "--out", str(tmp_path / "a")), "found no run; expected run folders")
     (tmp_path / "bad.rrd").write_bytes(b"nothing")
     assert_one_line(personal_viz("export", str(tmp_path / "bad.rrd"), "--out", str(tmp_path / "a")), "bad.rrd")

@@ -72,12 +72,12 @@ def test_a_wall_clock_that_went_back_over_a_restart_makes_nobody_wait_longer_tha
     clocks.wall_ns -= jump_s * S
     assert left_s(entry) == GAP_S
     clocks.pass_s(900.0)
-    assert left_s(entry) == 2700.0  # it began before the boot: so long at least it has lasted
+    assert left_s(entry) == 2700.0  # it began before the boot, so it has lasted at least since then
     clocks.pass_s(2700.0)
     assert left_s(entry) == 0.0
 
 
-def test_where_boots_have_no_name_the_wall_clock_counts_and_a_pause_is_never_longer_than_it_is(clocks: Clocks) -> None:
+def test_where_boots_have_no_name_the_wall_clock_counts_and_no_pause_exceeds_its_full_length(clocks: Clocks) -> None:
     clocks.boot = None
     entry = began()
     assert entry.detail == {"done": 1, "sitting": True}

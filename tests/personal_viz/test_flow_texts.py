@@ -173,13 +173,13 @@ def letter(*said: dict, seat: str = "s") -> str:
 def test_messages_of_the_page_are_typed() -> None:
     text = letter(
         {"kind": "device", "webgl2": True, "width": 1280, "height": 720},
-        {"kind": "press", "code": "KeyZ"},
+        {"kind": "press", "action": "forward", "code": "KeyZ"},
         {"kind": "keys", "keys": {"forward": "KeyI"}},
         {"kind": "told", "name": "withdraw"},
     )
     assert said_in(text, seat="s") == (
         Device(n=1, t_cli_ms=5.5, webgl2=True, width=1280, height=720),
-        Pressed(n=1, t_cli_ms=5.5, code="KeyZ"),
+        Pressed(n=1, t_cli_ms=5.5, action="forward", code="KeyZ"),
         OwnKeys(n=1, t_cli_ms=5.5, keys={"forward": "KeyI"}),
         Told(n=1, t_cli_ms=5.5, name="withdraw"),
     )
@@ -191,9 +191,9 @@ def test_messages_of_the_page_are_typed() -> None:
     [
         {"kind": "device", "webgl2": True, "width": -1, "height": 720},
         {"kind": "device", "webgl2": True, "width": 10**9, "height": 720},
-        {"kind": "press", "code": "K" * 33},
-        {"kind": "press", "code": "KeyW", "t_cli_ms": -1.0},
-        {"kind": "press", "code": "KeyW", "t_cli_ms": "1"},
+        {"kind": "press", "action": "forward", "code": "K" * 33},
+        {"kind": "press", "action": "forward", "code": "KeyW", "t_cli_ms": -1.0},
+        {"kind": "press", "action": "forward", "code": "KeyW", "t_cli_ms": "1"},
         {"kind": "keys", "keys": {"forward": "Escape"}},
         {"kind": "keys", "keys": {"fly": "KeyW"}},
         {"kind": "page", "what": "stolen"},

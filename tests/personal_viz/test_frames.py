@@ -33,7 +33,7 @@ class Colours(PoseColours):
 
 
 class Recorder(Colours):
-    """Notes where it was called for; waits before each picture until it is let go."""
+    """Notes the x of each picture; waits before each one until it is let go."""
 
     def __init__(self, *, is_held: bool = False) -> None:
         self.xs: list[float] = []
@@ -84,7 +84,7 @@ def test_pictures_unused_for_longest_are_forgotten() -> None:
     assert renderer.xs == [1.0, 2.0, 3.0, 2.0]
 
 
-def test_what_somebody_waits_for_goes_before_what_is_rendered_ahead() -> None:
+def test_a_picture_that_somebody_waits_for_goes_before_those_rendered_ahead() -> None:
     renderer, threads = Recorder(is_held=True), RenderThreads(1)
     frames = Frames(renderer, threads)
     frames.begin(at(1.0), CAMERA)
@@ -133,7 +133,7 @@ def test_a_picture_that_is_rendered_ahead_is_not_rendered_again() -> None:
     assert renderer.xs == [4.0]
 
 
-def test_a_failure_is_told_to_who_asks_and_the_next_try_renders_again() -> None:
+def test_a_failure_is_told_to_the_caller_and_the_next_try_renders_again() -> None:
     class Broken(Colours):
         is_broken = True
 
@@ -150,7 +150,7 @@ def test_a_failure_is_told_to_who_asks_and_the_next_try_renders_again() -> None:
     assert looked(frames, HERE).rgb.shape == (CAMERA.height, CAMERA.width, 3)
 
 
-def test_successors_are_where_each_action_leads_the_last_one_first() -> None:
+def test_successors_are_the_poses_after_each_action_with_the_last_action_first() -> None:
     room = SquareRoom()
     forward, left, right = successors(HERE, room, PAPER4)
     assert forward.position == pytest.approx((0.0, 0.0, -0.25))

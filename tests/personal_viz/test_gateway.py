@@ -132,7 +132,7 @@ def test_ten_wrong_tokens_a_minute_are_answered_for_each_address_and_a_right_one
     assert tries("good", "192.0.2.1") == 200, "others may be behind the guesser's router"
     assert tries("guess", "192.0.2.1") == 429
     assert tries("good", "192.0.2.2") == 200
-    assert [tries("good", "192.0.2.3") for _ in range(30)] == [200] * 30, "who knows the token does not guess"
+    assert [tries("good", "192.0.2.3") for _ in range(30)] == [200] * 30, "a person who knows the token does not guess"
 
 
 def test_the_open_link_gives_places_until_the_study_is_full_and_other_studies_have_no_such_page(tmp_path: Path) -> None:
@@ -166,7 +166,7 @@ def test_ids_of_another_shape_are_refused(tmp_path: Path, person: object) -> Non
     assert at.people.claimed == {}
 
 
-def test_a_full_disk_is_a_pause_for_the_newcomer_and_words_for_the_researcher(tmp_path: Path) -> None:
+def test_a_full_disk_is_a_pause_for_the_newcomer_and_a_message_for_the_researcher(tmp_path: Path) -> None:
     at = site(tmp_path, recruit="link")
     at.people.is_full = True
     assert at.client.post("/join", json={}, headers=ORIGIN).status_code == 503
@@ -239,7 +239,7 @@ def test_a_websocket_that_leads_nowhere_is_closed(tmp_path: Path, is_revoked: bo
     assert closed_with(at, f"ws://127.0.0.1/ws/{ticket_id}{version}", headers) == code
 
 
-def test_measurements_say_what_the_proxy_says_and_are_few(tmp_path: Path) -> None:
+def test_downloads_for_the_doctor_say_whether_the_proxy_names_its_client_and_are_limited(tmp_path: Path) -> None:
     at = site(tmp_path, options=PUBLIC, peer="10.0.0.9")
     public = {"host": "study.example.org"}
     reply = at.client.get("/check/download", headers={**public, "x-forwarded-for": "192.0.2.1"})

@@ -88,7 +88,7 @@ def test_values_of_buttons_sliders_and_fields_pass(value: object) -> None:
         {**PRESS, "updates": {"value": "x" * 70_000}},
     ],
 )
-def test_anything_else_does_not(message: object) -> None:
+def test_no_other_message_passes(message: object) -> None:
     assert browser_message(pack(message)) is None
 
 

@@ -35,8 +35,8 @@ VALUES = (
     *([], [1.5, 2.5], [[1], [2]], "{}", "[[["),
 )
 LETTERS = (
-    {"kind": "press", "n": 1, "t_cli_ms": 1, "code": "\x00\x1b[2J"},
-    {"kind": "press", "n": 2**53, "t_cli_ms": 1e12, "code": "é" * 32},
+    {"kind": "press", "action": "left", "n": 1, "t_cli_ms": 1, "code": "\x00\x1b[2J"},
+    {"kind": "press", "action": "left", "n": 2**53, "t_cli_ms": 1e12, "code": "é" * 32},
     {"kind": "device", "n": 3, "t_cli_ms": 1, "webgl2": False, "width": 0, "height": 0},
     {"kind": "device", "n": 3, "t_cli_ms": 1, "webgl2": 7, "width": -1, "height": 1e99},
     {"kind": "page", "n": 4, "t_cli_ms": 0, "what": "hidden"},
@@ -96,7 +96,7 @@ def no_traceback(capfd: pytest.CaptureFixture[str]) -> Iterator[None]:
     handler.emit = kept.append
     logging.getLogger().addHandler(handler)
     yield
-    gc.collect()  # a task's exception is told when nobody can ask for it any more
+    gc.collect()  # a task's exception is logged when the task is collected
     logging.getLogger().removeHandler(handler)
     printed = "".join(capfd.readouterr())
     assert "Traceback" not in printed, printed[-3000:]
@@ -131,7 +131,11 @@ def hostile_messages(uuids: dict[str, list[str]], seat: str) -> Iterator[dict[st
             json.dumps({"seat": seat, "said": list(LETTERS[:1]) * 41}),
             '{"seat":"' + seat + '","said":' + "[" * 30_000,
         ]
-        letters += [json.dumps({"seat": seat, "said": [{"kind": "press", "n": 1, "t_cli_ms": 1, "code": "\ud800"}]})]
+        letters += [
+            json.dumps(
+                {"seat": seat, "said": [{"kind": "press", "action": "left", "n": 1, "t_cli_ms": 1, "code": "\ud800"}]}
+            )
+        ]
         yield from ({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": text}} for text in letters)
 
 
@@ -193,7 +197,7 @@ def hostile_requests(address: str) -> Iterator[bytes]:
 
 
 def hostile_pages(address: str, seeded: random.Random) -> Iterator[bytes]:
-    """Requests for each path in each way, with a body and a header that are drawn."""
+    """Requests for each path by each method, with a random body and header."""
     host, own = f"Host: {address[7:]}", f"Origin: {address}"
     bodies = [*BODIES, seeded.randbytes(500)]
     for path, tail in itertools.product(PATHS, TAILS):

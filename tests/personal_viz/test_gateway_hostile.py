@@ -37,7 +37,7 @@ def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
 
 @pytest.fixture
 def gateway(shared: Running) -> Iterator[Running]:
-    """The shared gateway; whatever happened to it, it still lets a participant work at the end."""
+    """The shared gateway, which must still let a participant work at the end of each test."""
     shared.forget()
     yield shared
     with connected(shared, "nice") as survivor:
@@ -79,7 +79,7 @@ def test_one_bad_message_ends_its_own_connection_only(gateway: Running, data: st
         assert says(other, PRESS) == b"GuiUpdateMessage"
         with connected(gateway, "good") as bad:
             assert says(bad, PRESS) == b"GuiUpdateMessage"
-            with contextlib.suppress(ConnectionClosed):  # 40 MB are not waited for
+            with contextlib.suppress(ConnectionClosed):  # the gateway does not wait for 40 MB
                 bad.send(data)
             assert closed_code(bad) in codes
         gateway.viser.wait_until(lambda: gateway.viser.ended == 1)
@@ -95,7 +95,7 @@ def test_fragments_count_together(gateway: Running) -> None:
     with connected(gateway, "good") as bad:
         with contextlib.suppress(ConnectionClosed):
             bad.send(b"\x00" * 1000 for _ in range(80))
-        assert closed_code(bad) in (1009, None), "what is still under way may break the line before the code comes"
+        assert closed_code(bad) in (1009, None), "data under way may break the line before the code comes"
 
 
 def test_a_foreign_uuid_of_sane_shape_passes_to_viser_which_knows_whose_it_is(gateway: Running) -> None:
@@ -111,7 +111,7 @@ def test_keys_over_twenty_a_second_are_dropped_and_the_newest_camera_arrives(gat
         for number in range(60):
             masher.send(pack(KEY_PRESS))
             masher.send(pack({**CAMERA, "fov": float(number)}))
-        masher.send(pack(PRESS))  # what the page reports has a limit of its own
+        masher.send(pack(PRESS))  # reports of the page have a limit of their own
         sent = next(iter(gateway.viser.received.values()))
         gateway.viser.wait_until(lambda: PRESS in sent and any(message.get("fov") == 59.0 for message in sent))
         took_s = time.monotonic() - began_s

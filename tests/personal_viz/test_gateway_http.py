@@ -121,7 +121,7 @@ def aborted(options: ServeOptions, peers: list[str]) -> list[bool]:
     return asyncio.run(run())
 
 
-def test_one_address_and_all_together_have_few_connections_also_before_they_ask_for_anything() -> None:
+def test_one_address_and_all_together_have_few_connections_even_before_their_first_request() -> None:
     options = ServeOptions(per_address=2, proxy="10.0.0.9")
     assert aborted(options, ["192.0.2.1"] * 3 + ["192.0.2.2"]) == [False, False, True, False]
     assert aborted(options, ["127.0.0.1"] * 5) == [False] * 5

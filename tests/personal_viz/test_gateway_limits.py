@@ -41,7 +41,7 @@ def test_a_proxy_that_is_silent_is_noticed() -> None:
     assert forwarded_address(PROXY, ["198.51.100.1"], None) is None
 
 
-def test_ten_tries_a_minute_for_each_address_of_its_own() -> None:
+def test_each_address_has_ten_tries_a_minute() -> None:
     limit = AddressLimit(10 / 60, 10)
     assert sum(limit.allows("a", 100.0) for _ in range(30)) == 10
     assert not limit.allows("a", 100.0)

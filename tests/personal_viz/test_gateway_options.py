@@ -46,7 +46,7 @@ def test_unsafe_options_are_refused_with_the_missing_flag(options: dict[str, Any
         require_may_serve(ServeOptions(**options), small_config(**APPROVED), ["invented"])
 
 
-def test_geometry_of_scans_leaves_the_laboratory_only_by_right() -> None:
+def test_geometry_of_scans_leaves_the_laboratory_only_with_the_flag_for_rights() -> None:
     pog = small_config(**APPROVED).model_copy(update={"task": ("pan", "pog")})
     require_may_serve(ServeOptions(), pog, ["scan"])
     require_may_serve(ServeOptions(**NAMED), pog, ["invented", "schematic"])

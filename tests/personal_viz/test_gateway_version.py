@@ -45,7 +45,7 @@ def test_a_page_of_another_version_is_refused_with_words_of_its_own(second: Runn
     assert url.endswith("/second")
     expected = (409, "the study's program was updated; load the page again")
     assert refusal(url.removesuffix("second") + "first", headers) == expected
-    assert refusal(url.removesuffix("/second"), headers) == expected, "a page of before pages had a version"
+    assert refusal(url.removesuffix("/second"), headers) == expected, "a page from before pages had a version"
     assert second.viser.received == {}
     with connect(url, additional_headers=headers, proxy=None) as own:
         own.send(pack(PRESS))
@@ -73,7 +73,7 @@ def test_the_version_that_counts_is_that_of_the_installed_viser() -> None:
     assert not is_other_viser([])
 
 
-def test_an_old_page_that_is_loaded_again_gets_the_page_of_today_with_the_same_ticket(second: Running) -> None:
+def test_an_old_page_that_is_loaded_again_gets_the_current_page_with_the_same_ticket(second: Running) -> None:
     url, _ = enter(second.address, "good")
     for old in (url.removesuffix("second") + "first", url.removesuffix("/second"), url + "/x"):
         address, text = got(second, f"/view/?websocket={old}")

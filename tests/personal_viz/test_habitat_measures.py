@@ -58,7 +58,7 @@ def one_step(distances, action, *, success_distance=0.1, moved=1.0):
     ("distances", "action", "expected"),
     [
         pytest.param([2, 0.1], STOP, {"success": 0.0}, id="a distance equal to the success distance is no success"),
-        pytest.param([2, np.nextafter(0.1, 0)], STOP, {"success": 1.0}, id="less than it is one"),
+        pytest.param([2, np.nextafter(0.1, 0)], STOP, {"success": 1.0}, id="a smaller distance is a success"),
         pytest.param([2, 0.0], FORWARD, {"success": 0.0, "spl": 0.0, "soft_spl": 1.0}, id="without stop soft SPL only"),
         pytest.param([2, 5], FORWARD, {"soft_spl": 0.0}, id="walking away gives 0 and not less"),
         pytest.param(

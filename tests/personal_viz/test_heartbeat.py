@@ -28,7 +28,7 @@ def test_viser_answers(server: viser.ViserServer) -> None:
     assert all(answers(server.get_port(), patience_s=LONG_S, over=NEVER) for _ in range(3))
 
 
-def test_a_viser_whose_event_loop_is_blocked_does_not_and_answers_late_when_it_goes_on(
+def test_a_viser_with_a_blocked_event_loop_answers_only_when_the_loop_goes_on(
     server: viser.ViserServer,
 ) -> None:
     blocked, go_on, found = threading.Event(), threading.Event(), []
@@ -55,7 +55,7 @@ def test_a_port_where_nobody_listens_does_not_answer() -> None:
         assert not answers(probe.getsockname()[1], patience_s=SHORT_S, over=NEVER)
 
 
-def test_waiting_ends_when_nobody_cares_any_more() -> None:
+def test_waiting_ends_when_the_answer_is_no_longer_needed() -> None:
     with socket.create_server(("127.0.0.1", 0)) as deaf:
         over, found = threading.Event(), []
         port = deaf.getsockname()[1]

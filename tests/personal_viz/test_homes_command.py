@@ -19,20 +19,16 @@ from sim.errors import DatasetError, PersonalVizError, RecordingError, RunFileEr
 from sim.homes.open_home import open_scene
 from sim.homes.plan import load_plan, save_plan
 from sim.homes.recovered.plans import recover_plan
-from tests.sim.synthetic import SCENE, example_content, example_goal, example_view_point, write_dataset
+from tests.sim.synthetic import SCENE, example_content, write_dataset
 
+from .editions import first_edition, second_edition
 from .program import assert_one_line, personal_viz
 
 
 @pytest.fixture
 def schematic(tmp_path: Path) -> Path:
     """A table seen from a lattice of places, and one episode that asks for it."""
-    quat = [0.0, 0.0, 0.0, 1.0]
-    points = [
-        example_view_point(1.0 + 0.25 * i, 0.25 * j, quat_xyzw=quat, iou=0.4) for i in range(9) for j in range(13)
-    ]
-    goals = {f"{SCENE}.basis.glb_coffee table": [example_goal(view_points=points)]}
-    return write_dataset(tmp_path / "data", {("easy", SCENE): example_content(goals_by_category=goals)})
+    return first_edition(tmp_path / "data")
 
 
 def report(dataset: Path, capsys: pytest.CaptureFixture[str], **options) -> dict:
@@ -105,6 +101,55 @@ def test_the_table_names_every_scene_and_how_many_were_held_out(
     assert "100.0%" in out
 
 
+@pytest.fixture
+def more(tmp_path: Path) -> Path:
+    """Another edition: the same table, and a lamp that is seen and asked for farther to the right."""
+    return second_edition(tmp_path / "more")
+
+
+def test_evidence_makes_homes_and_the_edition_of_test_on_does_not(
+    schematic: Path, more: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    alone = report(schematic, capsys, folds=False)
+    asked = report(schematic, capsys, folds=False, test_on=more)["scenes"][SCENE]
+    helped = report(schematic, capsys, folds=False, evidence=(more,))["scenes"][SCENE]
+    other = asked.pop("other")
+    assert (other["episodes"], other["starts_on_floor"]) == (1, 0.0)
+    before = alone["scenes"][SCENE]
+    assert before.pop("other") is None
+    assert {**asked, "build_s": 0} == {**before, "build_s": 0}  # the test edition gave nothing
+    assert helped["area_m2"] > before["area_m2"] + 3
+    assert helped["episodes"] == 1
+    assert [source["folder"] for source in helped["sources"]] == [str(schematic), str(more)]
+    own, added = ({key: source[key] for key in ("starts", "view_points", "objects")} for source in helped["sources"])
+    assert own == {"starts": 1, "view_points": 117, "objects": 1}
+    assert added == {"starts": 1, "view_points": 104, "objects": 1}  # 13 of its places are the first edition's too
+
+
+def test_the_tables_say_what_came_from_where_and_how_another_edition_is_served(
+    schematic: Path, more: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Homes(dataset=more, evidence=(schematic,), folds=False).run()
+    assert f"From {schematic}: 1 start, 103 view points, 0 objects." in capsys.readouterr().out
+    Homes(dataset=schematic, test_on=more, folds=False).run()
+    out = capsys.readouterr().out
+    assert f"These homes are made without {more}" in out
+    assert "starts on floor" in out
+
+
+def test_an_edition_that_makes_the_homes_or_has_other_homes_is_no_test(
+    schematic: Path, more: Path, tmp_path: Path
+) -> None:
+    for evidence in ((), (more,)):
+        with pytest.raises(DatasetError, match=r"--test-on .*: is an edition that the homes are made from; expected"):
+            Homes(dataset=schematic, evidence=evidence, test_on=(schematic, *evidence)[-1]).run()
+    elsewhere = write_dataset(tmp_path / "elsewhere", {("easy", "Other"): example_content(scene="Other")})
+    with pytest.raises(DatasetError, match=r"--test-on .*elsewhere: holds none of the scenes; expected"):
+        Homes(dataset=schematic, test_on=elsewhere).run()
+    done = personal_viz("homes", "--dataset", str(schematic), "--evidence", str(schematic))
+    assert_one_line(done, "is the dataset itself; expected another edition")
+
+
 @pytest.mark.slow
 def test_jobs_change_nothing_but_times(invented_root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one, two = (report(invented_root, capsys, jobs=jobs, folds=False) for jobs in (1, 2))
@@ -162,7 +207,7 @@ def test_runs_on_different_kinds_of_homes_share_no_run_table_or_recording(mixed:
     )
     with pytest.raises(RunFileError, match=r"found scene kinds invented \(on-invented\), schematic \(on-schematic\)"):
         Metrics(runs=runs, json=True).run()
-    # a home that was corrected into another kind: the run of before cannot be replayed in it
+    # a home that was corrected into another kind: the earlier run cannot be replayed in it
     info = (runs[1] / "run.json").read_text()
     (runs[1] / "run.json").write_text(info.replace('"scene_kind": "schematic"', '"scene_kind": "scan"'))
     key = str(next(PersonalDataset(mixed).episodes(scenes=(SCENE,))).key)

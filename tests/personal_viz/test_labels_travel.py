@@ -55,7 +55,7 @@ def home_runs(runs: Path) -> tuple[Path, ...]:
 
 
 def said_in(path: Path) -> str:
-    """What a reader finds in the file: text, a picture's description, a recording's document, a table's cells."""
+    """Words that a reader finds in the file: text, a picture's description, a recording's document, a table's cells."""
     if path.suffix in (".png", ".jpg"):
         with Image.open(path) as picture:
             return str(picture.info.get("Description", ""))
@@ -74,7 +74,7 @@ def said_in(path: Path) -> str:
 
 
 def silent_files(folder: Path, *, besides: set[str] = NO_TABLE) -> list[str]:
-    """Files that do not say the label."""
+    """Files without the label."""
     files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     assert files
     return [
@@ -91,7 +91,7 @@ def test_each_kind_has_one_label_and_scans_have_none() -> None:
 
 
 @pytest.mark.slow
-def test_metrics_say_it_below_the_table_and_in_every_row(
+def test_metrics_have_the_label_below_the_table_and_in_every_row(
     made: Compared, scans: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Metrics(runs=home_runs(made.runs)).run()
@@ -108,7 +108,7 @@ def test_metrics_say_it_below_the_table_and_in_every_row(
 
 
 @pytest.mark.slow
-def test_every_file_of_a_study_report_says_it(made: Compared, scans: Path, tmp_path: Path) -> None:
+def test_every_file_of_a_study_report_has_the_label(made: Compared, scans: Path, tmp_path: Path) -> None:
     assert StudyReportVerb(runs=home_runs(made.runs), out=tmp_path / "invented", dataset=made.data).run() == 0
     names = {path.name for path in (tmp_path / "invented").iterdir()}
     assert {"report.tex", "report.csv", "report.json", "pan-trials.csv", "pan-glmm.R", "pan-people.svg"} <= names
@@ -122,10 +122,10 @@ def test_every_file_of_a_study_report_says_it(made: Compared, scans: Path, tmp_p
 
 
 @pytest.mark.slow
-def test_every_file_of_a_pog_report_says_it(made: Compared, scans: Path, tmp_path: Path) -> None:
+def test_every_file_of_a_pog_report_has_the_label(made: Compared, scans: Path, tmp_path: Path) -> None:
     runs = [made.runs / "study", made.runs / "grounder"]
     assert PogReport(runs=runs, out=tmp_path / "invented").run() == 0
-    empty = {"differences.csv", "options.csv"}  # heads alone
+    empty = {"differences.csv", "options.csv"}  # header rows only
     assert silent_files(tmp_path / "invented", besides=NO_TABLE | empty) == []
     assert {"methods-1.png", "distance-1.svg", "table.tex"} <= {path.name for path in (tmp_path / "invented").iterdir()}
     assert PogReport(runs=[scans / "study", scans / "grounder"], out=tmp_path / "scan").run() == 0
@@ -133,7 +133,7 @@ def test_every_file_of_a_pog_report_says_it(made: Compared, scans: Path, tmp_pat
 
 
 @pytest.mark.parametrize("format", ["jsonl", "tum", "minari"])
-def test_every_export_of_runs_says_it_and_of_reconstructed_homes_whose_terms_may_apply(
+def test_every_export_of_runs_has_the_label_and_of_reconstructed_homes_the_terms_that_may_apply(
     made: Compared, scans: Path, tmp_path: Path, format: ExportFormat
 ) -> None:
     info = json.loads((made.runs / "idle" / "run.json").read_text())
@@ -149,14 +149,14 @@ def test_every_export_of_runs_says_it_and_of_reconstructed_homes_whose_terms_may
     assert [terms in said[kind] for kind in ("schematic", "invented")] == [True, False]
 
 
-def test_every_table_of_a_study_export_says_it(tmp_path: Path) -> None:
+def test_every_table_of_a_study_export_has_the_label(tmp_path: Path) -> None:
     study_with_trials(tmp_path / "study")
     export_study(tmp_path / "study", tmp_path / "out")
     assert silent_files(tmp_path / "out", besides=NO_TABLE | OF_PEOPLE) == []
 
 
 @pytest.mark.slow
-def test_the_comparison_and_a_replay_say_it(made: Compared, tmp_path: Path) -> None:
+def test_the_comparison_and_a_replay_have_the_label(made: Compared, tmp_path: Path) -> None:
     assert (
         Compare(
             runs=(made.runs / "idle", made.runs / "evil"), dataset=made.data, out=tmp_path / "c", picture_width=32
@@ -175,7 +175,9 @@ def test_the_comparison_and_a_replay_say_it(made: Compared, tmp_path: Path) -> N
 
 
 @pytest.mark.slow
-def test_homes_and_contact_sheets_say_it(made: Compared, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_homes_and_contact_sheets_have_the_label(
+    made: Compared, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for as_json in (False, True):
         assert Homes(dataset=made.data, json=as_json, folds=False).run() == 0
         assert INVENTED in capsys.readouterr().out
@@ -185,7 +187,7 @@ def test_homes_and_contact_sheets_say_it(made: Compared, tmp_path: Path, capsys:
 
 
 @pytest.mark.slow
-def test_walks_explorations_and_their_recordings_say_it(
+def test_walks_explorations_and_their_recordings_have_the_label(
     made: Compared, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data, small = ["--dataset", str(made.data)], ["--width", "48", "--height", "36", "--max-steps", "20"]

@@ -35,7 +35,7 @@ class Kept:
         self.keeper = LeaseKeeper(store, tell=self.told.append, clock=lambda: self.now_s)
 
     def gives_away_after(self, seconds: float, code: str = "p01") -> bool:
-        """Whether others have got the participant's trials this much later."""
+        """Whether others have the participant's trials this much later."""
         self.now_s += seconds
         self.keeper.tick()
         return has_dropped_out(self.store.participant(code).stages)
@@ -83,7 +83,7 @@ def test_people_who_never_came_or_have_finished_lose_nothing(tmp_path: Path) -> 
         assert study.told == []
 
 
-def test_a_place_that_was_claimed_by_nobody_who_came_is_given_back(tmp_path: Path) -> None:
+def test_a_claimed_place_to_which_nobody_came_is_given_back(tmp_path: Path) -> None:
     with kept(tmp_path) as study:
         assert study.store.claim_person(None) == "p01"
         assert not study.gives_away_after(0)
@@ -95,7 +95,7 @@ def test_a_restart_takes_nobodys_place_away(tmp_path: Path) -> None:
         store.enter_stage("p01", "arrived")
     with started(tmp_path) as store:
         study = Kept(store)
-        assert not study.gives_away_after(50_000.0)  # of a machine that runs for long
+        assert not study.gives_away_after(50_000.0)  # the steady clock of a machine that has run for long
         assert not study.gives_away_after(LEASE_S)
         assert study.gives_away_after(1)
 
@@ -108,7 +108,7 @@ def test_a_person_who_was_asked_to_come_back_later_has_that_much_more_time(tmp_p
         assert study.gives_away_after(1)
 
 
-def test_where_nobody_could_take_it_nothing_is_given_away(tmp_path: Path) -> None:
+def test_nothing_is_given_away_if_nobody_could_take_it(tmp_path: Path) -> None:
     with kept(tmp_path, "arrived", design=CROSSED) as study:
         assert not study.gives_away_after(10 * LEASE_S)
 
@@ -139,7 +139,7 @@ STEPS = st.lists(
 
 @pytest.fixture(scope="module")
 def awaiting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[StudyStore, list[str]]]:
-    """A store in which p01 and p02 have begun, and the people whom a keeper let drop out; nothing is stored of it."""
+    """A store in which p01 and p02 have begun, and the people whom a keeper let drop out, which is not stored."""
     with started(tmp_path_factory.mktemp("awaiting")) as store, pytest.MonkeyPatch.context() as patch:
         dropped: list[str] = []
         for code in ("p01", "p02"):
@@ -185,8 +185,8 @@ def test_a_store_that_cannot_be_written_is_told_and_tried_again(
         assert study.gives_away_after(0)
 
 
-def test_backups_are_made_when_something_was_written_and_not_oftener(tmp_path: Path) -> None:
-    with kept(tmp_path, design=CROSSED) as study:  # where leases give nothing away
+def test_backups_are_made_only_after_something_was_written(tmp_path: Path) -> None:
+    with kept(tmp_path, design=CROSSED) as study:  # a design in which leases give nothing away
         store = study.store
         rounds = Upkeep(store, study.keeper, tell=print, clock=lambda: study.now_s)
 

@@ -51,7 +51,7 @@ def test_errors_that_nobody_reads_end_in_silence(
     lost.flush()
 
 
-def test_a_pipe_of_our_own_that_broke_is_a_bug(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_broken_pipe_of_our_own_is_a_bug(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(_: object) -> int:
         raise BrokenPipeError("a worker's")
 
@@ -61,7 +61,7 @@ def test_a_pipe_of_our_own_that_broke_is_a_bug(monkeypatch: pytest.MonkeyPatch) 
         main()
 
 
-def test_exit_codes_stay_where_somebody_reads(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
+def test_exit_codes_stay_while_somebody_reads(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
     def fail(_: object) -> int:
         raise DatasetError("x: is\nmissing")
 

@@ -99,7 +99,7 @@ def test_options_of_models_are_refused_for_a_plug_in_that_would_ignore_them(
         run(recording, "--out", str(tmp_path / "a.npz"), option, value)
 
 
-def test_the_batch_is_a_plug_ins_too(recording: Path, tmp_path: Path) -> None:
+def test_the_batch_size_reaches_plug_ins_too(recording: Path, tmp_path: Path) -> None:
     for batch in ("1", "5"):
         assert run(recording, "--out", str(tmp_path / f"{batch}.npz"), "--batch", batch) == 0
     assert (tmp_path / "1.npz").read_bytes() == (tmp_path / "5.npz").read_bytes()

@@ -1,7 +1,7 @@
-"""Everything that a PAN client, a POG client and an agent are sent is walked for the answer, and for what leads to it.
+"""Everything that a PAN client, a POG client and an agent are sent is searched for the answer and for clues to it.
 
-Whoever knows the home's name, an instance's number or an episode's id finds the answer in the public dataset files. So
-the files of these tests have names and numbers that stand nowhere else, and no byte that a browser gets may hold one.
+Anybody who knows the home's name, an instance's number or an episode's id finds the answer in the public dataset files.
+So these tests' files have names and numbers that occur nowhere else, and no byte that a browser gets may hold one.
 """
 
 import base64
@@ -53,12 +53,12 @@ HOME = "Qz7vLxwTn"
 FIRST_INSTANCE = 8_700_000
 """Added to the number of every object."""
 FLOOR, EPISODE = "flr-Kq", "7340119"
-"""With which the floors' labels and the episodes' ids begin."""
+"""Beginnings of the floors' labels and of the episodes' ids."""
 _NUMBERED = re.compile(r"(.+_)(\d+)")
 
 
 def mark(root: Path) -> None:
-    """Gives captions, ownership sentences, objects, episodes and floors words and numbers that stand nowhere else."""
+    """Gives captions, ownership sentences, objects, episodes and floors words and numbers that occur nowhere else."""
     for path in root.glob("*/content/*.json.gz"):
         content = _marked(json.loads(gzip.decompress(path.read_bytes())))
         for number, episode in enumerate(content["episodes"]):

@@ -26,7 +26,7 @@ def page() -> Page:
 
 
 def run(work: Awaitable[None]) -> None:
-    """Does what viser's event loop would."""
+    """Runs the work as viser's event loop would."""
 
     async def wait() -> None:
         await work
@@ -35,7 +35,7 @@ def run(work: Awaitable[None]) -> None:
 
 
 def hear(page: Page, *messages: Any) -> None:
-    """As the page's script tells them."""
+    """Sends messages as the page's script does."""
     for said in messages:
         run(page.heard(said))
 
@@ -77,12 +77,15 @@ def test_a_card_waits_for_one_of_its_buttons(page: Page) -> None:
 
 def test_a_key_gets_its_place_and_the_browser_time_and_a_button_does_not(page: Page) -> None:
     send = page.new_screen()
-    hear(page, Pressed(n=0, t_cli_ms=123.5, code="KeyZ"))
+    hear(page, Pressed(n=0, t_cli_ms=123.5, action="forward", code="KeyZ"))
     run(send(Move(Action.FORWARD, code="KeyW")))
     assert page.wait().content == Move(Action.FORWARD, code="KeyZ", t_cli_ms=123.5)
     run(send(Move(Action.FORWARD, code="KeyW")))
     assert page.wait().content == Move(Action.FORWARD, code="KeyW")
-    hear(page, Pressed(n=0, t_cli_ms=200.0, code="Enter"))
+    hear(page, Pressed(n=0, t_cli_ms=150.0, action="left", code="KeyQ"))
+    run(send(Move(Action.FORWARD, code="KeyW")))
+    assert page.wait().content == Move(Action.FORWARD, code="KeyW"), "a press whose command never came"
+    hear(page, Pressed(n=0, t_cli_ms=200.0, action="stop", code="Enter"))
     run(send(PressStop(code="button-stop")))
     assert page.wait().content == PressStop(code="button-stop")
     run(send(PressStop()))
@@ -105,7 +108,7 @@ def test_presses_while_a_frame_is_under_way_are_marked_busy(page: Page) -> None:
 
 
 @pytest.mark.parametrize("error", [GoneError(), SupersededError("another tab")])
-def test_an_end_is_heard_on_any_screen_and_by_who_only_looks(page: Page, error: Exception) -> None:
+def test_an_end_is_heard_on_any_screen_and_by_a_thread_that_does_not_wait(page: Page, error: Exception) -> None:
     page.require_here()
     page.new_screen(hears=())
     page.end(error)

@@ -57,7 +57,7 @@ class Taking:
         return html.unescape(reply.text)
 
     def place(self) -> str:
-        """Where the page says that the participant is."""
+        """The participant's place according to the page."""
         return re.findall(r'data-place="(\w*)"', self.page() or 'data-place="viser"')[0]
 
     def send(self, **fields: str) -> Any:
@@ -244,7 +244,7 @@ def test_a_person_from_a_platform_can_go_back_to_it(taking: Callable[..., Taking
 @pytest.mark.parametrize(
     "form", [{}, {"width": "x", "height": "1"}, {"width": "-1", "height": "1"}, {"width": "²", "height": "1"}]
 )
-def test_a_damaged_device_form_is_none(form: dict[str, str]) -> None:
+def test_a_damaged_device_form_gives_no_report(form: dict[str, str]) -> None:
     assert device_report(form) is None
 
 
@@ -356,7 +356,7 @@ def test_the_only_page_of_a_quick_study_names_the_kind_of_home(taking: Callable[
     assert who.page() == ""
 
 
-def test_the_parts_of_the_way_stand_above_each_page(taking: Callable[..., Taking]) -> None:
+def test_the_parts_of_the_study_stand_above_each_page(taking: Callable[..., Taking]) -> None:
     shown = " ".join(taking().page().split())
     parts = re.findall(r"<li(?: class=\"\w+\")?(?: aria-current=\"step\")?>([A-Z]\w+)</li>", shown)
     assert parts == ["Check", "Consent", "Instructions", "Questions", "Study", "End"]

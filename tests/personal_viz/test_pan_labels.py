@@ -1,4 +1,4 @@
-"""What the buttons of the PAN screen say."""
+"""The labels of the PAN screen's buttons."""
 
 import pytest
 

@@ -72,12 +72,12 @@ def test_a_place_beside_a_wall_is_too_close(rooms: Scene) -> None:
     [((2.0, 0.5, 2.0), False), ((2.0, 0.72, 2.0), True), ((2.0, 1.5, 0.3), False), ((2.0, 1.5, 2.0), True)],
     ids=["on the floor", "above the floor", "at a wall", "in the air"],
 )
-def test_what_touches_nothing_floats(centre: tuple[float, float, float], is_floating: bool) -> None:
+def test_a_piece_that_touches_nothing_floats(centre: tuple[float, float, float], is_floating: bool) -> None:
     scene = scene_from_plan(two_rooms(piece("box_1", centre, (0.6, 1.0, 0.6))))
     assert floating(scene) == Count(int(is_floating), 1)
 
 
-def test_what_stands_across_a_wall_is_in_it() -> None:
+def test_a_piece_that_stands_across_a_wall_is_in_it() -> None:
     inside = piece("picture_1", (4.0, 1.5, 1.0), (0.5, 0.4, 0.06), yaw=-np.pi / 2)
     before = piece("picture_2", (3.9, 1.5, 3.2), (0.5, 0.4, 0.04), yaw=-np.pi / 2)
     assert in_walls(scene_from_plan(two_rooms(inside, before))) == Count(1, 2)

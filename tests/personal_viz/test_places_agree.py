@@ -56,7 +56,7 @@ def started(folder: Path, flow: Sequence[FlowStep]) -> Iterator[tuple[StudyStore
 
 
 def act(store: StudyStore, name: str, journey: Journey) -> None:
-    """Something that happens to the participant; nothing, if it cannot happen at this place."""
+    """Lets this happen to the participant; does nothing if it cannot happen at this place."""
     is_at_trials = journey.place in ("practice", "trial")
     match name:
         case "go on":
@@ -80,7 +80,7 @@ def act(store: StudyStore, name: str, journey: Journey) -> None:
 
 
 def go_on(store: StudyStore, journey: Journey) -> None:
-    """The next step on the way, as the page of the place stores it."""
+    """Takes the next step of the study, as the page of the place stores it."""
     done = {"done": journey.num_done}
     match journey.place:
         case "not_arrived":
@@ -108,7 +108,7 @@ def go_on(store: StudyStore, journey: Journey) -> None:
 
 
 def has_left(store: StudyStore, away_s: float) -> bool:
-    """Whether somebody who is away for so long gives the trials to others."""
+    """Whether others get the trials of somebody who is away for `away_s`."""
     now_s = [0.0]
     keeper = LeaseKeeper(store, tell=lambda _: None, clock=lambda: now_s[0])
     keeper.tick()
@@ -121,7 +121,7 @@ def has_left(store: StudyStore, away_s: float) -> bool:
 @pytest.mark.slow
 @given(flow=st.sampled_from(FLOWS), names=st.lists(ACTS, max_size=24), is_shown=st.booleans())
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-def test_everything_that_asks_for_a_participants_place_hears_the_same(
+def test_everything_that_asks_for_a_participants_place_gets_the_same_answer(
     flow: tuple[FlowStep, ...], names: list[str], is_shown: bool
 ) -> None:
     with tempfile.TemporaryDirectory() as name, started(Path(name), flow) as (store, link):
@@ -130,7 +130,7 @@ def test_everything_that_asks_for_a_participants_place_hears_the_same(
         dashboard.post("/enter", content=page.token, headers={"Origin": ORIGIN})
 
         def agreed() -> Journey:
-            """Where all say that the participant is."""
+            """The participant's place, on which all agree."""
             journey = journey_of(store.config, link.person(CODE))
             status = progress_now(store.folder).people[0]
             shown = json.loads(dashboard.get("/progress").content)
@@ -144,7 +144,7 @@ def test_everything_that_asks_for_a_participants_place_hears_the_same(
         for name in ["", *names]:
             act(store, name, agreed())
         journey = agreed()
-        if is_shown:  # asking for the page stores what needs no answer: who comes back, a break that begins, the end
+        if is_shown:  # asking for the page stores what needs no answer: a return, the beginning of a break, the end
             shown = pages.shown(CODE, "/page/x/")
             journey = agreed()
             assert (shown is None) == (journey.place in ("practice", "trial"))

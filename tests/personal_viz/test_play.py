@@ -103,7 +103,7 @@ def test_the_texts_come_after_the_home(fake_screens: Fakes) -> None:
     assert trial.link.outcome.candidates == (HIT,)
 
 
-def test_the_time_runs_out_without_the_browser_and_a_click_after_it_is_nothing(fake_screens: Fakes) -> None:
+def test_the_time_runs_out_without_the_browser_and_a_later_click_does_not_count(fake_screens: Fakes) -> None:
     walked = played(fake_screens, MemoryLink("pan"), FORWARD, *[PASS] * 9, pan_max_s=6)
     pointed = played(fake_screens, MemoryLink("pog", "map_first"), CloseMap(), RAY, *[PASS] * 9, **HOME_FIRST)
     assert [(trial.link.outcome.reason, trial.raised) for trial in (walked, pointed)] == [("timeout", None)] * 2
@@ -139,7 +139,7 @@ def test_a_page_that_is_closed_before_the_answer_leaves_the_trial_open(fake_scre
     assert link.outcome.candidates == (HIT,)
 
 
-def test_who_comes_back_too_late_finds_the_trial_over(fake_screens: Fakes) -> None:
+def test_a_person_who_comes_back_too_late_finds_the_trial_over(fake_screens: Fakes) -> None:
     link = MemoryLink("pan")
     played(fake_screens, link, FORWARD)
     again = played(fake_screens, link, away_s=700.0)
@@ -210,7 +210,7 @@ def test_a_trial_that_cannot_be_scored_says_so_in_its_record(
 
 
 @pytest.mark.parametrize("before", [[], [RAY]], ids=["at once", "after a click"])
-def test_a_lost_webgl_context_is_a_failure_of_ours_that_is_verified(fake_screens: Fakes, before: list) -> None:
+def test_a_lost_webgl_context_is_a_technical_failure_that_is_verified(fake_screens: Fakes, before: list) -> None:
     link = MemoryLink("pog")
     trial = played(fake_screens, link, *before, PageChanged("context_lost"))
     assert kinds(trial) == ["open", *["click" for _ in before], "context_lost", "error"]

@@ -25,7 +25,7 @@ MAPS = tuple(TopView(GRID, floor_y, f"Storey {number} of 2", b"") for number, fl
 
 
 def ray_to(point: Vector3, eye: Vector3, *, storey_y: float) -> ClickRay:
-    """From an eye through a point, of no particular length."""
+    """A ray from an eye through a point, with a direction of arbitrary length."""
     direction = tuple(0.7 * (to - at) for at, to in zip(eye, point, strict=True))
     return ClickRay(
         origin=eye,
@@ -67,7 +67,7 @@ def test_a_ray_to_a_place_on_the_map_is_a_click_on_that_place(
     floor_y = MAPS[storey].floor_y
     x, z = GRID.xz_from_uv(np.array(uv)).tolist()
     click = map_click(MAPS[storey], ray_to((x, floor_y, z), (eye[0], floor_y + eye[1], eye[2]), storey_y=floor_y))
-    assert click.hit == click.pixel.point(floor_y)  # what outcomes ask for, to the last bit
+    assert click.hit == click.pixel.point(floor_y)  # as outcomes require, to the last bit
     assert math.dist(click.hit, (x, floor_y, z)) < HIT_TOLERANCE
     assert click.pixel.uv == pytest.approx(uv, abs=1e-4)
 

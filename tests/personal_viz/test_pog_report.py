@@ -1,4 +1,4 @@
-"""`personal-viz pog-report` on runs over a small data set: files, what they say, the same bytes, refusals."""
+"""`personal-viz pog-report` on runs over a small data set: files, their words, the same bytes, refusals."""
 
 import html
 import json

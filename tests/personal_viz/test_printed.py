@@ -1,4 +1,4 @@
-"""Nothing that a file is called reaches the terminal as a command to it."""
+"""No name of a file or in a file reaches the terminal as a control sequence."""
 
 import io
 import json
@@ -76,7 +76,7 @@ def test_no_module_draws_tables_past_the_filter() -> None:
 
 
 def write_run(folder: Path, *, who: str) -> None:
-    """A run folder with answers, whose name a hostile file says."""
+    """A run folder with answers; `who` is the name that a hostile file gives."""
     run = run_of(who, [answer_to(key, 0.5) for key in keys("easy", 1, 2)], run_id="run")
     writer = RunWriter(folder, run.info)
     writer.add_answers(run.answers)

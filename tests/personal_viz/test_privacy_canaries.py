@@ -1,4 +1,4 @@
-"""A public study behind a proxy: `study doctor` finds nothing, and a telling visitor leaves nothing behind.
+"""A public study behind a proxy: `study doctor` finds nothing, and a visitor whose browser tells a lot leaves no trace.
 
 The visitor's browser, address and platform id are in no file, output or export.
 """

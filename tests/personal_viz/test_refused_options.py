@@ -14,7 +14,7 @@ ODD = ["x" * 200, "über alles", "../up", ".hidden", "a/b:c", "", "tab\there", "
 
 
 @pytest.mark.parametrize("name", ODD)
-def test_any_name_can_be_made_a_folders(name: str) -> None:
+def test_any_name_can_be_made_the_name_of_a_folder(name: str) -> None:
     assert re.fullmatch(RUN_ID, fitting_run_id(name))
     assert len(fitting_name(name)) <= MAX_NAME
     assert fitting_run_id("shortest-path-schematic-seed0") == "shortest-path-schematic-seed0"
@@ -39,7 +39,7 @@ def test_run_names_itself_whatever_the_agent_is_called(
 
 
 @pytest.mark.slow
-def test_names_drawn_at_random_are_taken_or_refused_in_one_line(invented_root: Path, tmp_path: Path) -> None:
+def test_random_names_are_accepted_or_refused_in_one_line(invented_root: Path, tmp_path: Path) -> None:
     draw = random.Random(7)
     taken = 0
     for number in range(60):

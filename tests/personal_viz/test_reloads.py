@@ -32,7 +32,7 @@ NUM_RELOADS = 100
 
 @dataclass
 class SlowHomes:
-    """Opens the home of the study when it may."""
+    """Opens the home of the study when the test lets it."""
 
     may_open: threading.Event = field(default_factory=threading.Event)
     is_opening: threading.Event = field(default_factory=threading.Event)
@@ -87,7 +87,7 @@ def opened(folder: Path) -> Iterator[StudyStore]:
 
 @pytest.fixture
 def worker(tmp_path: Path) -> Iterator[Worker]:
-    """Serves a study in the square room; whoever comes is the participant that the ticket names."""
+    """Serves a study in the square room; every visitor is the participant that the ticket names."""
     homes = SlowHomes()
     with opened(tmp_path) as store, store_line(store, code_of_ticket=lambda ticket: ticket) as link:
         library = HomeLibrary(homes.open, kept=0)
@@ -108,7 +108,7 @@ def seats() -> list[threading.Thread]:
 
 
 def walks(client: WireClient, *, step: int) -> None:
-    """Turns left once more from the picture of a step: only who has the trial can."""
+    """Turns left once more from the picture of a step: only the connection that has the trial can."""
     client.see_step(step)
     client.press("Turn left (A or Left)")
     client.see_step(step + 1)
@@ -136,7 +136,7 @@ def test_a_hundred_reloads_at_random_moments_leave_the_trial_to_the_last_page(wo
         with worker.connected() as client:
             worker.homes.may_open.set()
             walks(client, step=step)
-            for seat in seats()[:-1]:  # the others come to what they wait for, and end
+            for seat in seats()[:-1]:  # the others get what they wait for, and end
                 seat.join(30)
             step += 1
             walks(client, step=step)

@@ -35,7 +35,7 @@ def served(folder: Path, dataset: Path, *, workers: int) -> Iterator[tuple[subpr
 
 
 def stored_steps(folder: Path) -> int:
-    """Steps that are stored of everybody; the hash chains are whole."""
+    """Number of everybody's stored steps, after a check of the hash chains."""
     with read_study(folder) as reader:
         reader.check()
         trials = [trial.trial_id for code in reader.codes() for trial in reader.trials(code) if trial.trial_id]

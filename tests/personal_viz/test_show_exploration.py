@@ -77,9 +77,10 @@ def test_an_invented_home_is_made_again_from_its_name(tmp_path: Path, capsys: py
         ShowExploration(file=tmp_path / "other.json", out=tmp_path / "b.rrd").run()
 
 
-def test_a_home_that_is_not_made_of_its_name_needs_its_dataset(exploration: Exploration, tmp_path: Path) -> None:
+def test_a_home_that_is_not_made_from_its_name_needs_its_dataset(exploration: Exploration, tmp_path: Path) -> None:
     save_exploration(tmp_path / "c.json", exploration)
-    with pytest.raises(RecordingError, match=r"c\.json: home 'HomeTwo': is none .* Give --dataset"):
+    words = r"c\.json: home 'HomeTwo': is not the name of an invented home; expected .* give --dataset"
+    with pytest.raises(RecordingError, match=words):
         ShowExploration(file=tmp_path / "c.json", out=tmp_path / "c.rrd").run()
     assert not (tmp_path / "c.rrd").exists()
 

@@ -55,7 +55,7 @@ def test_a_map_is_shown_in_the_home_that_it_was_made_in(tmp_path: Path, small_ro
         ShowMap(file=other, out=tmp_path / "b.rrd", dataset=small_root).run()
 
 
-def test_maps_of_scans_need_leave_and_files_their_ending(tmp_path: Path) -> None:
+def test_maps_of_scans_need_permission_and_file_names_their_ending(tmp_path: Path) -> None:
     file = saved(tmp_path / "scan.npz", kind="scan")
     with pytest.raises(RecordingError, match="licensed scan HomeOne"):
         ShowMap(file=file, out=tmp_path / "a.rrd").run()

@@ -9,20 +9,24 @@ import pytest
 
 from human_study.design.plan import PRACTICE_FOLDER, StudyPlan
 from human_study.design.study import StudyConfig, StudyDataset, load_study, save_study
+from human_study.export.manifest import read_manifest
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, Trial, open_store
 from human_study.trial.commands import Click, Command, Confirm, GiveUp, Move, PressStop, Start
 from human_study.trial.outcome import pan_outcome, pog_outcome
 from human_study.trial.session import PanSession, PogSession
 from human_study.trial.terms import terms_of
+from personal_viz.cli.study import report as report_verb
 from personal_viz.cli.study.exclude import StudyExclude
 from personal_viz.cli.study.export import StudyExport
 from personal_viz.cli.study.import_check import StudyImportCheck
 from personal_viz.cli.study.verify import StudyVerify
+from personal_viz.study_app import study_files
 from personal_viz.study_app.home.trial_homes import open_trial_home
 from personal_viz.study_app.study_files import plan_study
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import DatasetError, StudyError
+from sim.homes.plan import HOMES_VERSION
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun
 from sim.types import Action
@@ -57,7 +61,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory, invented_root: Path) -> P
             "dataset": StudyDataset(
                 sha256=PersonalDataset(invented_root).digest(),
                 splits={"easy": 2},
-                seed=4,  # the practice home is none of the two
+                seed=4,  # the practice home is neither of the two
             ).model_dump(),
             "task": ("pan", "pog"),
             "design": {"kind": "crossed", "raters_per_episode": 1},
@@ -77,7 +81,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory, invented_root: Path) -> P
 
 
 def do_trial(store: StudyStore, dataset: Path, trial: Trial, commands: Sequence[Command] = WALK) -> None:
-    """A trial in its real home, with fixed commands."""
+    """Does a trial in its real home, with fixed commands."""
     root = store.folder / PRACTICE_FOLDER if trial.phase == "practice" else dataset
     home = open_trial_home(PersonalDataset(root), store.plan.scene(trial.key.scene), None)
     episode = home.episode(trial.key)
@@ -185,6 +189,30 @@ def cheated(study: Path, folder: Path) -> tuple[StudyConfig, StudyPlan]:
 def test_another_dataset_is_refused(study: Path) -> None:
     with pytest.raises(DatasetError, match=r"--dataset .*practice: has digest [0-9a-f]{12}; expected"):
         StudyVerify(study=study, dataset=study / PRACTICE_FOLDER).run()
+
+
+def test_a_study_in_homes_of_another_version_is_not_verified_but_exported_and_reported(
+    study: Path,
+    invented_root: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(study_files, "HOMES_VERSION", study_files.HOMES_VERSION + 1)
+    monkeypatch.setattr(report_verb, "HOMES_VERSION", study_files.HOMES_VERSION)
+    refused = rf"homes of version {HOMES_VERSION}, this program .*Serve and verify it with personal-viz 0"
+    with pytest.raises(StudyError, match=refused) as caught:
+        StudyVerify(study=study, dataset=invented_root).run()
+    assert "\n" not in str(caught.value)
+    assert StudyExport(study=study, out=tmp_path / "out").run() == 0
+    assert read_manifest(tmp_path / "out").homes_version == HOMES_VERSION
+    with pytest.raises(StudyError, match=refused):
+        StudyImportCheck(export=tmp_path / "out", dataset=invented_root).run()
+    for source in (study, tmp_path / "out"):
+        capsys.readouterr()
+        verb = report_verb.StudyReportVerb(runs=(source,), dataset=invented_root, out=tmp_path / "report")
+        assert verb.run() == 0
+        assert f"homes of version {HOMES_VERSION}, this program makes version" in capsys.readouterr().err
 
 
 def test_an_export_is_read_back_and_agrees(

@@ -81,7 +81,7 @@ def require_secrets_of_the_owner_only(folder: Path) -> None:
 
 
 def require_new_link(watch: Page, link: str, old_token: str) -> None:
-    """The token of before the restart opens nothing, the new one does."""
+    """The token from before the restart opens nothing; the new one opens the page."""
     watch.goto("about:blank")
     watch.goto(link.partition("#")[0] + "#" + old_token)
     expect(watch.get_by_text("This page needs the link that the terminal shows")).to_be_visible()

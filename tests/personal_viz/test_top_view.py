@@ -110,7 +110,7 @@ def test_a_place_on_the_picture_is_one_place_in_the_world_and_back(u: float, v: 
 
 
 @pytest.mark.parametrize("xz", [(-4.001, 0.0), (4.0, 0.0), (0.0, -3.001), (0.0, 3.0)])
-def test_what_is_outside_the_picture_or_on_its_strip_is_no_place(xz: tuple[float, float]) -> None:
+def test_a_point_outside_the_picture_or_on_its_strip_is_no_place(xz: tuple[float, float]) -> None:
     assert VIEW.pixel_at(xz) is None
 
 

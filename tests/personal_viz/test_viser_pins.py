@@ -1,4 +1,4 @@
-"""What we use of viser's private parts, at the pinned version: who may connect, no tunnel, pages changed by threads."""
+"""The private parts of viser that we use, at the pinned version: connections, no tunnel, pages changed by threads."""
 
 import asyncio
 import threading
@@ -75,7 +75,7 @@ def test_the_patched_viser_is_the_pinned_one() -> None:
     assert "message_event" in AsyncMessageBuffer.__dataclass_fields__
 
 
-def test_only_the_event_loop_wakes_who_waits_for_messages() -> None:
+def test_only_the_event_loop_wakes_the_task_that_waits_for_messages() -> None:
     async def waits() -> None:
         loop = asyncio.get_running_loop()
         buffer = AsyncMessageBuffer(loop, persistent_messages=False)
@@ -92,7 +92,7 @@ def test_only_the_event_loop_wakes_who_waits_for_messages() -> None:
     asyncio.run(waits())
 
 
-def test_who_waits_hears_of_every_set_of_another_thread() -> None:
+def test_a_waiting_task_hears_of_every_set_by_another_thread() -> None:
     async def hears() -> int:
         loop = asyncio.get_running_loop()
         buffer = AsyncMessageBuffer(loop, persistent_messages=False)

@@ -29,7 +29,7 @@ Fakes = tuple[list, list[str]]
 
 
 class Notes:
-    """An observer of walks and answers that keeps what it is told: the name without `on_`, and the arguments."""
+    """An observer of walks and answers that keeps each call: its name without `on_`, and the arguments."""
 
     def __init__(self, *, fails_at: str = "", waits_for: threading.Event | None = None) -> None:
         self.told: list[tuple] = []
@@ -156,7 +156,7 @@ def test_a_participant_does_not_wait_for_an_observer_that_hangs(
     assert capsys.readouterr().err == ""
 
 
-def test_an_observer_that_is_far_behind_is_left_and_that_is_said(capsys: pytest.CaptureFixture) -> None:
+def test_an_observer_that_is_far_behind_is_dropped_with_a_message(capsys: pytest.CaptureFixture) -> None:
     goes_on = threading.Event()
     notes = Notes(waits_for=goes_on)
     watches = Watches(notes, make_env=make_env)

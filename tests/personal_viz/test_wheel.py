@@ -17,7 +17,7 @@ PACKAGES = ("personal_viz", "human_study", "sim", "grounding", "recordings")
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Built from a copy of the files of git, as a clone would, without asking anybody for anything."""
+    """Built from a copy of the files of git, as a clone would have, without downloads."""
     folder = tmp_path_factory.mktemp("wheel")
     for name in files_of_git():
         (folder / "clone" / name).parent.mkdir(parents=True, exist_ok=True)
@@ -59,8 +59,8 @@ def test_the_demo_runs_from_the_wheel_in_an_empty_folder(wheel: Path, tmp_path: 
         "--quiet",
     ]
     subprocess.run([*pip, wheel], check=True)
-    # What the project needs is found where it is installed for these tests; the .pth file there that makes the
-    # checkout importable is not read.
+    # The project's dependencies are found where they are installed for these tests; the .pth file there that makes
+    # the checkout importable is not read.
     (site / "dependencies.pth").write_text("\n".join(dependency_folders()))
     folder = tmp_path / "empty"
     folder.mkdir()

@@ -50,7 +50,7 @@ def pids(folder: Path) -> list[int]:
 
 
 def is_running(pid: int) -> bool:
-    """Whether the process is there."""
+    """Whether the process runs."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -215,7 +215,7 @@ def test_a_slow_worker_is_left_alone(tmp_path: Path) -> None:
         (pid,) = pids(tmp_path)
         asked = tmp_path / f"{pid}.asked"
         wait_until(asked.exists)
-        (tmp_path / "go").touch()  # an answer as late as this test is slow, and the next question follows
+        (tmp_path / "go").touch()  # the answer is as late as this test is slow, and the next question follows
         wait_until(lambda: asked.read_text().count("once") > 2)
         assert pids(tmp_path) == [pid]
         assert is_running(pid)

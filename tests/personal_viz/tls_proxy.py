@@ -57,7 +57,7 @@ class Settings:
 
 
 class TlsProxy:
-    """One request per connection, as nginx speaks to what is behind it; websockets stay open."""
+    """One request per connection, as nginx speaks to the server behind it; websockets stay open."""
 
     def __init__(self, behind: int, certificate: tuple[Path, Path], settings: Settings) -> None:
         """Starts in its own thread; `port` (TLS) and `http_port` are free ones."""
@@ -80,7 +80,7 @@ class TlsProxy:
         self._thread.join(20)
 
     def set_behind(self, port: int) -> None:
-        """Where the gateway listens."""
+        """Sets the port where the gateway listens."""
         self._behind = port
 
     async def _run(self) -> None:

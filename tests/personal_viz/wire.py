@@ -26,7 +26,7 @@ class WireClient:
         self.buffers: list[bytes] = []
 
     def receive_until(self, wanted: Callable[[dict[str, Any]], bool], *, timeout: float = 60.0) -> dict[str, Any]:
-        """The first message, received before or now, that is wanted."""
+        """The first message that is wanted, among those received before and those that come now."""
         for message in self.messages:
             if wanted(message):
                 return message
@@ -57,7 +57,7 @@ class WireClient:
         self.press("Give up this search")
 
     def send(self, message: dict[str, Any]) -> None:
-        """As a browser sends it."""
+        """Sends a message as a browser does."""
         self._connection.send(msgspec.msgpack.encode(message))
 
     def _decode(self, data: bytes) -> list[dict[str, Any]]:
@@ -70,7 +70,7 @@ class WireClient:
 
 @contextmanager
 def enter(link: str, *, patience_s: float = 0.0) -> Iterator[WireClient]:
-    """Opens a personal link and answers its pages up to the first trial; as viser does, it tries again for so long."""
+    """Opens a personal link and answers its pages up to the first trial; retries for `patience_s`, as viser does."""
     session = open_session(link)
     assert answer_pages(session) is None
     headers = {"Cookie": session.cookie, "Origin": session.origin}

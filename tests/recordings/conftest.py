@@ -41,7 +41,7 @@ CHECKS = CHECKS.astype(np.uint8)
 
 @pytest.fixture(autouse=True)
 def strict_rerun() -> Iterator[None]:
-    """Rerun only warns about data that it drops, unless told otherwise."""
+    """Makes Rerun raise on bad data; by default it drops such data and only warns."""
     was = rr.strict_mode()
     rr.set_strict_mode(True)
     yield
@@ -49,7 +49,7 @@ def strict_rerun() -> Iterator[None]:
 
 
 def box_mesh(boxes: Sequence[tuple]) -> TriangleMesh:
-    """Boxes as triangles; the first one (the floor) has a texture of squares of 1 m."""
+    """A mesh of boxes; the first one, the floor, has a texture with squares of 1 m."""
     mesh = mesh_of(*(quad for low, high, rgb in boxes for quad in box(low, high, rgb=rgb)), textures=(CHECKS,))
     texture = np.where(np.arange(len(mesh.faces)) < 12, 0, -1).astype(np.int16)
     return replace(mesh, face_texture=texture, face_uv=mesh.vertices[mesh.faces][..., [0, 2]] / 2)
@@ -57,7 +57,7 @@ def box_mesh(boxes: Sequence[tuple]) -> TriangleMesh:
 
 @pytest.fixture(scope="session")
 def home() -> Scene:
-    """Two rooms of 4 x 5 m joined by a door 1 m wide; a red table in the right one, a blue bed in the left one."""
+    """Two rooms of 4 x 5 m joined by a 1 m wide door; the right one has a red table, the left one a blue bed."""
     mesh = box_mesh(BOXES)
     return Scene("BoxHouse", "invented", mesh, (), floor_grid_from_mesh(mesh), mesh.digest())
 
@@ -70,7 +70,7 @@ def renderer(home: Scene) -> Raycaster:
 
 @pytest.fixture(scope="session")
 def episode() -> Episode:
-    """Find the table, from the room with the bed."""
+    """An episode that asks for the table and starts in the room with the bed."""
     target = worlds.goal((3.1, 0.4, -1.9), (worlds.view_point((3.1, 0.0, -1.0)),), name="table_3")
     record = EpisodeRecord.model_validate(
         example_episode(
@@ -92,7 +92,7 @@ def episode() -> Episode:
 
 
 def walk(home: Scene, episode: Episode, actions: Sequence[Action], *, participant: str | None = None) -> EpisodeRun:
-    """The run of these actions, half a second each when a person walks."""
+    """The run of these actions; if a person walks, each takes half a second."""
     env = PanEnv(episode.start, home.navigation, renderer=None)
     for number, action in enumerate(actions, start=1):
         env.step(action, t_s=0.5 * number if participant else 0.0)
@@ -111,7 +111,7 @@ def walk(home: Scene, episode: Episode, actions: Sequence[Action], *, participan
 
 
 def to_the_table() -> list[Action]:
-    """6 m to the right through the door, then 2.25 m to the table: 40 actions, the last is STOP."""
+    """The 40 actions that lead 6 m to the right through the door, 2.25 m to the table, and end with STOP."""
     turn_right, ahead = [Action.RIGHT] * 3, [Action.FORWARD]
     return [*turn_right, *ahead * 24, *[Action.LEFT] * 3, *ahead * 9, Action.STOP]
 
@@ -132,7 +132,7 @@ def human_run(home: Scene, episode: Episode) -> Run:
 
 @pytest.fixture(scope="session")
 def answer_run() -> Run:
-    """A grounder's two candidates on an oracle map."""
+    """A grounder with two candidates on an oracle map."""
     measures = AnswerMeasures(success=False, top3_success=True, planar_distance=6.0, distance_3d=6.0)
     candidates = ((-2.9, 0.3, -1.9), (3.0, 0.7, -1.8))
     answer = Answer(**KEY._asdict(), candidates=candidates, scores=(0.9, 0.8), measures=measures)
@@ -140,7 +140,7 @@ def answer_run() -> Run:
 
 
 def written(run: Run, folder: Path) -> Path:
-    """The run as a run folder."""
+    """Writes the run as a run folder and returns the folder."""
     folder.mkdir(parents=True)
     (folder / "run.json").write_text(run.info.model_dump_json())
     lines = [line for item in run.episodes for line in (item.start, *item.steps, item.end)]

@@ -1,4 +1,4 @@
-"""What stands in a recording, read back with Rerun's own reader."""
+"""Content of a recording, read back with Rerun's own reader."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ Tables = dict[tuple[str, bool], dict[str, Any]]
 
 
 def tables(rrd: Path, *, kind: str = "recordings") -> Tables:
-    """(entity, is static) to its columns as lists; `kind` is `recordings` or `blueprints`."""
+    """Columns, as lists, by (entity, is static); `kind` is `recordings` or `blueprints`."""
     reader = RrdReader(str(rrd))
     (store,) = getattr(reader, kind)()
     parts: dict[tuple[str, bool, tuple[str, ...]], dict[str, list]] = {}
@@ -43,7 +43,7 @@ def view_names(rrd: Path) -> set[str]:
 
 
 def column(found: Tables, entity: str, name: str, *, static: bool = False) -> list[Any]:
-    """A column's rows in the order of their steps."""
+    """The rows of a column in the order of their steps."""
     columns = found[(entity, static)]
     if static:
         return columns[name]
@@ -51,6 +51,6 @@ def column(found: Tables, entity: str, name: str, *, static: bool = False) -> li
 
 
 def record(out: Path, runs: Sequence[Run], episode: Episode, scene: Scene, **options: Any) -> Tables:
-    """Content of the recording of these runs, without pictures unless a renderer is among the options."""
+    """Records these runs and reads the recording; it has pictures only if a renderer is among the options."""
     defaults: dict[str, Any] = {"renderer": None, "with_pixels": False, "camera": SMALL}
     return tables(log_comparison(runs, episode=episode, scene=scene, out=out, **(defaults | options)))

@@ -1,7 +1,7 @@
-"""Stand-ins for the parts of habitat_sim and habitat-lab that recordings/habitat_golden.py calls, on our own map.
+"""Stand-ins, on our own map, for the parts of habitat_sim and habitat-lab that recordings/habitat_golden.py calls.
 
-They prove that the script asks for the right things and writes what check-habitat reads; whether the real library has
-these names was looked up, not run.
+They prove that the script makes the right calls and writes files that check-habitat reads. The names are those of the
+real library's documentation; the tests do not run the real library.
 """
 
 import math
@@ -19,7 +19,7 @@ from sim.walk.navmesh import load_navmesh
 
 
 class PathFinder:
-    """Answers from a `.navmesh` of the golden houses."""
+    """Answers queries with a `.navmesh` of the golden houses."""
 
     def load(self, path: Path) -> bool:
         self._path, self._map = path, load_navmesh(path)
@@ -72,7 +72,7 @@ class PathFinder:
 
 
 class Agent:
-    """Position in single precision, yaw, and the tilt of its camera."""
+    """An agent with a position in single precision, a yaw, and the tilt of its camera."""
 
     def __init__(self, actions) -> None:
         self.controls = SimpleNamespace(move_filter_fn=None)
@@ -135,7 +135,7 @@ class Simulator:
 
 
 def habitat_sim(*, version: str = "0.3.3", **changes) -> ModuleType:
-    """The module; `changes` replace methods of the path finder."""
+    """The module habitat_sim; `changes` replace methods of the path finder."""
 
     class Changed(Simulator):
         def __init__(self, configuration) -> None:
@@ -165,7 +165,7 @@ def habitat_sim(*, version: str = "0.3.3", **changes) -> ModuleType:
 
 
 def habitat_lab() -> dict[str, ModuleType]:
-    """Modules by name: measures with habitat-lab's formulas and way of being called."""
+    """Modules of habitat-lab by name, whose measures have its formulas and call signatures."""
     nav, simulator = ModuleType("nav"), ModuleType("habitat_simulator")
     for kind in (DistanceToGoal, Success, SPL, SoftSPL, Collisions):
         setattr(nav, kind.__name__, kind)
@@ -258,5 +258,5 @@ class Collisions(Measure):
 
 
 def single(values) -> np.ndarray:
-    """In single precision, as Habitat takes it."""
+    """The values in single precision, as Habitat stores them."""
     return np.array(values, np.float32)

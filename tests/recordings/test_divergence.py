@@ -1,4 +1,4 @@
-"""Where ways part, on paths small enough to measure by hand."""
+"""Where paths part, on paths that are small enough to measure by hand."""
 
 import itertools
 
@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from recordings.divergence import Departure, departure, divergence_of, parting, path_deviation
 
 CORNER = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 0.0, 3.0]])
-"""4 m along x, then 3 m along z."""
+"""A path of 4 m along x, then 3 m along z."""
 
 
 def line(*corners: tuple[float, float, float], step: float = 0.5) -> NDArray[np.float64]:
-    """Feet every `step` metres along straight pieces."""
+    """Positions of the feet (N, 3) every `step` metres along straight pieces."""
     points = [np.array([corners[0]], float)]
     for start, end in itertools.pairwise(corners):
         count = round(np.linalg.norm(np.subtract(end, start)) / step)
@@ -21,7 +21,7 @@ def line(*corners: tuple[float, float, float], step: float = 0.5) -> NDArray[np.
     return np.concatenate(points)
 
 
-def test_the_deviation_is_the_planar_distance_to_the_nearest_path_of_the_storey() -> None:
+def test_the_deviation_is_the_planar_distance_to_the_path_on_the_same_storey() -> None:
     feet = np.array([[0, 0, 0], [2, 0, 0.7], [5.5, 0.2, 1], [4, 0, 4], [-3, 0, -4], [4.3, 0, -0.4]], float)
     assert path_deviation(feet, CORNER) == pytest.approx([0, 0.7, 1.5, 1, 5, 0.5])
     assert path_deviation(np.array([[3.0, 0.0, 4.0]]), np.zeros((1, 3))) == pytest.approx([5.0])
@@ -32,7 +32,7 @@ def test_the_deviation_is_the_planar_distance_to_the_nearest_path_of_the_storey(
     assert path_deviation(np.array([[5.0, 6.0, 0.0]]), stairs) == np.inf
 
 
-def test_a_run_leaves_the_path_with_the_first_pose_more_than_a_metre_off_if_ever() -> None:
+def test_a_run_leaves_the_path_at_the_first_pose_more_than_a_metre_off() -> None:
     feet = line((0, 0, 0), (2, 0, 0), (2, 0, 3))
     deviation = path_deviation(feet, CORNER)
     assert deviation[6] == pytest.approx(1.0)
@@ -43,10 +43,10 @@ def test_a_run_leaves_the_path_with_the_first_pose_more_than_a_metre_off_if_ever
     assert departure(feet, path_deviation(feet, CORNER)) is None
 
 
-def test_ways_part_where_one_turns_off_at_once_or_on_another_storey_but_not_by_pauses_or_speeds() -> None:
+def test_paths_part_at_a_turn_at_the_start_or_on_a_stair_but_not_by_pauses_or_speed() -> None:
     straight, turned = line((0, 0, 0), (6, 0, 0)), line((0, 0, 0), (2, 0, 0), (2, 0, -3))
     parted = parting(straight, turned)
-    # the walker at (2, -1) is 1 m from (2, 0); the one at (3, 0) is 1 m from (2, 0)
+    # a walker at (2, -1) and one at (3, 0) are both 1 m from (2, 0)
     assert parted == (Departure(7, 3.5), Departure(7, 3.5))
     assert parting(line((0, 0, 0), (2, 0, 0)), line((0, 0, 5), (2, 0, 5))) == (Departure(0, 0.0), Departure(0, 0.0))
     slow, fast = line((0, 0, 0), (6, 0, 0), step=0.25), line((0, 0, 0.8), (6, 0, 0.8))
@@ -60,7 +60,7 @@ def test_ways_part_where_one_turns_off_at_once_or_on_another_storey_but_not_by_p
     assert 1.5 <= up[parted[1].row, 1] < 1.9
 
 
-def test_a_detour_parts_where_it_begins_and_turning_back_where_the_other_cannot_be_waiting() -> None:
+def test_a_detour_parts_where_it_begins_and_turning_back_where_the_other_run_cannot_be_waiting() -> None:
     straight = line((0, 0, 0), (8, 0, 0))
     detour = line((0, 0, 0), (3, 0, 0), (3, 0, 3), (3, 0, 0), (8, 0, 0))
     parted = parting(straight, detour)
@@ -69,7 +69,7 @@ def test_a_detour_parts_where_it_begins_and_turning_back_where_the_other_cannot_
     straight, back = line((0, 0, 0), (8, 0, 0)), line((0, 0, 0), (4, 0, 0), (0, 0, 0))
     parted = parting(straight, back)
     assert parted is not None
-    # going along to x = 4 the other waits at x = 3 at least, 1 m from x = 2; at x = 1.5 it is too far
+    # to match x = 4 the other run waits at x >= 3, which is 1 m from x = 2; x = 1.5 is too far
     assert parted[1] == Departure(13, 6.5)
 
 

@@ -1,4 +1,4 @@
-"""Explorations in recordings: live and done again, read back with Rerun's own reader."""
+"""Explorations in recordings, live and replayed, read back with Rerun's own reader."""
 
 import pickle
 from dataclasses import replace
@@ -34,7 +34,7 @@ def watching_to(home: Scene, out: Path) -> WatchedExploration:
 
 @pytest.fixture(scope="module")
 def live(tmp_path_factory: pytest.TempPathFactory, home: Scene) -> tuple[Path, Exploration]:
-    """The house of two rooms explored, and its recording."""
+    """The recording of an exploration of the two-room house, and the exploration."""
     out = tmp_path_factory.mktemp("explore") / "live.rrd"
     watched = watching_to(home, out)
     exploration = explore(home, START, seed=SEED, max_steps=60, camera=CAMERA, on_step=watched)
@@ -48,7 +48,7 @@ def found(live: tuple[Path, Exploration]) -> Tables:
     return tables(live[0])
 
 
-def test_view_depth_way_frontiers_and_both_maps_are_there(live: tuple[Path, Exploration], found: Tables) -> None:
+def test_a_recording_has_view_depth_path_frontiers_and_both_maps(live: tuple[Path, Exploration], found: Tables) -> None:
     steps = len(live[1].steps)
     assert steps > 15
     rows = {entity: len(columns["step"]) for (entity, static), columns in found.items() if not static}
@@ -62,13 +62,13 @@ def test_view_depth_way_frontiers_and_both_maps_are_there(live: tuple[Path, Expl
 
 def test_pictures_have_colours_and_the_seen_floor_grows_to_most_of_the_house(found: Tables) -> None:
     sizes = {len(blob[0]) for blob in column(found, f"{RUN}/camera", "EncodedImage:blob")}
-    assert len(sizes) > 10, "black pictures are all alike"
+    assert len(sizes) > 10, "black pictures would all have one size"
     seen = [value for (value,) in column(found, f"{RUN}/seen_m2", "Scalars:scalars")]
     assert seen == sorted(seen)
     assert seen[0] < 12 < seen[-1] < 40, "two rooms of 20 square metres"
 
 
-def test_nothing_of_a_goal_or_an_episode_is_in_it(live: tuple[Path, Exploration], found: Tables) -> None:
+def test_a_recorded_exploration_holds_no_goal_and_no_episode(live: tuple[Path, Exploration], found: Tables) -> None:
     entities = {entity for entity, _ in found}
     assert not [entity for entity in entities if "goal" in entity.lower() or "/record" in entity]
     assert f"{RUN}/centre_distance" not in entities
@@ -91,7 +91,7 @@ def test_the_recording_names_home_and_seed_and_shows_seen_floor_and_the_agents_m
     assert store.recording_id == f"personal/explore/BoxHouse/storey0/seed{SEED}"
 
 
-def test_done_again_it_is_the_same_recording(
+def test_a_replayed_exploration_gives_the_same_recording(
     live: tuple[Path, Exploration], found: Tables, tmp_path: Path, home: Scene
 ) -> None:
     out, exploration = tmp_path / "again.rrd", live[1]
@@ -107,13 +107,13 @@ def test_done_again_it_is_the_same_recording(
         assert column(again, entity, name) == column(found, entity, name)
 
 
-def test_an_explorer_that_chooses_otherwise_is_left_out_from_there(
+def test_if_the_explorer_chooses_another_action_its_insights_are_left_out_from_there(
     live: tuple[Path, Exploration], tmp_path: Path, home: Scene
 ) -> None:
     out, exploration = tmp_path / "other.rrd", live[1]
 
-    class Lefty:
-        """Turns left ten times, whatever it sees."""
+    class FourActions:
+        """Repeats the first four stored actions and then gives none."""
 
         def reset(self, task, camera, *, seed, keep_memory=False) -> None:
             self.left = 10
@@ -123,7 +123,7 @@ def test_an_explorer_that_chooses_otherwise_is_left_out_from_there(
             return exploration.steps[9 - self.left].action if self.left > 5 else None
 
     short = exploration.model_copy(update={"steps": exploration.steps[:8], "coverage": exploration.coverage[:9]})
-    same = replay_exploration(short, home, LiveSink("file", str(out)), agent=Lefty())
+    same = replay_exploration(short, home, LiveSink("file", str(out)), agent=FourActions())
     assert same == 4
     read = tables(out)
     assert len(read[(f"{RUN}/trail", False)]["step"]) == 8
@@ -131,7 +131,7 @@ def test_an_explorer_that_chooses_otherwise_is_left_out_from_there(
     assert (f"{RUN}/frontiers", False) not in read
 
 
-def test_of_a_scan_without_leave_the_way_alone_is_shown(
+def test_a_scan_without_permission_shows_only_the_path(
     live: tuple[Path, Exploration], tmp_path: Path, home: Scene
 ) -> None:
     out = tmp_path / "way.rrd"
@@ -148,7 +148,7 @@ def test_another_home_is_refused(live: tuple[Path, Exploration], tmp_path: Path,
         replay_exploration(live[1], other, LiveSink("file", str(tmp_path / "x.rrd")))
 
 
-def test_a_recording_that_fails_ends_the_showing_and_not_the_walk(tmp_path: Path, home: Scene) -> None:
+def test_a_failing_recording_does_not_stop_the_exploration(tmp_path: Path, home: Scene) -> None:
     (tmp_path / "file").write_text("")
     watched = watching_to(home, tmp_path / "file" / "x.rrd")
     exploration = explore(home, START, seed=SEED, max_steps=5, camera=CAMERA, on_step=watched)
@@ -157,7 +157,7 @@ def test_a_recording_that_fails_ends_the_showing_and_not_the_walk(tmp_path: Path
         watched.end(exploration)
 
 
-def test_figures_name_doors_and_rooms_where_the_home_has_a_plan(live: tuple[Path, Exploration]) -> None:
+def test_figures_include_doors_and_rooms_if_the_home_has_a_plan(live: tuple[Path, Exploration]) -> None:
     planned = live[1].model_copy(update={"doors_passed": 1, "num_doors": 2, "rooms_missed": ("attic",)})
     figures = dict(exploration_figures(planned))
     assert figures["doors passed"] == "1 of 2"
@@ -177,7 +177,7 @@ def test_several_explorations_need_a_folder_and_each_gets_its_file(tmp_path: Pat
     assert [Path(name).name for name in names] == ["explore-HomeA-storey0-seed3.rrd", "explore-HomeA-storey1-seed3.rrd"]
 
 
-def test_a_job_is_shown_live_and_its_stored_exploration_again(
+def test_a_job_is_shown_live_and_its_stored_exploration_is_replayed(
     tmp_path: Path, home: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jobs, "_opened", lambda job: (home, None))
@@ -197,7 +197,7 @@ def test_a_job_is_shown_live_and_its_stored_exploration_again(
     assert len(first) == 2
 
 
-def test_a_recording_that_cannot_be_written_is_said_after_the_exploration_is_kept(
+def test_a_recording_that_cannot_be_written_is_reported_after_the_exploration_is_stored(
     tmp_path: Path, home: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jobs, "_opened", lambda job: (home, None))

@@ -1,6 +1,6 @@
-"""The script that people run inside their Habitat: old Python, few imports, and a folder that check-habitat reads.
+"""The script that users run inside their Habitat: old Python, few imports, and a folder that check-habitat reads.
 
-Habitat itself is not here: a stand-in on our own map answers, so every figure must be perfect unless it is made wrong.
+Habitat itself is not installed: a stand-in on our own map answers, so figures are perfect unless a test changes it.
 """
 
 import gzip
@@ -31,7 +31,7 @@ SMALL = {
 
 @pytest.fixture
 def written(golden_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A function that runs the script with stand-ins and gives the folder."""
+    """A function that runs the script with stand-ins and returns the folder."""
     for name, value in SMALL.items():
         monkeypatch.setattr(habitat_golden, name, value)
 
@@ -51,7 +51,7 @@ def dumped(found: Agreement) -> dict[str, float | None]:
 
 
 def imperfect(found: Agreement) -> dict[str, float | None]:
-    """Shares that a map compared with itself would not give; the grid is another map."""
+    """Shares below 1, which a map compared with itself never gives; those of the grid, another map, are left out."""
     names = ("reachability", "within", "snap", "navigable", "exact", "flags", "radius", "obstacle", "holes")
     return {
         name: value
@@ -61,7 +61,7 @@ def imperfect(found: Agreement) -> dict[str, float | None]:
 
 
 @pytest.mark.slow
-def test_a_folder_is_written_that_check_habitat_finds_in_full_agreement(written) -> None:
+def test_check_habitat_finds_full_agreement_in_the_written_folder(written) -> None:
     folder = written()
     found = agreement(folder)
     assert found.missing == ()
@@ -72,7 +72,7 @@ def test_a_folder_is_written_that_check_habitat_finds_in_full_agreement(written)
     assert found.made_with == ("habitat-sim 0.3.3",)
     rows = found.rows
     assert (rows.steps + rows.sensitive, rows.snap) == (37, 25)
-    assert 8 <= rows.episodes <= 12  # a start that was also drawn as a goal is left out
+    assert 8 <= rows.episodes <= 12  # a start that is also drawn as a goal is left out
     assert (rows.geodesic >= 15, rows.steps >= 20, rows.grid >= 5) == (True, True, True)
     endings = ["default.navmesh", "depth.npz", "episodes.json.gz", "geodesic.json.gz", "glb", "info.json"]
     endings += ["navmesh", "poses.json", "snap.json", "steps.json.gz"]
@@ -108,14 +108,14 @@ def test_without_habitat_lab_only_the_trajectories_are_left_out(written, capsys)
         ("0.4.0", ["--no-sliding-rule", "le_0_3_3"], "no_slide_le_0_3_3"),
     ],
 )
-def test_forwards_are_filed_under_the_rule_of_the_version_or_the_one_named(written, version, more, rule) -> None:
+def test_forward_steps_are_stored_under_the_rule_of_the_version_or_the_named_one(written, version, more, rule) -> None:
     folder = written(*more, lab=False, version=version)
     rows = json.loads(gzip.decompress((folder / "dev_a.steps.json.gz").read_bytes()))["steps"]
     assert {key for row in rows for key in row if "slide" in key} == {rule, "slide"}
 
 
 @pytest.mark.slow
-def test_a_habitat_that_answers_differently_shows_in_the_figures(written) -> None:
+def test_a_habitat_with_different_answers_lowers_the_figures(written) -> None:
     def longer(finder, path) -> bool:
         found = PathFinder.find_path(finder, path)
         path.geodesic_distance *= 1.001
@@ -129,13 +129,13 @@ def test_a_habitat_that_answers_differently_shows_in_the_figures(written) -> Non
     assert found.geodesic_within_1e_4 < 0.1
     assert found.reachability == 1.0
     assert found.snap is not None
-    assert found.snap <= 0.2  # only points that have no snap at all
+    assert found.snap <= 0.2  # only points without any snap still agree
     assert found.measures_max_abs_error is not None
     assert found.measures_max_abs_error > 1e-4
 
 
 @pytest.mark.slow
-def test_a_report_holds_no_place_of_the_scan(written) -> None:
+def test_a_report_holds_no_coordinates_of_the_scan(written) -> None:
     folder = written(lab=False)
     text = agreement(folder).model_dump_json()
     (pair, *_) = json.loads(gzip.decompress((folder / "dev_a.geodesic.json.gz").read_bytes()))["pairs"]
@@ -144,7 +144,7 @@ def test_a_report_holds_no_place_of_the_scan(written) -> None:
 
 
 class OneStep:
-    """Answers like the step filter beside a corner at x = 0."""
+    """A step filter beside a corner at x = 0."""
 
     def stepped(self, start, end, *, slide):
         return end if end[0] < 1e-6 else start
@@ -158,7 +158,7 @@ def test_a_forward_decided_by_two_micrometres_is_sensitive() -> None:
     assert not is_sensitive(OneStep(), [0.0, 0.0, 0.25], [0.01, 0.0, 0.0], slide=False)
 
 
-def test_a_start_on_the_goal_is_left_out_as_habitat_lab_fails_on_it(written, monkeypatch) -> None:
+def test_a_start_on_the_goal_is_left_out_because_habitat_lab_fails_on_it(written, monkeypatch) -> None:
     draws = {"first": True}
 
     def measured(lab, row):
@@ -172,7 +172,7 @@ def test_a_start_on_the_goal_is_left_out_as_habitat_lab_fails_on_it(written, mon
     assert [row["id"] for row in rows] == list(range(1, 12))
 
 
-def test_mistakes_are_told_before_habitat_is_started(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mistakes_are_reported_before_habitat_starts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for scene in (tmp_path / "none.glb", Path(__file__)):
         with pytest.raises(SystemExit) as stop:
             habitat_golden.main(["--scene", str(scene), "--out", str(tmp_path / "out")])
@@ -181,7 +181,7 @@ def test_mistakes_are_told_before_habitat_is_started(tmp_path: Path, capsys: pyt
     assert not (tmp_path / "out").exists()
 
 
-def test_a_navmesh_that_habitat_cannot_make_is_one_clear_line(written) -> None:
+def test_a_navmesh_that_habitat_cannot_make_gives_one_clear_line(written) -> None:
     with pytest.raises(SystemExit, match=r"Habitat made no navmesh of 'my\.navmesh'; check --scene and --navmesh"):
         written("--navmesh", "my.navmesh", load_nav_mesh=lambda finder, path: False)
 

@@ -1,4 +1,4 @@
-"""The file that people copy into a Habitat environment: old Python, no packages, clear errors, whole episodes."""
+"""The file that users copy into a Habitat environment: old Python, no packages, clear errors, complete episodes."""
 
 import ast
 import math
@@ -38,7 +38,7 @@ def started(writer: RunWriter) -> RunWriter:
     [(habitat_writer, set(), {"__future__", "json", "math", "os", "re", "typing"}), (habitat_golden, {"numpy"}, None)],
     ids=["writer: six modules of the standard library", "golden: numpy and the standard library"],
 )
-def test_the_files_to_copy_are_python_3_8_and_need_little(
+def test_the_files_to_copy_run_on_python_3_8_and_need_few_modules(
     module: ModuleType, others: set[str], standard: set[str] | None
 ) -> None:
     tree = ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8"), feature_version=(3, 8))
@@ -84,7 +84,7 @@ def test_an_episode_is_read_back_as_a_run(started: RunWriter) -> None:
     ],
     ids=["tuple", "numpy array", "numpy-quaternion", "magnum", "the same with all signs changed"],
 )
-def test_every_usual_kind_of_quaternion_is_understood(writer: RunWriter, rotation: Any) -> None:
+def test_every_usual_kind_of_quaternion_is_accepted(writer: RunWriter, rotation: Any) -> None:
     writer.start_episode("hard", "hm3d/val/00800-Flat/Flat.basis.glb", np.int64(7), np.zeros(3, np.float32), rotation)
     writer.step(np.int64(0), np.zeros(3, np.float32), rotation)
     writer.end_episode("stop")
@@ -93,14 +93,14 @@ def test_every_usual_kind_of_quaternion_is_understood(writer: RunWriter, rotatio
     assert run.start.yaw == pytest.approx(math.pi / 6, abs=1e-6)
 
 
-def test_an_episode_is_on_disk_only_when_it_has_ended_and_then_at_once(started: RunWriter) -> None:
+def test_an_episode_is_written_as_soon_as_it_has_ended_and_not_before(started: RunWriter) -> None:
     started.step("stop", [1.0, 0.2, -2.0], AHEAD)
     assert not Path(started.path).exists()
     started.end_episode()
     assert len(runs_of(Path(started.path))) == 1
 
 
-def test_a_second_program_goes_on_after_the_last_whole_episode(started: RunWriter) -> None:
+def test_a_second_program_continues_after_the_last_complete_episode(started: RunWriter) -> None:
     path = Path(started.path)
     started.step("stop", [1.0, 0.2, -2.0], AHEAD)
     started.end_episode()
@@ -115,7 +115,7 @@ def test_a_second_program_goes_on_after_the_last_whole_episode(started: RunWrite
     assert [run.key.episode_id for run in runs_of(path)] == ["4", "5"]
 
 
-def test_500_steps_without_stop_end_by_the_limit(started: RunWriter) -> None:
+def test_500_steps_without_stop_end_the_episode_at_the_limit(started: RunWriter) -> None:
     for _ in range(500):
         started.step("forward", [1.0, 0.2, -2.0], AHEAD)
     with pytest.raises(ValueError, match="has 500 steps; expected no more"):
@@ -124,7 +124,7 @@ def test_500_steps_without_stop_end_by_the_limit(started: RunWriter) -> None:
     assert runs_of(Path(started.path))[0].end.reason == "steps"
 
 
-def test_an_episode_that_was_broken_off_needs_its_reason(started: RunWriter) -> None:
+def test_an_unfinished_episode_needs_a_reason(started: RunWriter) -> None:
     started.step("forward", [1.0, 0.2, -2.0], AHEAD)
     for reason in (None, "stop", "steps", "bored"):
         with pytest.raises(ValueError, match=r"expected one of .*'timeout'"):
@@ -133,7 +133,7 @@ def test_an_episode_that_was_broken_off_needs_its_reason(started: RunWriter) -> 
     assert runs_of(Path(started.path))[0].end.reason == "timeout"
 
 
-def test_a_stopped_episode_takes_no_other_reason_and_no_more_steps(started: RunWriter) -> None:
+def test_a_stopped_episode_accepts_no_other_reason_and_no_more_steps(started: RunWriter) -> None:
     started.step("stop", [1.0, 0.2, -2.0], AHEAD)
     with pytest.raises(ValueError, match="has stopped"):
         started.step("forward", [1.0, 0.2, -2.0], AHEAD)
@@ -172,7 +172,7 @@ def test_calls_out_of_order_are_refused(writer: RunWriter) -> None:
         ({"t_s": "soon"}, "t_s is 'soon'"),
     ],
 )
-def test_a_bad_argument_of_a_step_is_named(started: RunWriter, values: dict[str, Any], message: str) -> None:
+def test_a_bad_argument_of_a_step_is_refused(started: RunWriter, values: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         started.step(**({"action": 1, "position": [0, 0, 0], "rotation_xyzw": AHEAD} | values))
     started.step("stop", [1.0, 0.2, -2.0], AHEAD)
@@ -189,13 +189,13 @@ def test_a_bad_argument_of_a_step_is_named(started: RunWriter, values: dict[str,
         ({"position": None}, "expected 3 numbers"),
     ],
 )
-def test_a_bad_argument_of_a_start_is_named(writer: RunWriter, values: dict[str, Any], message: str) -> None:
+def test_a_bad_argument_of_a_start_is_refused(writer: RunWriter, values: dict[str, Any], message: str) -> None:
     good = {"split": "easy", "scene_id_or_name": "Flat", "episode_id": 1, "position": [0, 0, 0], "rotation_xyzw": AHEAD}
     with pytest.raises(ValueError, match=message):
         writer.start_episode(**(good | values))
 
 
-def test_in_a_folder_the_agents_name_names_the_file_and_other_places_are_refused(tmp_path: Path) -> None:
+def test_in_a_folder_the_file_is_named_after_the_agent_and_unusable_paths_are_refused(tmp_path: Path) -> None:
     assert Path(RunWriter(tmp_path, agent="vlfm").path) == tmp_path / "vlfm.jsonl"
     with pytest.raises(ValueError, match="Give agent="):
         RunWriter(tmp_path)

@@ -1,4 +1,4 @@
-"""A grounder's layers on a small home of two storeys: where they lie, when they are left out."""
+"""The layers of a grounder on a small home with two storeys: their places, and when they are left out."""
 
 import io
 from pathlib import Path
@@ -30,13 +30,13 @@ pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
 
 @pytest.fixture(scope="module")
 def dataset(small_root: Path) -> PersonalDataset:
-    """Two homes; HomeOne's target of episode 0 is a table at (2.25, 7.75)."""
+    """Two homes; the target of episode 0 in HomeOne is a table at x, z = (2.25, 7.75)."""
     return PersonalDataset(small_root)
 
 
 @pytest.fixture(scope="module")
 def two_storeys(home: Scene) -> Scene:
-    """HomeOne as a scan without pictures: 12 m x 10 m free on both storeys."""
+    """HomeOne as a scan without pictures, with 12 m x 10 m of free floor on both storeys."""
     return Scene("HomeOne", "scan", home.mesh, (), level_floors((200, 240), 0.0, 3.0), "d" * 64)
 
 
@@ -50,7 +50,7 @@ def grounded(dataset: PersonalDataset, method: Any, **config: object) -> Run:
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory, dataset: PersonalDataset, two_storeys: Scene) -> Tables:
-    """RPG's and QS's answers in one recording."""
+    """The answers of RPG, QS and the map centre in one recording."""
     out = tmp_path_factory.mktemp("rrd") / "pog.rrd"
     runs = [grounded(dataset, "rpg"), grounded(dataset, "qs"), grounded(dataset, "center")]
     record(out, runs, dataset.episode(KEY), two_storeys, dataset=dataset)
@@ -70,19 +70,19 @@ def test_every_layer_is_logged_on_map_and_floor_when_the_answer_appears(found: T
     assert not [e for e, _ in found if "ground-center" in e and "layers" in e]
 
 
-def test_a_phrase_lies_on_the_cells_of_the_objects_it_speaks_of(found: Tables) -> None:
+def test_the_similarity_of_a_phrase_lies_on_the_cells_of_objects(found: Tables) -> None:
     columns = found[("/runs/ground-rpg/map/storey_0/layers/similarity_0", False)]
     picture = np.asarray(Image.open(io.BytesIO(bytes(columns["EncodedImage:blob"][0][0]))).convert("RGBA"))
     assert picture.shape == (200, 240, 4)
     shown = picture[..., 3] > 0
     wanted = np.zeros((200, 240), bool)
-    for x, z in ((2, 7), (5, 7), (9, 2)):  # metres: cells of the table, the grey sofa, the yellow sofa with the lamp
+    for x, z in ((2, 7), (5, 7), (9, 2)):  # cells of the table, the grey sofa, the yellow sofa with the lamp, metres
         wanted[20 * z : 20 * z + 20, 20 * x : 20 * x + 20] = True
     assert (shown == wanted).all()
-    assert tuple(picture[150, 50, :3]) == (253, 231, 37), "the first phrase is the table's"
+    assert tuple(picture[150, 50, :3]) == (253, 231, 37), "the first phrase names the table"
 
 
-def test_the_carpet_has_a_square_per_cell_facing_up(found: Tables) -> None:
+def test_the_layer_on_the_floor_has_a_square_per_cell_facing_up(found: Tables) -> None:
     columns = found[("/runs/ground-rpg/layers/similarity_0/storey_0", False)]
     points = np.array(columns["Mesh3D:vertex_positions"][0])
     faces = np.array(columns["Mesh3D:triangle_indices"][0])
@@ -94,7 +94,7 @@ def test_the_carpet_has_a_square_per_cell_facing_up(found: Tables) -> None:
     assert {tuple(point) for point in points[yellow][:, [0, 2]].tolist()} == {(2, 7), (3, 7), (2, 8), (3, 8)}
 
 
-def test_each_phrase_has_its_peak_a_line_of_the_document_and_a_map_that_shows_the_answer(found: Tables) -> None:
+def test_each_phrase_has_a_peak_a_line_in_the_document_and_a_view_of_the_map(found: Tables) -> None:
     peaks = found[("/runs/ground-rpg/layers/peaks_0/storey_0", False)]["Points3D:positions"][0]
     assert peaks[0] == pytest.approx([2.5, 0.15, 7.5])
     best = found[("/runs/ground-rpg/candidates", False)]["Points3D:positions"][0][0]
@@ -110,10 +110,10 @@ def test_each_phrase_has_its_peak_a_line_of_the_document_and_a_map_that_shows_th
     assert {f"{number}. " for number in range(1, 6)} <= {name[:3] for name in names}
     assert any(name.endswith("...") and len(name) <= 3 + 44 for name in names)
     hidden = [c for c in views if c.get("EntityBehavior:visible") == [[False]]]
-    assert len(hidden) == 2 * (5 + 1), "five phrases of rpg and the scores of qs, on the map and in the home"
+    assert len(hidden) == 2 * (5 + 1), "five phrases of rpg and the scores of qs, both on the map and in the home"
 
 
-def test_a_grounder_that_answers_otherwise_now_shows_no_layers(dataset: PersonalDataset) -> None:
+def test_a_grounder_that_now_gives_another_answer_shows_no_layers(dataset: PersonalDataset) -> None:
     run = grounded(dataset, "rpg")
     moved = run.answers[0].model_copy(update={"candidates": ((0.5, 0.0, 0.5),)})
     changed = run.model_copy(update={"answers": (moved,)})
@@ -142,7 +142,7 @@ def test_merged_storeys_have_layers_on_each(tmp_path: Path, dataset: PersonalDat
         columns = read[(f"/runs/ground-rpg/map/{storey}/layers/similarity_3", False)]
         picture = Image.open(io.BytesIO(bytes(columns["EncodedImage:blob"][0][0]))).convert("RGBA")
         shown.append(int((np.asarray(picture)[..., 3] > 0).sum()) // 400)
-    assert shown == [3, 1], "table and bed share a cell, which counts downstairs"
+    assert shown == [3, 1], "the table and the bed share a cell, which belongs to the lower storey"
 
 
 @pytest.mark.parametrize("change", [{"map": "camera"}, {"encoder": None}, {"all_storeys": None}])
@@ -152,7 +152,7 @@ def test_settings_of_other_programs_are_not_guessed(change: dict[str, Any]) -> N
     assert settings_of(info("a", who="rpg", config=CONFIG)) is None
 
 
-def test_values_reach_the_pixels_of_their_cells_and_two_cells_have_six_sides() -> None:
+def test_values_fill_the_pixels_of_their_cells_and_two_cells_have_an_outline_of_six_sides() -> None:
     grid = GridSpec((-1.0, -1.0), 1.0, (2, 3))
     storey = StoreyMap(0, 0.0, np.ones((4, 8), bool), GridSpec((-0.5, -1.0), 0.5, (4, 8)))
     found = on_map(np.array([[0, 1, 2], [3, 4, 5]], np.float32), grid, storey)

@@ -23,13 +23,13 @@ def found(
     agent_run: Run,
     human_run: Run,
 ) -> Tables:
-    """The person, who walks 2.25 m towards the bed, the agent, and a copy of the agent that is not shown."""
+    """The recording of a person who walks 2.25 m towards the bed, an agent, and a copy of the agent, not shown."""
     copy = agent_run.model_copy(update={"info": info("copy")})
     out = tmp_path_factory.mktemp("rrd") / "a.rrd"
     return record(out, [agent_run, human_run, copy], episode, home, renderer=renderer)
 
 
-def test_a_cross_marks_where_a_run_leaves_the_path_when_it_does(found: Tables, human_run: Run) -> None:
+def test_a_cross_marks_the_place_and_step_at_which_a_run_leaves_the_path(found: Tables, human_run: Run) -> None:
     columns = found[("/runs/study-P07/departure", False)]
     (row,) = columns["step"]
     strokes = np.array(columns["LineStrips3D:strips"][0])
@@ -46,7 +46,7 @@ def test_a_cross_marks_where_a_run_leaves_the_path_when_it_does(found: Tables, h
     assert f"| human-P07 | after {walked:.1f} m (step {row}) | {max(strayed):.1f} m |" in text
 
 
-def test_diamonds_mark_on_both_ways_where_they_part(found: Tables, agent_run: Run, human_run: Run) -> None:
+def test_a_diamond_on_each_of_two_paths_marks_where_they_part(found: Tables, agent_run: Run, human_run: Run) -> None:
     places = {}
     titles = ["human-P07", "straight.agent"]
     for label, run, (title, other) in (("study-P07", human_run, titles), ("straight.agent", agent_run, titles[::-1])):
@@ -64,7 +64,7 @@ def test_diamonds_mark_on_both_ways_where_they_part(found: Tables, agent_run: Ru
     assert f"(step {places['study-P07']}), straight.agent after" in text
 
 
-def test_every_run_that_strays_has_a_cross_and_only_the_shown_pair_a_diamond_and_large_pictures(found: Tables) -> None:
+def test_every_straying_run_has_a_cross_and_only_the_shown_pair_has_diamonds_and_large_pictures(found: Tables) -> None:
     crosses = [found[(f"/runs/{label}/departure", False)] for label in ("straight.agent", "copy")]
     assert crosses[0]["step"] == crosses[1]["step"]
     assert [columns["LineStrips3D:show_labels"] for columns in crosses] == [[[False]]] * 2
@@ -76,7 +76,7 @@ def test_every_run_that_strays_has_a_cross_and_only_the_shown_pair_a_diamond_and
     assert sizes == {"straight.agent": [64, 48], "study-P07": [64, 48], "copy": [32, 24]}
 
 
-def test_the_last_picture_says_that_it_is_the_last_and_that_there_was_no_clock(found: Tables) -> None:
+def test_the_last_picture_shows_the_end_of_the_run_and_a_run_without_times_has_a_note(found: Tables) -> None:
     ended = found[("/runs/study-P07/camera/ended", False)]
     assert ended["step"] == [14]
     assert ended["Boxes2D:labels"] == [["gave up after 14 steps: no success"]]

@@ -1,4 +1,4 @@
-"""Maps in recordings: layers, colours, storeys, and what is refused."""
+"""Maps in recordings: layers, colours, storeys, and refusals."""
 
 import io
 from dataclasses import replace
@@ -25,13 +25,13 @@ pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
 FINE = GridSpec((-5.0, -4.0), 0.05, (160, 200))
 COARSE = GridSpec((-5.0, -4.0), 1.0, (8, 10))
 RED_ROOM, BLUE_ROOM = (3, 7), (3, 2)
-"""Cells whose middles are (2.5, -0.5) and (-2.5, -0.5)."""
+"""Cells with their middles at x, z = (2.5, -0.5) and (-2.5, -0.5)."""
 
 
 def occupancy() -> OccupancyGrid:
-    """The right room is known and free, the table in it occupied; the left room is unknown."""
+    """Occupancy in which the right room is free, the table in it occupied, and the left room unknown."""
     cells = np.full(FINE.shape, UNKNOWN, np.uint8)
-    cells[30:130, 102:180] = FREE  # z -2.5 to 2.5, x 0.1 to 4
+    cells[30:130, 102:180] = FREE  # z from -2.5 to 2.5 m, x from 0.1 to 4 m
     cells[34:50, 152:172] = OCCUPIED
     return OccupancyGrid(cells, FINE)
 
@@ -61,7 +61,7 @@ def picture(found: Tables, layer: str, *, of: str = "box\\ map", storey: int = 0
     return np.asarray(Image.open(io.BytesIO(bytes(blob))).convert("RGBA"))
 
 
-def test_a_map_of_cells_has_four_layers_its_features_and_cells_where_they_were_seen(found: Tables, home: Scene) -> None:
+def test_a_grid_map_has_four_layers_and_its_features_lie_on_the_floor_of_the_home(found: Tables, home: Scene) -> None:
     ours = {entity for entity, _ in found if entity.startswith("/memory/")}
     base = "/memory/box\\ map"
     layers = ("coverage", "occupancy", "features", "evidence")
@@ -71,18 +71,18 @@ def test_a_map_of_cells_has_four_layers_its_features_and_cells_where_they_were_s
     shown = picture(found, "occupancy")
     assert (shown[..., 3] > 0).any(axis=0).nonzero()[0][0] > shown.shape[1] / 2 - 2, "the left room is unknown"
     brown = (shown[..., :3] == (176, 96, 60)).all(axis=-1)
-    assert brown.sum() == pytest.approx(16 * 20, abs=40), "the table's 0.8 m x 1 m"
+    assert brown.sum() == pytest.approx(16 * 20, abs=40), "the table is 0.8 m x 1 m"
 
 
-def test_unlike_vectors_have_unlike_colours_on_their_cells_and_more_evidence_is_brighter(found: Tables) -> None:
+def test_different_vectors_have_different_colours_and_cells_with_more_evidence_are_brighter(found: Tables) -> None:
     colours = found[("/memory/box\\ map/home/storey_0/features", True)]["Mesh3D:vertex_colors"][0]
     points = np.array(found[("/memory/box\\ map/home/storey_0/features", True)]["Mesh3D:vertex_positions"][0])
     assert len(set(colours)) == 3
     assert points.shape == (12, 3)
     assert {tuple(p) for p in points[:4, [0, 2]].tolist()} == {(-3, -1), (-2, -1), (-2, 0), (-3, 0)}
     shown = picture(found, "evidence")
-    assert (shown[..., :3] == (253, 231, 37)).all(axis=-1).any(), "9 of 9"
-    assert (shown[..., :3] == (68, 1, 84)).all(axis=-1).any(), "1 of 9"
+    assert (shown[..., :3] == (253, 231, 37)).all(axis=-1).any(), "the cell of weight 9"
+    assert (shown[..., :3] == (68, 1, 84)).all(axis=-1).any(), "the cell of weight 1"
 
 
 def test_objects_are_boxes_with_captions(tmp_path: Path, home: Scene) -> None:
@@ -98,19 +98,19 @@ def test_objects_are_boxes_with_captions(tmp_path: Path, home: Scene) -> None:
     assert flat == pytest.approx(np.array([[10.0, 8.0]] * 2), abs=1e-4)
 
 
-def test_a_robots_map_is_shown_without_a_home(tmp_path: Path, home: Scene) -> None:
+def test_the_map_of_a_robot_is_shown_without_a_home(tmp_path: Path, home: Scene) -> None:
     memory = replace(cells_memory(), frame="robot, turned y-up")
     out = record_memory(memory, name="lab", out=tmp_path / "lab.rrd", scene=None, with_pixels=False)
     read = tables(out)
     assert ("/scene/topdown/storey_0", True) in read
     assert not [entity for entity, _ in read if entity.startswith("/scene/mesh")]
     (shown,) = storeys_of_memory(memory)
-    assert shown.grid.shape == (100 + 20, 78 + 20), "0.5 m around what is known"
+    assert shown.grid.shape == (100 + 20, 78 + 20), "0.5 m around the known area"
     with pytest.raises(RecordingError, match="is in frame 'robot, turned y-up'; expected 'world'"):
         record_memory(memory, name="lab", out=tmp_path / "x.rrd", scene=home, with_pixels=False)
 
 
-def test_maps_of_scans_need_leave_empty_ones_are_refused_and_other_storeys_left_out(
+def test_maps_of_scans_need_permission_empty_maps_are_refused_and_missing_storeys_left_out(
     tmp_path: Path, home: Scene
 ) -> None:
     scan = replace(home, kind="scan")
@@ -125,7 +125,7 @@ def test_maps_of_scans_need_leave_empty_ones_are_refused_and_other_storeys_left_
     assert {entity.split("/")[4] for entity, _ in tables(out) if entity.startswith("/memory/m/map/")} == {"storey_0"}
 
 
-def test_both_storeys_of_a_map_are_shown_each_with_its_own_floor(tmp_path: Path, home: Scene) -> None:
+def test_both_storeys_of_a_map_are_shown_on_their_own_floors(tmp_path: Path, home: Scene) -> None:
     (below,) = cells_memory().storeys
     left = replace(below.occupancy, cells=below.occupancy.cells[:, ::-1].copy())
     above = StoreyMemory(left, replace(below.memory, floor_y=3.0))
@@ -148,11 +148,11 @@ def test_both_storeys_of_a_map_are_shown_each_with_its_own_floor(tmp_path: Path,
 
 
 def two_floors(home: Scene) -> Scene:
-    """The box house's floor twice, 3 m above each other."""
+    """The box house with its floor twice, 3 m apart."""
     return replace(home, navigation=level_floors((100, 160), 0.0, 3.0, corner=(-4.0, -2.5)))
 
 
-def test_colours_are_the_same_for_the_same_map_and_grey_where_nothing_differs() -> None:
+def test_colours_are_the_same_for_the_same_map_and_grey_if_all_vectors_are_equal() -> None:
     rows = np.random.default_rng(0).normal(size=(40, 16)).astype(np.float32)
     first, second = vector_rgb([rows[:30], rows[30:]])
     assert len(first) == 30

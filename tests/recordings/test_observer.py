@@ -1,4 +1,4 @@
-"""The live observer: what stands in the recording of a running episode, read back with Rerun's own reader."""
+"""The live observer: the recording of a running episode, read back with Rerun's own reader."""
 
 import io
 import subprocess
@@ -33,7 +33,7 @@ from .reading import SMALL, Tables, column, tables, view_names
 RUN = "/runs/straight.agent"
 MAP = f"{RUN}/map/storey_0"
 GRID = GridSpec((-2.0, -3.0), 0.5, (8, 6))
-"""A grid of the start frame: x from -2 to 1, z from -3 to 1."""
+"""A grid in the start frame: x from -2 to 1 m, z from -3 to 1 m."""
 
 
 def observe(
@@ -48,7 +48,7 @@ def observe(
     who: RunInfo | None = None,
     **options: Any,
 ) -> EpisodeRun:
-    """Plays the actions through an observer that writes to `out`; step i comes with insight i."""
+    """Plays the actions through an observer that writes to `out`; step i has insight i."""
     run = run or walk(home, episode, actions)
     sink = LiveSink("file", str(out))
     observer = RerunObserver(home, sink, who or info("straight.agent"), camera=SMALL, **options)
@@ -65,7 +65,7 @@ def observe(
 def rrd(
     tmp_path_factory: pytest.TempPathFactory, home: Scene, episode: Episode, renderer: Raycaster
 ) -> tuple[Path, EpisodeRun]:
-    """An agent of 40 steps that reaches the table."""
+    """The recording and the run of an agent that reaches the table in 40 steps."""
     out = tmp_path_factory.mktemp("live") / "box.rrd"
     return out, observe(out, home, episode, renderer, to_the_table())
 
@@ -89,14 +89,14 @@ def test_every_step_has_a_row_in_every_entity(found: Tables) -> None:
     )
 
 
-def test_the_finished_file_is_whole(rrd: tuple[Path, EpisodeRun]) -> None:
+def test_the_finished_file_is_complete_and_valid(rrd: tuple[Path, EpisodeRun]) -> None:
     program = Path(rerun_cli.__file__).with_name("rerun")
     done = subprocess.run([program, "rrd", "verify", rrd[0]], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert [path.name for path in rrd[0].parent.iterdir()] == ["box.rrd"]
 
 
-def test_rows_stand_at_their_steps_pictures_are_the_cameras_and_goal_and_measures_come_at_the_end(
+def test_rows_have_their_steps_pictures_come_from_the_camera_and_goal_and_measures_appear_at_the_end(
     found: Tables,
 ) -> None:
     assert sorted(found[(f"{RUN}/camera", False)]["step"]) == list(range(41))
@@ -105,7 +105,7 @@ def test_rows_stand_at_their_steps_pictures_are_the_cameras_and_goal_and_measure
     assert "time_s" not in found[(f"{RUN}/camera", False)]
     last = np.asarray(Image.open(io.BytesIO(bytes(column(found, f"{RUN}/camera", "EncodedImage:blob")[40][0]))))
     assert last.shape == (48, 64, 3)
-    assert (np.abs(last - np.array([150, 60, 40])).max(axis=-1) < 30).mean() > 0.2  # the red table
+    assert (np.abs(last - np.array([150, 60, 40])).max(axis=-1) < 30).mean() > 0.2  # pixels of the red table
     assert found[("/goal/centre", False)]["step"] == [40]
     assert found[("/goal/region", False)]["step"] == [40]
     texts = [text[0] for text in found[("/task", True)]["TextDocument:text"]]
@@ -114,7 +114,7 @@ def test_rows_stand_at_their_steps_pictures_are_the_cameras_and_goal_and_measure
     assert "Nell keeps the red table" in texts[0]
 
 
-def test_depth_is_a_quarter_as_large_and_in_millimetres(
+def test_depth_has_a_quarter_of_the_width_and_height_and_is_in_millimetres(
     found: Tables, episode: Episode, home: Scene, renderer: Raycaster
 ) -> None:
     depth = np.frombuffer(bytes(column(found, f"{RUN}/depth", "DepthImage:buffer")[0][0]), np.uint16).reshape(12, 16)
@@ -125,7 +125,7 @@ def test_depth_is_a_quarter_as_large_and_in_millimetres(
     assert [row for row in resolution if row] == [[[16.0, 12.0]]]
 
 
-def test_distances_fall_to_the_goal_and_the_walk_ends_at_zero(found: Tables, rrd: tuple[Path, EpisodeRun]) -> None:
+def test_distances_fall_and_the_walking_distance_ends_at_zero(found: Tables, rrd: tuple[Path, EpisodeRun]) -> None:
     centre = np.array(column(found, f"{RUN}/centre_distance", "Scalars:scalars")).ravel()
     walk_m = np.array(column(found, f"{RUN}/goal_distance", "Scalars:scalars")).ravel()
     assert centre[0] == pytest.approx(np.hypot(6.1, 3.0))
@@ -136,18 +136,18 @@ def test_distances_fall_to_the_goal_and_the_walk_ends_at_zero(found: Tables, rrd
     assert walk_m[40] == 0
 
 
-def test_the_seen_map_grows_and_ends_with_both_rooms(found: Tables, home: Scene) -> None:
+def test_the_map_of_seen_floor_grows_to_both_rooms(found: Tables, home: Scene) -> None:
     blobs = column(found, f"{MAP}/seen", "EncodedImage:blob")
     pictures = [np.asarray(Image.open(io.BytesIO(bytes(blob[0]))).convert("RGB")) for blob in blobs]
     free = storey_map(home.navigation, 0).free
     shares = [(picture[free] == SEEN_PALETTE[3]).all(axis=-1).mean() for picture in pictures]
-    assert (np.diff(shares) >= 0).all()  # walls are seen too
+    assert (np.diff(shares) >= 0).all()
     assert 0.05 < shares[0] < 0.5
     assert shares[-1] > 0.7
     assert np.unique(pictures[0][free], axis=0).tolist() == sorted(SEEN_PALETTE[[1, 3]].tolist())
 
 
-def test_the_record_holds_the_run_files_own_lines(found: Tables, rrd: tuple[Path, EpisodeRun]) -> None:
+def test_the_record_holds_the_lines_of_the_run_file(found: Tables, rrd: tuple[Path, EpisodeRun]) -> None:
     run = rrd[1]
     lines = [row[0] for row in column(found, f"{RUN}/record/line", "line")]
     assert lines == [step.model_dump_json() for step in run.steps]
@@ -192,7 +192,7 @@ INSIGHT = Insight(
 
 @pytest.fixture(scope="module")
 def explained(tmp_path_factory: pytest.TempPathFactory, home: Scene, episode: Episode, renderer: Raycaster) -> Tables:
-    """Two steps with all there is to show, one with nothing."""
+    """The recording of a run with insights: a full one, one with fewer fields, and an empty one."""
     out = tmp_path_factory.mktemp("live") / "explained.rrd"
     actions = [Action.RIGHT, Action.RIGHT, Action.STOP]
     insights = [INSIGHT, replace(INSIGHT, detections=(), candidates=None, candidate_scores=()), Insight()]
@@ -201,12 +201,12 @@ def explained(tmp_path_factory: pytest.TempPathFactory, home: Scene, episode: Ep
 
 
 def turned(episode: Episode) -> Episode:
-    """The same episode, the robot faces left (-x) at its start."""
+    """The same episode with a start that faces left (-x)."""
     turn = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))
     return replace(episode, record=episode.record.model_copy(update={"start_rotation": turn}))
 
 
-def test_an_insight_stands_at_its_moment_and_its_points_in_the_world(explained: Tables) -> None:
+def test_an_insight_is_logged_at_its_step_with_its_points_in_the_world_frame(explained: Tables) -> None:
     assert column(explained, f"{RUN}/note", "step") == [0, 1]
     assert column(explained, f"{RUN}/note", "TextLog:text")[0] == ["because: it looks like a table"]
     assert column(explained, f"{RUN}/frontiers", "step") == [0, 1, 2]
@@ -217,7 +217,7 @@ def test_an_insight_stands_at_its_moment_and_its_points_in_the_world(explained: 
     assert chosen[::2] == pytest.approx([-4.0, 1.1], abs=1e-5)
 
 
-def test_candidates_and_detections_carry_their_scores_and_are_taken_away_when_gone(explained: Tables) -> None:
+def test_candidates_and_detections_show_their_scores_and_disappear_when_they_are_gone(explained: Tables) -> None:
     assert column(explained, f"{RUN}/candidates", "Points3D:labels")[0] == ["1 0.90", "2 0.25"]
     assert column(explained, f"{RUN}/found", "Points3D:labels")[0] == ["table 0.75"]
     boxes = f"{RUN}/camera/detections"
@@ -230,7 +230,7 @@ def test_candidates_and_detections_carry_their_scores_and_are_taken_away_when_go
     assert column(explained, f"{MAP}/frontiers", "Points2D:positions")[2] == []
 
 
-def test_an_agents_grids_are_turned_onto_the_storeys_map(explained: Tables, home: Scene) -> None:
+def test_grids_of_an_agent_are_turned_onto_the_map_of_the_storey(explained: Tables, home: Scene) -> None:
     shown = storey_map(home.navigation, 0)
     (blob,) = column(explained, f"{MAP}/similarity", "EncodedImage:blob")
     similarity = np.asarray(Image.open(io.BytesIO(bytes(blob[0]))).convert("RGBA"))
@@ -240,9 +240,9 @@ def test_an_agents_grids_are_turned_onto_the_storeys_map(explained: Tables, home
         row, col = shown.grid.rc_from_xz(np.array([x, z]))
         return similarity[row, col].tolist()
 
-    # the grid's last cell, (row 7, col 5), lies 0.75 m behind and 0.75 m to the right of the start: x = -2.25, z = 0.35
+    # the last cell of the grid (row 7, col 5) lies 0.75 m behind and to the right of the start: x = -2.25, z = 0.35
     assert colour(-2.25, 0.35) == HEAT_PALETTE[-1].tolist()
-    assert colour(-4.75, 0.35)[3] == 0  # ahead: not seen
+    assert colour(-4.75, 0.35)[3] == 0  # ahead of the robot: not seen
     assert colour(2.0, 0.35)[3] == 0  # outside the grid
     (blob,) = column(explained, f"{MAP}/occupancy", "EncodedImage:blob")
     assert np.asarray(Image.open(io.BytesIO(bytes(blob[0]))).convert("RGBA")).shape == similarity.shape
@@ -257,14 +257,14 @@ def test_an_agents_grids_are_turned_onto_the_storeys_map(explained: Tables, home
         (Insight(candidates=np.zeros((2, 3)), candidate_scores=(0.5,)), "found 1 candidate_scores for 2 candidates"),
     ],
 )
-def test_an_insight_that_does_not_fit_together_names_what_is_wrong(
+def test_an_inconsistent_insight_is_refused_with_its_fault(
     tmp_path: Path, home: Scene, episode: Episode, insight: Insight, message: str
 ) -> None:
     with pytest.raises(AgentError, match=message):
         observe(tmp_path / "a.rrd", home, episode, None, [Action.LEFT, Action.STOP], insights=[insight])
 
 
-def test_a_scan_shows_poses_and_figures_only(
+def test_a_scan_shows_only_poses_and_figures(
     tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster
 ) -> None:
     scan = replace(home, kind="scan")
@@ -277,7 +277,7 @@ def test_a_scan_shows_poses_and_figures_only(
     assert (tmp_path / "a.rrd").stat().st_size < 500_000
 
 
-def test_a_scan_with_leave_shows_all_and_a_notice(
+def test_a_scan_with_permission_shows_everything_and_a_notice(
     tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster
 ) -> None:
     scan = replace(home, kind="scan")
@@ -296,7 +296,7 @@ def test_without_a_renderer_the_map_grows_from_the_floor_plan(tmp_path: Path, ho
     assert len(found[(f"{MAP}/seen", False)]["step"]) >= 3
 
 
-def test_a_person_has_a_code_and_a_clock(tmp_path: Path, home: Scene, episode: Episode) -> None:
+def test_a_person_is_shown_with_a_code_and_times(tmp_path: Path, home: Scene, episode: Episode) -> None:
     run = walk(home, episode, [Action.FORWARD, Action.LEFT, Action.STOP], participant="P07")
     who = info("study", who="human", who_kind="human")
     observe(tmp_path / "a.rrd", home, episode, None, [], run=run, who=who, participant="P07")
@@ -307,14 +307,14 @@ def test_a_person_has_a_code_and_a_clock(tmp_path: Path, home: Scene, episode: E
 
 
 def started(out: Path, home: Scene, episode: Episode, renderer: Raycaster) -> tuple[RerunObserver, PanEnv]:
-    """An observer that writes to `out` and has seen the start, and the environment."""
+    """An observer that writes to `out` and has got the start, and the environment."""
     observer = RerunObserver(home, LiveSink("file", str(out)), info("straight.agent"), camera=SMALL)
     env = PanEnv(episode.start, home.navigation, renderer=renderer, camera=SMALL)
     observer.on_reset(episode, env.reset())
     return observer, env
 
 
-def test_an_episode_that_was_broken_off_is_complete_up_to_there(
+def test_an_interrupted_episode_is_recorded_up_to_its_last_step(
     tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster
 ) -> None:
     observer, env = started(tmp_path / "a.rrd", home, episode, renderer)
@@ -326,7 +326,7 @@ def test_an_episode_that_was_broken_off_is_complete_up_to_there(
     assert not {entity for entity, _ in found if entity.startswith("/goal")}
 
 
-def test_steps_of_a_slow_agent_are_in_the_file_at_once(
+def test_steps_of_a_slow_agent_are_written_to_the_file_immediately(
     tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live_episode, "SEND_S", 0.0)
@@ -339,7 +339,7 @@ def test_steps_of_a_slow_agent_are_in_the_file_at_once(
     observer.close()
 
 
-def test_makers_of_observers_are_compared_by_what_they_hold(home: Scene) -> None:
+def test_makers_of_observers_are_equal_if_their_fields_are(home: Scene) -> None:
     makers = [ObserveRuns(LiveSink("folder", "live"), info("a").model_dump_json()) for _ in range(2)]
     assert len(set(makers)) == 1
     assert isinstance(makers[0](home), RerunObserver)

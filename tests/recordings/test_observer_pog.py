@@ -1,4 +1,4 @@
-"""A POG trial shown live: marks as they come, then the answer, then the goal; and the very answer read back."""
+"""A POG trial shown live: marks when they are made, then the answer, then the goal; the answer is read back equal."""
 
 import json
 from dataclasses import replace
@@ -24,7 +24,7 @@ BED = (-2.9, 0.4, -1.9)
 
 
 def ray_to(x: float, y: float, z: float) -> ClickRay:
-    """Seen from 4 m above."""
+    """A click ray from 4 m above this point."""
     return ClickRay(
         origin=(x, y + 4, z),
         direction=(0.0, -1.0, 0.0),
@@ -35,7 +35,7 @@ def ray_to(x: float, y: float, z: float) -> ClickRay:
 
 
 def answered(home: Scene, episode: Episode, out: Path, *, with_pixels: bool = False) -> Answer:
-    """A person who marks the bed, clicks beside the home, marks the table and confirms; written to `out`."""
+    """Records a person who marks the bed, clicks beside the home, marks the table and confirms; returns the answer."""
     observer = AnswerObserver(
         home,
         LiveSink("file", str(out)),
@@ -61,7 +61,7 @@ def answered(home: Scene, episode: Episode, out: Path, *, with_pixels: bool = Fa
 
 
 def rows(path: Path, entity: str, component: str) -> list[tuple[float | None, Any]]:
-    """(time_s, value) of each row; None where the value is static."""
+    """(time_s, value) of each row; the time is None for a static value."""
     found = []
     for chunk in RrdReader(str(path)).stream():
         if chunk.entity_path != entity:
@@ -98,7 +98,7 @@ def test_marks_appear_when_they_are_made(tmp_path: Path, home: Scene, episode: E
     assert len(rows(tmp_path / "p01.rrd", f"{RUN}/map/storey_0/marks", "Points2D:positions")) == 2
 
 
-def test_the_goal_appears_with_the_answer_and_not_before(tmp_path: Path, home: Scene, episode: Episode) -> None:
+def test_the_goal_appears_only_with_the_answer(tmp_path: Path, home: Scene, episode: Episode) -> None:
     answered(home, episode, tmp_path / "p01.rrd")
     goals = [name for name in entities(tmp_path / "p01.rrd") if name.startswith("/goal")]
     assert "/goal/centre" in goals
@@ -111,7 +111,7 @@ def test_the_goal_appears_with_the_answer_and_not_before(tmp_path: Path, home: S
             assert batch.column("step").cast(pa.int64()).to_pylist() == [2]
 
 
-def test_the_recording_holds_the_very_answer(tmp_path: Path, home: Scene, episode: Episode) -> None:
+def test_the_answer_is_equal_when_read_back(tmp_path: Path, home: Scene, episode: Episode) -> None:
     answer = answered(home, episode, tmp_path / "p01.rrd")
     lines = rows(tmp_path / "p01.rrd", f"{RUN}/record", "line")
     assert len(lines) == 1
@@ -132,13 +132,13 @@ def test_a_scan_is_shown_only_with_pixels(tmp_path: Path, home: Scene, episode: 
 
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
-def test_a_trial_that_is_broken_off_leaves_a_readable_file(tmp_path: Path, home: Scene, episode: Episode) -> None:
+def test_an_interrupted_trial_leaves_a_readable_file(tmp_path: Path, home: Scene, episode: Episode) -> None:
     observer = AnswerObserver(
         home, LiveSink("file", str(tmp_path / "a.rrd")), info("study-p01-pog", who="human"), participant="p01"
     )
     observer.on_reset(episode)
     observer.on_click(ray_to(*BED), BED, 2.5)
     whole = rows(tmp_path / "a.rrd", f"{RUN}/marks", "Points3D:positions")
-    assert [time for time, _ in whole] == [2.5], "what was flushed can be read while the trial runs"
+    assert [time for time, _ in whole] == [2.5], "flushed rows can be read while the trial runs"
     del observer
     assert [time for time, _ in rows(tmp_path / "a.rrd", f"{RUN}/marks", "Points3D:positions")] == [2.5]

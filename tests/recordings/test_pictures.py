@@ -1,4 +1,4 @@
-"""Pictures from poses: each view rendered once, no more pixels than fit."""
+"""Pictures from poses: each view is rendered once, and the number of pixels is limited."""
 
 import io
 
@@ -14,7 +14,7 @@ from sim.types import Camera, Frame, Pose
 
 
 class Counting:
-    """A renderer that counts the views it is asked for."""
+    """A renderer that notes the views it renders."""
 
     def __init__(self, renderer: Raycaster) -> None:
         self.asked: list[tuple[int, bytes]] = []
@@ -38,7 +38,7 @@ def walk(count: int, *, z: float = 1.1) -> tuple[Pose, ...]:
     return tuple(Pose((-3.0 + 0.25 * number, 0.0, z), 0.1 * number) for number in range(count))
 
 
-def test_every_view_is_rendered_once_and_stands_at_its_poses(renderer: Raycaster) -> None:
+def test_every_view_is_rendered_once_and_used_at_all_its_poses(renderer: Raycaster) -> None:
     counting, large, small = Counting(renderer), Camera(64, 48), Camera(32, 24)
     first = walk(20)
     ways = [(*first, first[3], first[3]), first[::-1], first[:5]]
@@ -62,7 +62,7 @@ def test_every_view_is_rendered_once_and_stands_at_its_poses(renderer: Raycaster
         ((9000, 9000), [(320, 240), (320, 240)]),
     ],
 )
-def test_pictures_become_smaller_where_there_are_many(lengths: tuple[int, ...], sizes: list[tuple[int, int]]) -> None:
+def test_pictures_become_smaller_if_there_are_many(lengths: tuple[int, ...], sizes: list[tuple[int, int]]) -> None:
     ways = [walk(count, z=float(number)) for number, count in enumerate(lengths)]
     cameras = picture_cameras(ways, Camera(), is_shown=[True, True, *[False] * (len(ways) - 2)])
     assert [(camera.width, camera.height) for camera in cameras] == sizes

@@ -1,4 +1,4 @@
-"""Recordings back into runs: the very same values, also out of files that a crash cut short."""
+"""Runs read back from recordings have equal values, even from files that a crash cut short."""
 
 import subprocess
 import sys
@@ -22,7 +22,7 @@ from .conftest import KEY, written
 
 @pytest.fixture(scope="module")
 def runs(agent_run: Run, human_run: Run, answer_run: Run) -> list[Run]:
-    """An agent, a study of two people of whom one also clicked, a grounder."""
+    """An agent, a study with two people one of whom also clicked, and a grounder."""
     first = human_run.episodes[0]
     second = first.model_copy(
         update={"start": first.start.model_copy(update={"participant": "P/08 ü"}), "steps": first.steps}
@@ -41,18 +41,18 @@ def runs(agent_run: Run, human_run: Run, answer_run: Run) -> list[Run]:
 
 @pytest.fixture(scope="module")
 def rrd(tmp_path_factory: pytest.TempPathFactory, runs: list[Run], episode: Episode, home: Scene) -> Path:
-    """All of them in one recording, without pictures."""
+    """All runs in one recording, without pictures."""
     out = tmp_path_factory.mktemp("rrd") / "all.rrd"
     return log_comparison(runs, episode=episode, scene=home, out=out, renderer=None, with_pixels=False)
 
 
-def test_a_comparison_gives_back_the_very_runs_and_answers(rrd: Path, runs: list[Run]) -> None:
+def test_runs_and_answers_of_a_comparison_are_equal_when_read_back(rrd: Path, runs: list[Run]) -> None:
     assert read_rrd(rrd) == runs
     assert [run.model_dump_json() for run in read_rrd(rrd)] == [run.model_dump_json() for run in runs]
     assert read_recorded(rrd)[1:] == ((), True)
 
 
-def test_a_run_without_steps_comes_back(tmp_path: Path, agent_run: Run, episode: Episode, home: Scene) -> None:
+def test_a_run_without_steps_can_be_read_back(tmp_path: Path, agent_run: Run, episode: Episode, home: Scene) -> None:
     run = agent_run.episodes[0]
     end = run.end.model_copy(update={"reason": "giveup", "measures": None})
     left = agent_run.model_copy(update={"episodes": (run.model_copy(update={"steps": (), "end": end}),)})
@@ -83,7 +83,7 @@ os._exit(1)
 """
 
 
-def test_a_program_that_dies_leaves_its_whole_runs(tmp_path: Path, agent_run: Run) -> None:
+def test_the_complete_runs_of_a_program_that_dies_can_be_read(tmp_path: Path, agent_run: Run) -> None:
     out = tmp_path / "live.rrd"
     command = [sys.executable, "-c", CRASH, str(written(agent_run, tmp_path / "run")), str(out)]
     done = subprocess.run(command, timeout=60, cwd=Path(__file__).parents[2])
@@ -119,7 +119,7 @@ def test_runs_of_several_recordings_in_one_file_stay_apart(tmp_path: Path, agent
     assert run.episodes == agent_run.episodes * 2
 
 
-def test_files_that_are_no_recordings_of_ours_are_one_line(tmp_path: Path) -> None:
+def test_files_that_are_not_our_recordings_are_refused_in_one_line(tmp_path: Path) -> None:
     text, foreign = tmp_path / "a.rrd", tmp_path / "b.rrd"
     text.write_text("hello, this is text")
     with pytest.raises(RecordingError, match=r"a\.rrd: found bytes b'hell' at its start; expected an \.rrd file"):
@@ -135,7 +135,7 @@ def test_files_that_are_no_recordings_of_ours_are_one_line(tmp_path: Path) -> No
         read_rrd(foreign)
 
 
-def test_damaged_lines_are_named(tmp_path: Path, agent_run: Run) -> None:
+def test_damaged_lines_are_refused_with_their_run(tmp_path: Path, agent_run: Run) -> None:
     good = {
         name: value.model_dump_json() for name, value in (("info", agent_run.info), ("end", agent_run.episodes[0].end))
     }
@@ -162,7 +162,7 @@ def test_damaged_lines_are_named(tmp_path: Path, agent_run: Run) -> None:
         assert "\n" not in str(caught.value)
 
 
-def test_a_missing_step_is_named(tmp_path: Path, agent_run: Run) -> None:
+def test_a_missing_step_is_refused(tmp_path: Path, agent_run: Run) -> None:
     run = agent_run.episodes[0]
     with open_recording(tmp_path / "a.rrd", KEY) as stream:
         log_record_start(stream, "odd", agent_run.info, run.start)
@@ -174,7 +174,7 @@ def test_a_missing_step_is_named(tmp_path: Path, agent_run: Run) -> None:
 
 
 def logged(stream: rr.RecordingStream, run: Run, label: str, *, num_steps: int | None = None) -> None:
-    """Logs the record of a run's first episode, or of its first steps."""
+    """Logs the record of the first episode of a run, or only its first `num_steps` steps."""
     episode = run.episodes[0]
     log_record_start(stream, label, run.info, episode.start)
     steps = episode.steps[:num_steps]

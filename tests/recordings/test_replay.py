@@ -1,4 +1,4 @@
-"""One recording of many runs: what stands in the file, read back with Rerun's own reader."""
+"""One recording of many runs, read back with Rerun's own reader."""
 
 import io
 import json
@@ -43,7 +43,7 @@ def rrd(
     human_run: Run,
     answer_run: Run,
 ) -> Path:
-    """An agent of 40 steps, a person of 14 and a grounder in one file."""
+    """An agent with 40 steps, a person with 14 and a grounder in one file."""
     out = tmp_path_factory.mktemp("rrd") / "deep" / "box.rrd"
     runs = [agent_run, human_run, answer_run]
     return log_comparison(
@@ -56,7 +56,7 @@ def found(rrd: Path) -> Tables:
     return tables(rrd)
 
 
-def test_the_file_is_whole_alone_in_its_folder_and_named_by_the_episode(rrd: Path) -> None:
+def test_the_file_is_valid_alone_in_its_folder_and_has_the_id_of_the_episode(rrd: Path) -> None:
     assert [path.name for path in rrd.parent.iterdir()] == ["box.rrd"]
     program = Path(rerun_cli.__file__).with_name("rerun")
     done = subprocess.run([program, "rrd", "verify", rrd], capture_output=True, text=True)
@@ -66,8 +66,8 @@ def test_the_file_is_whole_alone_in_its_folder_and_named_by_the_episode(rrd: Pat
     assert tables(rrd)[("/__properties/episode", True)]["scene_kind"] == [["invented"]]
 
 
-def test_what_a_viewer_shows_first_comes_first(rrd: Path) -> None:
-    """It shows what it has while it reads on: the layout, the home and one picture of each run, then all else."""
+def test_layout_home_and_first_pictures_come_first_in_the_file(rrd: Path) -> None:
+    """A viewer shows them while it reads the rest."""
     program = Path(rerun_cli.__file__).with_name("rerun")
     lines = subprocess.run([program, "rrd", "print", rrd], capture_output=True, text=True, check=True).stdout
     chunks = [(line.split(" - ")[1], line) for line in lines.splitlines() if line.startswith("Chunk(")]
@@ -83,7 +83,7 @@ def test_what_a_viewer_shows_first_comes_first(rrd: Path) -> None:
     assert max(rows) < min(pictures)
 
 
-def test_every_run_has_its_entities_and_every_step_a_row(found: Tables) -> None:
+def test_every_run_has_its_entities_and_every_step_has_a_row(found: Tables) -> None:
     rows = {
         entity: len(columns["step"]) for (entity, static), columns in found.items() if not static and "step" in columns
     }
@@ -101,7 +101,7 @@ def test_every_run_has_its_entities_and_every_step_a_row(found: Tables) -> None:
     assert rows == expected | {"/goal/centre": 1, f"/goal/{on_map}": 1}
 
 
-def test_timelines_count_steps_metres_and_seconds_and_distances_fall_to_the_goal(found: Tables) -> None:
+def test_timelines_count_steps_metres_and_seconds_and_distances_fall_towards_the_goal(found: Tables) -> None:
     agent, person = (found[(f"/runs/{run}/camera", False)] for run in ("straight.agent", "study-P07"))
     assert agent["step"] == list(range(41))
     assert np.array(agent["path_m"])[[0, 3, 4, 27, 30, 40]] / 1e9 == pytest.approx([0, 0, 0.25, 6, 6, 8.25])
@@ -113,7 +113,7 @@ def test_timelines_count_steps_metres_and_seconds_and_distances_fall_to_the_goal
     assert apart[-1] == pytest.approx(np.hypot(0.1, 0.75))
 
 
-def test_the_goal_appears_with_the_last_step_and_not_before(found: Tables) -> None:
+def test_the_goal_appears_only_with_the_last_step(found: Tables) -> None:
     goals = {entity: static for entity, static in found if entity.startswith("/goal")}
     assert set(goals.values()) == {False}
     for entity in goals:
@@ -125,7 +125,7 @@ def test_the_goal_appears_with_the_last_step_and_not_before(found: Tables) -> No
     assert goal["Points3D:labels"] == [["table_3"]]
 
 
-def test_pictures_are_what_the_camera_sees_at_each_step(found: Tables) -> None:
+def test_pictures_show_the_view_of_the_camera_at_each_step(found: Tables) -> None:
     blobs = found[("/runs/straight.agent/camera", False)]["EncodedImage:blob"]
     images = [np.asarray(Image.open(io.BytesIO(bytes(blob[0])))) for blob in blobs]
     assert {image.shape for image in images} == {(48, 64, 3)}
@@ -153,7 +153,7 @@ def test_the_camera_stands_88_cm_above_the_feet_and_the_text_holds_task_and_resu
     assert "BoxHouse (invented home)" in text
 
 
-def test_the_ways_on_map_and_floor_are_the_runs_positions(found: Tables, agent_run: Run) -> None:
+def test_the_paths_on_map_and_floor_are_the_positions_of_the_runs(found: Tables, agent_run: Run) -> None:
     feet = np.array([pose.position for pose in agent_run.episodes[0].poses])
     whole = np.array(found[("/runs/straight.agent/path", True)]["LineStrips3D:strips"][0][0])
     assert whole == pytest.approx(feet + np.array([0, 0.11, 0]), abs=1e-6)
@@ -172,7 +172,7 @@ def test_the_blueprint_shows_both_best_cameras_home_map_plots_text_and_actions(r
     assert {"straight.agent sees", "human-P07 sees", "Home", "Map"} <= view_names(rrd)
 
 
-def test_the_same_runs_make_the_same_content(
+def test_the_same_runs_give_the_same_content(
     rrd: Path, home: Scene, episode: Episode, renderer: Raycaster, agent_run: Run, human_run: Run, answer_run: Run
 ) -> None:
     again = rrd.with_name("again.rrd")
@@ -181,7 +181,7 @@ def test_the_same_runs_make_the_same_content(
     again.unlink()
 
 
-def test_no_texture_asks_for_a_filter_which_rerun_would_warn_of(found: Tables, tmp_path: Path) -> None:
+def test_no_texture_names_a_filter_because_rerun_would_warn(found: Tables, tmp_path: Path) -> None:
     ((content,),) = found[("/scene/mesh/storey_0", True)]["Asset3D:blob"]
     (glb := tmp_path / "home.glb").write_bytes(bytes(content))
     (length,) = struct.unpack_from("<I", glb.read_bytes(), 12)
@@ -191,7 +191,7 @@ def test_no_texture_asks_for_a_filter_which_rerun_would_warn_of(found: Tables, t
     assert len(load_glb(glb, up="y").faces) > 0
 
 
-def test_a_scan_without_leave_shows_poses_only(
+def test_a_scan_without_permission_shows_only_poses(
     tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster, agent_run: Run
 ) -> None:
     scan = replace(home, kind="scan")
@@ -208,7 +208,7 @@ def test_a_scan_without_leave_shows_poses_only(
     assert "terms of use" not in found[("/task", True)]["TextDocument:text"][0][0]
 
 
-def test_answers_alone_come_before_the_goal(tmp_path: Path, home: Scene, episode: Episode, answer_run: Run) -> None:
+def test_answers_alone_precede_the_goal(tmp_path: Path, home: Scene, episode: Episode, answer_run: Run) -> None:
     found = record(tmp_path / "a.rrd", [answer_run], episode, home)
     assert found[("/runs/grounder/candidates", False)]["step"] == [1]
     assert found[("/goal/centre", False)]["step"] == [2]
@@ -236,7 +236,7 @@ def test_each_storey_has_its_own_map_and_mesh(tmp_path: Path, home: Scene, episo
 
 
 @pytest.mark.parametrize("name", ["plain-1_a.b", "two words", "a/b", "über[x]:*", "tab\there"])
-def test_names_are_escaped_as_rerun_does(name: str) -> None:
+def test_names_are_escaped_as_in_rerun(name: str) -> None:
     assert escape_part(name) == rr.escape_entity_path_part(name.replace("\t", "_"))
 
 
@@ -271,7 +271,7 @@ def test_runs_of_another_episode_kind_or_place_are_refused_and_leave_no_file(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder.rrd"]
 
 
-def test_an_out_that_is_no_rrd_is_refused_and_keeps_its_content(
+def test_an_output_file_that_is_no_rrd_is_refused_and_keeps_its_content(
     tmp_path: Path, home: Scene, episode: Episode, agent_run: Run
 ) -> None:
     out = tmp_path / "steps.jsonl"
@@ -316,7 +316,7 @@ except RecordingError as error:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("num_pictures", [1, 30])
-def test_a_full_disk_is_one_line_and_leaves_no_half_file(tmp_path: Path, num_pictures: int) -> None:
+def test_a_full_disk_gives_one_line_and_leaves_no_partial_file(tmp_path: Path, num_pictures: int) -> None:
     out = tmp_path / "a.rrd"
     command = [sys.executable, "-c", FULL_DISK, str(out), str(num_pictures)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=Path(__file__).parents[2])
@@ -326,7 +326,7 @@ def test_a_full_disk_is_one_line_and_leaves_no_half_file(tmp_path: Path, num_pic
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_failure_half_way_keeps_the_old_file(tmp_path: Path, home: Scene, episode: Episode, agent_run: Run) -> None:
+def test_a_failure_halfway_keeps_the_old_file(tmp_path: Path, home: Scene, episode: Episode, agent_run: Run) -> None:
     class Broken:
         def render_batch(self, *_: object) -> None:
             raise ZeroDivisionError
@@ -339,7 +339,7 @@ def test_a_failure_half_way_keeps_the_old_file(tmp_path: Path, home: Scene, epis
 
 
 @pytest.mark.parametrize("text", ["easy/BoxHouse", "test/BoxHouse/7", "easy//7", "easy/a/b/c"])
-def test_an_episode_option_of_another_form_is_refused(text: str) -> None:
+def test_an_episode_option_in_a_wrong_form_is_refused(text: str) -> None:
     assert key_from_text("easy/BoxHouse/7") == KEY
     with pytest.raises(PersonalVizError, match="expected SPLIT/SCENE/ID"):
         key_from_text(text)

@@ -1,4 +1,4 @@
-"""Answers on the map of a walked home, replayed: the map, the layers, the click, and the goal at the end only."""
+"""Answers on the map of an explored home, replayed: the map, the layers, the click, and the goal only at the end."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -35,13 +35,13 @@ pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
 
 @pytest.fixture(scope="module")
 def dataset(small_root: Path) -> PersonalDataset:
-    """Two homes; HomeOne's target of episode 0 is a table at (2.25, 7.75)."""
+    """Two homes; the target of episode 0 in HomeOne is a table at x, z = (2.25, 7.75)."""
     return PersonalDataset(small_root)
 
 
 @pytest.fixture(scope="module")
 def scene(home: Scene) -> Scene:
-    """HomeOne's ground floor: 12 m x 10 m of free floor, with the mesh of the box house to look at."""
+    """The ground floor of HomeOne, 12 m x 10 m of free floor, with the mesh of the box house."""
     return Scene("HomeOne", "invented", home.mesh, (), level_floors((200, 240), 0.0), "d" * 64)
 
 
@@ -51,7 +51,7 @@ ALL_FREE = np.full((200, 240), FREE, np.uint8)
 def save_map(
     folder: Path, *memories: FeatureMap | ObjectMap, num_frames: int = 40, cells: np.ndarray = ALL_FREE
 ) -> None:
-    """Writes HomeOne's map of these storeys below a folder of runs."""
+    """Writes a map of HomeOne with these storeys into a folder of runs."""
     occupancy = OccupancyGrid(cells, GridSpec((0.0, 0.0), 0.05, (200, 240)))
     home = HomeMemory(tuple(StoreyMemory(occupancy, memory) for memory in memories), "world", num_frames)
     save_memory(folder / MAPS / "HomeOne.npz", home, MapSource(scene="HomeOne", kind="invented", digest="d" * 64))
@@ -63,7 +63,7 @@ def oracle_map(dataset: PersonalDataset, floor_id: str) -> FeatureMap:
 
 @pytest.fixture(scope="module")
 def runs_folder(tmp_path_factory: pytest.TempPathFactory, dataset: PersonalDataset) -> Path:
-    """A folder of runs with the map of HomeOne: texts in cells, the right half of the floor known to be free."""
+    """A folder of runs with a map of HomeOne: cells hold texts, and the right half of the floor is free."""
     out = tmp_path_factory.mktemp("runs")
     cells = np.where(np.arange(240) < 120, np.uint8(UNKNOWN), ALL_FREE)
     save_map(out, oracle_map(dataset, "0"), cells=cells)
@@ -85,7 +85,7 @@ def answered(dataset: PersonalDataset, folder: Path, method: GrounderName, *, ke
 
 
 def click() -> Run:
-    """A person who marks the sofa."""
+    """The run of a person who marks the sofa."""
     ray = ClickRay(
         origin=(5.5, 3.0, 5.0),
         direction=(0.0, -0.7, 0.7),
@@ -106,7 +106,7 @@ def found(
     return record(out, runs, dataset.episode(KEY), scene, dataset=dataset, beside=[runs_folder])
 
 
-def test_the_map_that_was_asked_is_there_once_at_all_times(found: Tables) -> None:
+def test_the_map_of_the_answers_is_recorded_once_and_shown_at_all_times(found: Tables) -> None:
     ours = {(entity, is_static) for entity, is_static in found if entity.startswith("/memory/")}
     layers = ("coverage", "occupancy", "features", "evidence")
     assert ours == {(f"{MAP}/{layer}", True) for layer in layers} | {
@@ -117,7 +117,7 @@ def test_the_map_that_was_asked_is_there_once_at_all_times(found: Tables) -> Non
     assert "**Map map-hashed-invented** of 40 views, frame world." in text
 
 
-def test_similarity_gate_and_answers_lie_on_one_map_and_nothing_of_the_goal_comes_before(found: Tables) -> None:
+def test_similarity_gate_and_answers_share_one_map_and_the_goal_comes_after_them(found: Tables) -> None:
     rpg = {entity.rsplit("/", 1)[1] for entity, _ in found if "/ground-rpg/map/storey_0/layers/" in entity}
     assert {"similarity_0", "similarity_4", "peaks_0", "gate", "final"} <= rpg
     for entity in ("/runs/ground-rpg/map/storey_0/layers/gate", "/runs/ground-rpg/map/storey_0/candidates"):
@@ -144,13 +144,13 @@ def test_an_answer_upstairs_lies_on_the_upper_storey_of_a_map_of_two(
     ours = {entity for entity, _ in read if entity.startswith("/memory/")}
     upper = {entity.replace("storey_0", "storey_1") for entity in (f"{MAP}/features", f"{MAP}/occupancy")}
     assert upper < ours
-    assert not [entity for entity in ours if "storey_0" in entity], "nothing of this episode is downstairs"
+    assert not [entity for entity in ours if "storey_0" in entity], "the episode is upstairs only"
     assert ("/runs/ground-rpg/map/storey_1/layers/final", False) in read
     best = read[("/runs/ground-rpg/candidates", False)]["Points3D:positions"][0][0]
     assert best == pytest.approx([2.5, 3.0, 7.5])
 
 
-def test_a_map_that_is_gone_is_said_and_never_made_again(
+def test_a_missing_map_is_reported_and_not_made_again(
     tmp_path: Path, dataset: PersonalDataset, scene: Scene, runs_folder: Path
 ) -> None:
     run = answered(dataset, runs_folder, "rpg")
@@ -161,7 +161,7 @@ def test_a_map_that_is_gone_is_said_and_never_made_again(
     assert {path.name for path in tmp_path.iterdir()} == {"a.rrd"}
 
 
-def test_maps_of_scans_are_left_out_without_leave(
+def test_maps_of_scans_are_left_out_without_permission(
     tmp_path: Path, dataset: PersonalDataset, scene: Scene, runs_folder: Path
 ) -> None:
     run = answered(dataset, runs_folder, "rpg")
@@ -173,7 +173,7 @@ def test_maps_of_scans_are_left_out_without_leave(
     assert ("/runs/ground-rpg/candidates", False) in read
 
 
-def test_a_map_of_objects_has_a_coloured_box_per_thing_and_phrase(
+def test_an_object_map_has_a_coloured_box_per_object_and_phrase(
     tmp_path: Path, dataset: PersonalDataset, scene: Scene
 ) -> None:
     chosen = GroundSettings("object-phrase", map="explore", layout="objects")
@@ -196,11 +196,11 @@ def test_a_map_of_objects_has_a_coloured_box_per_thing_and_phrase(
     assert layers["step"] == [1]
     assert len(layers["Boxes3D:half_sizes"][0]) == len(things) == 4
     yellow = [index for index, colour in enumerate(layers["Boxes3D:colors"][0]) if colour == 0xFDE725FF]
-    assert [known[index].name for index in yellow] == ["table_1"], "the one that Ada's phrase tells of"
+    assert [known[index].name for index in yellow] == ["table_1"], "the object that Ada's phrase describes"
     flat = read[("/runs/ground-objects/map/storey_0/layers/similarity_0", False)]
     assert np.array(flat["Boxes2D:half_sizes"][0]) == pytest.approx(np.full((4, 2), 10.0), abs=1e-3)
     assert ("/memory/map-hashed-invented/home/storey_0/objects", True) in read
 
 
-def test_people_are_not_asked_again(dataset: PersonalDataset) -> None:
+def test_answers_of_people_are_not_grounded_again(dataset: PersonalDataset) -> None:
     assert reground(select_traces([click()], KEY), dataset.episode(KEY), dataset) == []

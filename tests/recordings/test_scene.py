@@ -1,4 +1,4 @@
-"""The truth at a recording's end: centre, success region, shortest path."""
+"""The ground truth at the end of a recording: centre, success region, shortest path."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from .reading import record
 pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
 
 
-def test_the_region_is_a_disc_of_a_metre_and_the_places_to_stand_in_it(home: Scene, episode: Episode) -> None:
+def test_the_region_is_a_disc_of_one_metre_radius_and_its_walkable_places(home: Scene, episode: Episode) -> None:
     goal = goal_region(episode, home.navigation)
     assert goal.radii.tolist() == [1.0]
     away = np.hypot(goal.rims[0, :, 0] - 3.1, goal.rims[0, :, 2] + 1.9)
@@ -32,7 +32,7 @@ def test_the_region_is_a_disc_of_a_metre_and_the_places_to_stand_in_it(home: Sce
     assert walked == pytest.approx(home.navigation.distances(np.array([episode.start.position]), goal.places)[0])
 
 
-def test_a_target_without_a_near_view_point_has_the_relaxed_disc(home: Scene, episode: Episode) -> None:
+def test_a_target_without_a_near_view_point_has_the_relaxed_radius(home: Scene, episode: Episode) -> None:
     (target,) = episode.targets
     (point,) = target.view_points
     state = point.agent_state.model_copy(update={"position": (3.1, 0.0, -0.7)})
@@ -48,7 +48,7 @@ def test_rim_places_and_path_are_logged_on_floor_and_map(
     goal = goal_region(episode, home.navigation)
     assert np.array(rim) == pytest.approx(goal.rims[0] + np.array([0, 0.15, 0]), abs=1e-5)
     (flat,) = found[("/goal/map/storey_0/region", False)]["LineStrips2D:strips"][0]
-    assert np.ptp(np.array(flat), axis=0) == pytest.approx([40, 40], abs=1e-3), "2 m of 5 cm"
+    assert np.ptp(np.array(flat), axis=0) == pytest.approx([40, 40], abs=1e-3), "2 m in cells of 5 cm"
     for entity in ("/goal/places", "/goal/map/storey_0/places"):
         (points,) = (column for name, column in found[(entity, False)].items() if name.endswith(":positions"))
         assert len(points[0]) == len(goal.places)
@@ -57,7 +57,7 @@ def test_rim_places_and_path_are_logged_on_floor_and_map(
     assert len(path) == len(goal.path)
 
 
-def test_a_goal_out_of_reach_has_no_path_and_no_divergence(
+def test_an_unreachable_goal_has_no_path_and_no_divergence(
     tmp_path: Path, home: Scene, episode: Episode, agent_run: Run
 ) -> None:
     (target,) = episode.targets

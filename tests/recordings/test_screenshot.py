@@ -1,4 +1,4 @@
-"""The picture of a recording that the README uses: Rerun's web viewer in Chromium shows our recording."""
+"""The picture of a recording for the README: Rerun's web viewer in Chromium shows our recording."""
 
 from pathlib import Path
 
@@ -18,14 +18,14 @@ from sim.tasks.run_files import Run
 
 
 def share(png: Path, rgb: Rgb) -> float:
-    """Share of pixels within 12 of a colour."""
+    """Share of pixels that differ from a colour by at most 12 in every channel."""
     pixels = np.asarray(Image.open(png).convert("RGB")).astype(int)
     return float((np.abs(pixels - rgb).max(axis=-1) <= 12).mean())
 
 
 @pytest.mark.browser
 @pytest.mark.slow
-def test_the_viewer_shows_home_ways_and_pictures(
+def test_the_viewer_shows_home_paths_and_pictures(
     tmp_path: Path, home: Scene, episode: Episode, renderer: Raycaster, agent_run: Run, human_run: Run
 ) -> None:
     if find_chromium() is None:
@@ -40,13 +40,13 @@ def test_the_viewer_shows_home_ways_and_pictures(
     )
     png = screenshot_rrd(rrd, tmp_path / "box.png", at_end=True, size=(1200, 700))
     assert Image.open(png).size == (1200, 700)
-    assert share(png, (150, 60, 40)) > 0.02, "the table fills the agent's last picture"
-    assert share(png, (236, 236, 232)) > 0.02, "the map's free space"
+    assert share(png, (150, 60, 40)) > 0.02, "the table fills the last picture of the agent"
+    assert share(png, (236, 236, 232)) > 0.02, "the map shows free space"
     for rgb in RUN_COLORS[:2]:
-        assert share(png, rgb) > 0.0003, "the run's way"
+        assert share(png, rgb) > 0.0003, "the path of the run"
 
 
-def test_a_missing_recording_is_named(tmp_path: Path) -> None:
+def test_a_missing_recording_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("playwright")
     with pytest.raises(RecordingError, match=r"none\.rrd: found no file"):
         screenshot_rrd(tmp_path / "none.rrd", tmp_path / "a.png")

@@ -1,4 +1,4 @@
-"""Sinks of running episodes: which option means what, what a crash leaves, what a full disk or a dead viewer says."""
+"""Sinks of running episodes: forms of the option, the file after a crash, errors of a full disk or dead viewer."""
 
 import contextlib
 import os
@@ -27,7 +27,7 @@ PROGRAM = Path(rerun_cli.__file__).with_name("rerun")
 
 
 def rows(rrd: Path, entity: str) -> int:
-    """Rows of an entity that are readable, in whatever state the file is."""
+    """Number of readable rows of an entity, in an unfinished file too."""
     return sum(chunk.num_rows for chunk in RrdReader(str(rrd)).stream() if chunk.entity_path == entity)
 
 
@@ -43,13 +43,13 @@ def log_steps(stream: rr.RecordingStream, numbers: range) -> None:
 
 @pytest.fixture
 def dead_port() -> Iterator[int]:
-    """A port that nobody listens on, kept from others."""
+    """A port without a listener, reserved so that no other program takes it."""
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         yield taken.getsockname()[1]
 
 
-def test_a_file_grows_with_each_flush_and_is_whole_when_closed(tmp_path: Path) -> None:
+def test_a_file_grows_with_each_flush_and_is_valid_when_closed(tmp_path: Path) -> None:
     sink = LiveSink("file", str(tmp_path / "deep" / "a.rrd"))
     recording = sink.open(KEYS[0])
     log_steps(recording.stream, range(3))
@@ -63,7 +63,7 @@ def test_a_file_grows_with_each_flush_and_is_whole_when_closed(tmp_path: Path) -
     assert (store.application_id, store.recording_id) == ("personal-viz", "personal/easy/Box/1")
 
 
-def test_a_folder_gets_one_file_per_episode_and_closing_twice_is_closing_once(tmp_path: Path) -> None:
+def test_a_folder_gets_one_file_per_episode_and_closing_again_changes_nothing(tmp_path: Path) -> None:
     recording = LiveSink("file", str(tmp_path / "a.rrd")).open(KEYS[0])
     log_steps(recording.stream, range(2))
     recording.close()
@@ -76,7 +76,7 @@ def test_a_folder_gets_one_file_per_episode_and_closing_twice_is_closing_once(tm
     assert sorted(path.name for path in (tmp_path / "live").iterdir()) == ["easy-Box-1.rrd", "easy-Box-2.rrd"]
 
 
-def test_a_file_of_many_small_parts_is_joined_at_its_end(tmp_path: Path) -> None:
+def test_the_many_small_parts_of_a_file_are_joined_when_it_closes(tmp_path: Path) -> None:
     recording = LiveSink("file", str(tmp_path / "a.rrd")).open(KEYS[0])
     recording.lay_out(rrb.Blueprint(rrb.TimeSeriesView(name="Figure"), auto_views=False))
     for number in reversed(range(MAX_PARTS + 10)):
@@ -103,19 +103,19 @@ def test_one_file_for_several_episodes_and_a_file_that_is_no_recording_are_refus
 
 
 @pytest.mark.parametrize("option", ["http://127.0.0.1:1", "grpc://host", "rerun+http://:9/proxy", "grpc://a:99999"])
-def test_an_address_of_another_form_is_one_clear_line(option: str) -> None:
+def test_an_address_in_a_wrong_form_gives_one_clear_line(option: str) -> None:
     with pytest.raises(RecordingError, match=r"expected FILE\.rrd, a folder, rerun\+http://HOST:PORT/proxy or spawn"):
         live_sink(option, KEYS).__enter__()
 
 
 @pytest.mark.parametrize("form", ["rerun+http://127.0.0.1:{}/proxy", "grpc://127.0.0.1:{}"])
-def test_an_address_where_nobody_listens_is_one_clear_line(form: str, dead_port: int) -> None:
+def test_an_address_without_a_viewer_gives_one_clear_line(form: str, dead_port: int) -> None:
     with pytest.raises(RecordingError, match=r"no viewer answers there .*Start one first with: rerun --port") as caught:
         live_sink(form.format(dead_port), KEYS).__enter__()
     assert "\n" not in str(caught.value)
 
 
-def test_a_listener_that_never_answers_is_one_clear_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_listener_that_never_answers_gives_one_clear_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recordings.sinks.CONNECT_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute, pytest.raises(RecordingError, match="no viewer answers there"):
         live_sink(f"grpc://127.0.0.1:{mute.getsockname()[1]}", KEYS).__enter__()
@@ -129,7 +129,7 @@ def test_both_forms_of_an_address_mean_the_same() -> None:
                 assert sink == LiveSink("address", f"rerun+http://127.0.0.1:{port}/proxy")
 
 
-def test_spawn_streams_to_a_viewer_of_our_own(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_spawn_streams_to_a_viewer_that_we_start(monkeypatch: pytest.MonkeyPatch) -> None:
     lived: list[str] = []
 
     @contextlib.contextmanager
@@ -145,7 +145,7 @@ def test_spawn_streams_to_a_viewer_of_our_own(monkeypatch: pytest.MonkeyPatch) -
     assert lived == ["opened", "ended"]
 
 
-def test_a_viewer_that_goes_away_is_one_clear_line_and_nothing_hangs() -> None:
+def test_a_viewer_that_disappears_gives_one_clear_line_and_nothing_hangs() -> None:
     with running_rerun("--serve-grpc") as server, live_sink(f"grpc://127.0.0.1:{server.port}", KEYS) as sink:
         recording = sink.open(KEYS[0])
         log_steps(recording.stream, range(3))
@@ -177,14 +177,14 @@ def in_child(body: str, *args: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("end", ["os.kill(os.getpid(), signal.SIGKILL)", "os._exit(3)"])
-def test_a_crash_in_mid_episode_leaves_every_flushed_row_readable(tmp_path: Path, end: str) -> None:
+def test_a_crash_during_an_episode_leaves_every_flushed_row_readable(tmp_path: Path, end: str) -> None:
     done = in_child(f"log(range(50)); recording.flush(); log(range(50, 60)); {end}", str(tmp_path / "a.rrd"))
     assert done.returncode in (-signal.SIGKILL, 3), done.stderr
     with pytest.warns(match="no footer"):
         assert rows(tmp_path / "a.rrd", "/figure") >= 50
 
 
-def test_a_program_that_ends_in_mid_episode_completes_the_file(tmp_path: Path) -> None:
+def test_a_program_that_ends_during_an_episode_completes_the_file(tmp_path: Path) -> None:
     done = in_child("log(range(5)); sys.exit('agent failed')", str(tmp_path / "a.rrd"))
     assert done.returncode == 1
     assert done.stderr.strip() == "agent failed"
@@ -193,7 +193,7 @@ def test_a_program_that_ends_in_mid_episode_completes_the_file(tmp_path: Path) -
 
 
 @pytest.mark.slow
-def test_a_full_disk_is_one_clear_line_and_nothing_hangs(tmp_path: Path) -> None:
+def test_a_full_disk_gives_one_clear_line_and_nothing_hangs(tmp_path: Path) -> None:
     body = """
         import resource
         from sim.errors import RecordingError
@@ -214,20 +214,20 @@ def test_a_full_disk_is_one_clear_line_and_nothing_hangs(tmp_path: Path) -> None
     assert done.stdout.count("\n") == 1
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_without_leave_to_write_is_one_clear_line(tmp_path: Path) -> None:
+@pytest.mark.skipif(os.geteuid() == 0, reason="root can write everywhere")
+def test_a_folder_without_write_permission_gives_one_clear_line(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     with pytest.raises(RecordingError, match="cannot be written"):
         LiveSink("file", str(tmp_path / "a.rrd")).open(KEYS[0])
 
 
-def test_a_folder_in_the_place_of_a_file_is_one_clear_line(tmp_path: Path) -> None:
+def test_a_folder_in_the_place_of_a_file_gives_one_clear_line(tmp_path: Path) -> None:
     (tmp_path / "a.rrd").mkdir()
     with pytest.raises(RecordingError, match=r"a\.rrd: cannot be written .*Is a directory"):
         LiveSink("file", str(tmp_path / "a.rrd")).open(KEYS[0])
 
 
-def test_closed_recordings_leave_no_thread_and_no_open_file(tmp_path: Path) -> None:
+def test_closed_recordings_leave_no_threads_and_no_open_files(tmp_path: Path) -> None:
     def count() -> tuple[int, int]:
         return threading.active_count(), len(os.listdir("/dev/fd"))
 

@@ -1,4 +1,4 @@
-"""Which runs are shown under which names, and which two are the best."""
+"""The names under which runs are shown, and the choice of the best two."""
 
 import pytest
 
@@ -9,7 +9,7 @@ from sim.tasks.run_files import EpisodeRun, Run
 from .conftest import KEY, info
 
 
-def test_equal_run_ids_and_odd_names_stay_apart(agent_run: Run, human_run: Run) -> None:
+def test_runs_with_equal_ids_or_unusual_names_get_distinct_labels(agent_run: Run, human_run: Run) -> None:
     labels = [trace.label for trace in select_traces([agent_run, agent_run, human_run, agent_run], KEY)]
     assert labels == ["straight.agent", "straight.agent-2", "study-P07", "straight.agent-3"]
 
@@ -31,7 +31,7 @@ def test_the_only_common_episode_is_found_and_others_are_named(agent_run: Run, h
 
 
 def measured(run: Run, name: str, *, kind: str = "agent", steps: int | None = None, **figures: object) -> Run:
-    """The run under another name with other figures under rule `paper`."""
+    """The run with another name and other figures for the rule `paper`."""
     (walk,) = run.episodes
     measures = walk.end.measures
     assert measures is not None
@@ -57,7 +57,7 @@ def test_the_best_person_and_the_best_agent_are_shown(agent_run: Run, answer_run
     assert [trace.label for trace in best_two(select_traces(runs, KEY))] == ["near", "direct"]
 
 
-def test_without_people_the_two_best_agents_are_shown_runs_without_measures_last(
+def test_without_people_the_two_best_agents_are_shown_and_runs_without_measures_come_last(
     agent_run: Run, answer_run: Run
 ) -> None:
     first, second = measured(agent_run, "long", spl=0.9), measured(agent_run, "short", spl=0.9, steps=20)

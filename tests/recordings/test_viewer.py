@@ -1,4 +1,4 @@
-"""Viewers that we start: no usage data, loopback only, nothing left behind whatever ends us, no busy waiting."""
+"""Viewers that we start: no usage data, loopback only, no process left behind after any ending, no busy waiting."""
 
 import contextlib
 import json
@@ -36,13 +36,13 @@ with live_viewer() as address:
 
 @pytest.fixture(autouse=True)
 def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Windows are not opened by tests."""
+    """Removes the display, so that tests open no window."""
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
 
 
 def is_running(pid: int) -> bool:
-    """Whether a process is there and not a zombie."""
+    """Whether a process exists and is not a zombie."""
     with contextlib.suppress(FileNotFoundError, ProcessLookupError):
         return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     return False
@@ -65,7 +65,7 @@ def listening(pid: int) -> set[str]:
 
 @contextlib.contextmanager
 def python(code: str) -> Iterator[subprocess.Popen[str]]:
-    """Our code in a process of its own, as a user's terminal would start it."""
+    """A separate process that runs our code, started as from a user's terminal."""
     process = subprocess.Popen(
         [sys.executable, "-c", code],
         stdin=subprocess.PIPE,
@@ -82,16 +82,16 @@ def python(code: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def wait_until_gone(pid: int) -> None:
-    """Returns when the process has ended; fails when it has not after a minute."""
+    """Returns when the process has ended; fails if it has not ended after a minute."""
     tick = threading.Event()
     for _ in range(600):
         if not is_running(pid):
             return
         tick.wait(0.1)
-    raise AssertionError(f"process {pid} is still there")
+    raise AssertionError(f"process {pid} still exists")
 
 
-def test_rerun_is_told_to_send_no_usage_data_and_the_users_settings_stay(
+def test_rerun_sends_no_usage_data_and_the_users_settings_do_not_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
@@ -106,7 +106,7 @@ def test_rerun_is_told_to_send_no_usage_data_and_the_users_settings_stay(
     assert "FORCE_RERUN_ANALYTICS" not in environment
 
 
-def test_usage_data_stays_off_where_no_settings_can_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_usage_data_stays_off_if_no_settings_can_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").touch()
     monkeypatch.setenv(VARIABLE, str(tmp_path / "file"))
     environment = quiet_environment() | {"RUST_LOG": "debug", "XDG_CONFIG_HOME": str(tmp_path)}
@@ -116,7 +116,7 @@ def test_usage_data_stays_off_where_no_settings_can_be_written(tmp_path: Path, m
 
 @contextlib.contextmanager
 def running_with_log(environment: dict[str, str]) -> Iterator[list[str]]:
-    """Lines of Rerun's log until it listens."""
+    """Starts Rerun and gives the lines of its log until it listens."""
     command = [str(program()), "--serve-grpc", "--bind", "127.0.0.1", "--port", "0"]
     process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
@@ -133,7 +133,7 @@ def running_with_log(environment: dict[str, str]) -> Iterator[list[str]]:
 
 
 @on_linux
-def test_a_server_listens_on_loopback_only_and_ends_with_its_block() -> None:
+def test_a_server_listens_only_on_loopback_and_ends_with_its_block() -> None:
     with running_rerun("--serve-grpc") as server:
         pid = server.process.pid
         assert listening(pid) == {"0100007F"}
@@ -160,20 +160,20 @@ def test_no_server_outlives_a_program_that_is_killed_or_interrupted(ending: sign
         wait_until_gone(pid)
 
 
-def test_a_program_that_does_not_start_says_why() -> None:
+def test_an_error_about_a_program_that_does_not_start_gives_the_reason() -> None:
     told = r"rerun .*--no-such-option: it ended with exit code 2 .*unexpected"
     with pytest.raises(RecordingError, match=told), running_rerun("--no-such-option"):
         pass
 
 
-def test_a_stream_without_a_display_is_served_and_ends_at_once_after_an_error(capsys: pytest.CaptureFixture) -> None:
+def test_a_stream_without_a_display_is_served_and_ends_at_once_on_an_error(capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(ZeroDivisionError), live_viewer() as address:
         stream_and_fail(address)
     assert "Watch live in a browser on this machine: http://127.0.0.1:" in capsys.readouterr().out
 
 
 def stream_and_fail(address: str) -> None:
-    """Sends one point, as far as the stream's server, and breaks off."""
+    """Sends one point to the server of the stream and raises an error."""
     stream = rr.RecordingStream("personal-viz", recording_id="live")
     stream.connect_grpc(address)
     stream.log("point", rr.Points3D([0.0, 0.0, 0.0]))
@@ -183,7 +183,7 @@ def stream_and_fail(address: str) -> None:
 
 
 @on_linux
-def test_a_stream_that_is_over_stays_to_be_seen_until_ctrl_c() -> None:
+def test_a_finished_stream_stays_visible_until_ctrl_c() -> None:
     with python(SHOWS_LIVE) as process:
         assert process.stdout is not None
         lines = [process.stdout.readline() for _ in range(3)]
@@ -195,7 +195,7 @@ def test_a_stream_that_is_over_stays_to_be_seen_until_ctrl_c() -> None:
         assert not is_running(children[0])
 
 
-def test_a_live_server_is_given_no_file_because_it_would_never_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_live_server_gets_no_file_because_it_would_use_cpu_all_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[tuple[str, ...]] = []
 
     @contextlib.contextmanager
@@ -210,7 +210,7 @@ def test_a_live_server_is_given_no_file_because_it_would_never_rest(monkeypatch:
     assert started == [("--serve-grpc", "--server-memory-limit", window.STREAM_MEMORY)]
 
 
-def test_a_window_that_cannot_open_is_told_and_a_page_shows_the_file(
+def test_a_window_that_cannot_open_is_reported_and_a_page_shows_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
     monkeypatch.setenv("DISPLAY", ":no-such-display")
@@ -224,13 +224,13 @@ def test_a_window_that_cannot_open_is_told_and_a_page_shows_the_file(
 
 
 def until_ended_or_ctrl_c(line: str, wait) -> None:
-    """As a person who presses Ctrl-C at the page; a window's end is waited for."""
+    """Waits until a window ends; at the page it returns, as if a person pressed Ctrl-C."""
     print(line)
     if wait.__name__ == "wait" and isinstance(wait.__self__, RerunProcess):
         wait()
 
 
-def test_missing_files_and_pages_are_named(tmp_path: Path) -> None:
+def test_missing_files_and_pages_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"x\.rrd: found no file"):
         open_file(tmp_path / "x.rrd")
     with pytest.raises(RecordingError, match=r"found no index\.html; expected one"):

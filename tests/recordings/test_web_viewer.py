@@ -1,4 +1,4 @@
-"""Rerun's web viewer as we serve it: on loopback, one folder or file, no contact with anything else."""
+"""Rerun's web viewer as we serve it: on loopback, with one folder or file, and without contact to other hosts."""
 
 import http.client
 import io
@@ -26,7 +26,7 @@ GREEN = (0, 200, 80)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A page, a recording of a green picture, and files that nobody may read."""
+    """A folder with a page, a recording of a green picture, and files that must not be served."""
     tmp_path = tmp_path_factory.mktemp("web")
     folder = tmp_path / "site"
     (folder / "below").mkdir(parents=True)
@@ -43,13 +43,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def site(folder: Path) -> Iterator[WebViewer]:
-    """The folder, served."""
+    """The web viewer that serves the folder."""
     with serve_folder(folder) as site:
         yield site
 
 
 def log_green(stream: rr.RecordingStream) -> None:
-    """One green picture that fills the window."""
+    """Logs one green picture that fills the window."""
     stream.log("picture", rr.Image(np.full((40, 60, 3), GREEN, np.uint8)), static=True)
     view = rrb.Spatial2DView(origin="/picture")
     stream.send_blueprint(rrb.Blueprint(view, auto_views=False, collapse_panels=True))
@@ -58,7 +58,7 @@ def log_green(stream: rr.RecordingStream) -> None:
 def ask(
     site: WebViewer, path: str, *, method: str = "GET", host: str | None = None, **more: str
 ) -> tuple[int, bytes, dict[str, str]]:
-    """Status, content and headers (names in small letters); the path is sent as it is, and `more` headers."""
+    """Status, content and headers (names in lower case) of a request with this exact path and `more` headers."""
     address = site.address.removeprefix("http://")
     connection = http.client.HTTPConnection(address, timeout=60)
     headers = {name.replace("_", "-"): value for name, value in more.items()}
@@ -69,7 +69,7 @@ def ask(
     return reply.status, content, {name.lower(): value for name, value in reply.getheaders()}
 
 
-def test_a_folder_is_served_with_its_page_first_and_the_viewer_beside_it(site: WebViewer, folder: Path) -> None:
+def test_a_folder_is_served_with_its_page_at_the_root_and_the_viewer_beside_it(site: WebViewer, folder: Path) -> None:
     assert ask(site, "/")[:2] == (200, b"<h1>Episodes</h1>")
     assert ask(site, "/below/a%20page.html")[:2] == (200, b"<p>below</p>")
     status, content, headers = ask(site, "/green%20picture.rrd")
@@ -82,7 +82,7 @@ def test_a_folder_is_served_with_its_page_first_and_the_viewer_beside_it(site: W
     assert ask(site, "/viewer/re_viewer_bg.wasm", method="HEAD")[2]["content-type"] == "application/wasm"
 
 
-def test_head_gives_the_length_alone_and_other_methods_and_hosts_are_refused(site: WebViewer) -> None:
+def test_head_gives_only_the_length_and_other_methods_and_hosts_are_refused(site: WebViewer) -> None:
     status, content, headers = ask(site, "/index.html", method="HEAD")
     assert (status, content, headers["content-length"]) == (200, b"", "17")
     assert ask(site, "/index.html", method="POST")[0] == 405
@@ -108,7 +108,7 @@ def test_one_file_is_served_without_its_neighbours(folder: Path) -> None:
         assert "green%20picture.rrd&hide_welcome_screen=1" in headers["location"]
 
 
-def test_a_link_to_a_recording_opens_the_viewer_which_may_contact_us_and_one_stream_only(site: WebViewer) -> None:
+def test_a_link_to_a_recording_opens_the_viewer_which_may_contact_only_us_and_one_stream(site: WebViewer) -> None:
     status, _, headers = ask(site, "/green%20picture.rrd", Sec_Fetch_Dest="document")
     assert (status, headers["location"]) == (302, site.of_file("green picture.rrd"))
     assert ask(site, "/green%20picture.rrd", Sec_Fetch_Dest="empty")[0] == 200
@@ -122,7 +122,7 @@ def test_a_link_to_a_recording_opens_the_viewer_which_may_contact_us_and_one_str
     assert "connect-src 'self';" in ask(site, "/")[2]["content-security-policy"]
 
 
-def test_the_viewers_page_names_no_other_machine_to_load_from() -> None:
+def test_the_page_of_the_viewer_loads_nothing_from_other_hosts() -> None:
     page = viewer_file("index.html")
     assert b"googleapis" not in page
     assert b"preconnect" not in page
@@ -130,7 +130,7 @@ def test_the_viewers_page_names_no_other_machine_to_load_from() -> None:
     assert page.index(b"console.debug") < page.index(b"re_viewer.js")
 
 
-def test_the_viewers_files_are_taken_from_rerun_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_files_of_the_viewer_are_fetched_from_rerun_once(monkeypatch: pytest.MonkeyPatch) -> None:
     content = viewer_file("re_viewer.js")
 
     def never(*arguments: str, **options: object) -> None:
@@ -142,17 +142,17 @@ def test_the_viewers_files_are_taken_from_rerun_once(monkeypatch: pytest.MonkeyP
     assert viewer_file("re_viewer.js") == content
 
 
-def test_a_port_that_is_taken_is_named(site: WebViewer, folder: Path) -> None:
+def test_a_port_that_is_in_use_is_refused(site: WebViewer, folder: Path) -> None:
     port = int(site.address.rsplit(":", 1)[1])
     with pytest.raises(RecordingError, match=rf"port {port}: cannot be used"), serve_folder(folder, port=port):
         pass
 
 
 def watched_picture(address: str, wanted: tuple[int, int, int]) -> tuple[set[str], set[str]]:
-    """Shows an address in Chromium until a third of it has the colour, without the viewer's thousands of debug lines.
+    """Shows an address in Chromium until a third of it has the colour; fails if the viewer prints debug lines.
 
     Returns:
-        (hosts of all requests that left the page, hosts that the page tried and its policy refused)
+        (hosts of all requests that left the page, hosts that its policy refused)
     """
     if find_chromium() is None:
         if os.environ.get("CI") == "true":
@@ -182,21 +182,21 @@ def watched_picture(address: str, wanted: tuple[int, int, int]) -> tuple[set[str
 
 @pytest.mark.browser
 @pytest.mark.slow
-def test_the_viewer_draws_a_recording_and_reaches_nothing_but_us(site: WebViewer) -> None:
-    asked, refused = watched_picture(f"{site.address}/green%20picture.rrd", GREEN)  # as a link leads there
+def test_the_viewer_draws_a_recording_and_contacts_only_us(site: WebViewer) -> None:
+    asked, refused = watched_picture(f"{site.address}/green%20picture.rrd", GREEN)  # the address of a link
     assert asked == {site.address.removeprefix("http://")}
     assert "tel.rerun.io" in refused, "the viewer no longer tries; the policy could be simpler"
 
 
 def cpu_s(pid: int) -> float:
-    """Seconds of processor time that a process has used (Linux)."""
+    """CPU seconds that a process has used (Linux)."""
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @pytest.mark.browser
 @pytest.mark.slow
-def test_a_live_stream_is_drawn_and_its_server_rests(folder: Path) -> None:
+def test_a_live_stream_is_drawn_and_its_server_does_not_spin(folder: Path) -> None:
     with running_rerun("--serve-grpc") as server, serve_live(server.port) as site:
         stream = rr.RecordingStream("personal-viz", recording_id="live")
         stream.connect_grpc(live_url(server.port))
@@ -205,7 +205,7 @@ def test_a_live_stream_is_drawn_and_its_server_rests(folder: Path) -> None:
         stream.disconnect()
         before_s = cpu_s(server.process.pid)
         asked, refused = watched_picture(site.address, GREEN)
-        # a server that spins uses all the time that the page takes to load, which is never less than 3 s
+        # a spinning server would use CPU for all the time that the page takes to load, at least 3 s
         assert cpu_s(server.process.pid) - before_s < 1.5
         assert asked == {site.address.removeprefix("http://"), f"127.0.0.1:{server.port}"}
         assert "tel.rerun.io" in refused

@@ -1,1 +1,1 @@
-"""Behaviour that a rebuilding must leave equal: what commit 0d21b8b answered, stored as literals, asked again."""
+"""Behaviour that a rebuild must not change: the program's answers must equal the stored ones of commit 0d21b8b."""

@@ -1,12 +1,17 @@
-"""What is asked of the program, as JSON values that a literal can hold; record.py writes them, the tests ask again."""
+"""The program's answers as JSON values; record.py stores them as literals, the tests compare new ones with those."""
 
 import hashlib
 import json
+import re
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from sim.episodes.dataset import PersonalDataset
+from sim.homes.open_home import open_scene
 
 from .doors import Home, personal_viz, recording_rows
 
@@ -16,15 +21,15 @@ STUDY = DATA / "study"
 AGENTS = DATA / "study-agents"
 RECOVERED = "TEEsavR23oF"
 SAMPLE = (RECOVERED, "CrMo8WxCyVb")
-"""Homes of the short test of `homes`; all of them take a quarter of an hour."""
+"""Homes of the short test of `homes`; all homes would take a quarter of an hour."""
 INVENT = ("--homes", "2", "--seed", "11")
 INVENTED = ("Invented11", "Invented12")
 METHODS = ("qs", "rpg", "phrase", "joint")
 NUM_PATHS, NUM_VIEWS = 50, 12
 _EDGE = 0.02
-"""Pixels where depth bends by more than this share of itself are left out: half a pixel decides there, not the home."""
+"""Pixels whose depth bends by more than this share of itself are left out: half a pixel changes them, not the home."""
 _EVERY = 4
-"""Of the pixels' rows and columns, these stand in the literal."""
+"""The literal holds every n-th row and column of the pixels."""
 _REPORT_TABLES = {
     "rows": ("task", "scene_kind", "who", "condition", "split", "measure"),
     "spreads": ("task", "scene_kind", "who", "condition", "split", "measure"),
@@ -43,7 +48,7 @@ _REPORT_TABLES = {
     "exclusions": ("rule_id",),
     "left_out": ("who", "task", "reason"),
 }
-"""Tables of the report and the columns that name a row of theirs."""
+"""Tables of the report, each with the columns that identify a row."""
 
 
 def literal(name: str) -> Any:
@@ -52,7 +57,7 @@ def literal(name: str) -> Any:
 
 
 def homes_totals(dataset: Path, *scenes: str, plans: Path | None = None) -> dict[str, Any]:
-    """`homes --json` without what only this machine or this mesh decides: seconds, triangles, megabytes."""
+    """`homes --json` without the figures that depend on the machine or the mesh, such as seconds and megabytes."""
     out = () if plans is None else ("--out", plans)
     chosen = ("--scene", *scenes) if scenes else ()
     report = json.loads(personal_viz("homes", "--dataset", dataset, *chosen, *out, "--json"))
@@ -65,7 +70,7 @@ def homes_totals(dataset: Path, *scenes: str, plans: Path | None = None) -> dict
 
 
 def ground_answers(dataset: Path, out: Path, method: str) -> dict[str, Any]:
-    """Figures of `ground` on oracle maps, and a digest of the answers in each home."""
+    """Figures of `ground` on oracle maps; scores and a digest of the answers in each home."""
     run_id = f"frozen-{method}"
     said = personal_viz(
         "ground", "--dataset", dataset, "--method", method, "--encoder", "hashed", "--out", out,
@@ -75,15 +80,24 @@ def ground_answers(dataset: Path, out: Path, method: str) -> dict[str, Any]:
 
 
 def answers_in(document: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Figures that `ground` printed, and a digest of each home's answers in its run folder."""
+    """Figures that `ground` printed; all scores of each home's answers in the run folder, and a digest of the rest.
+
+    Processors differ in the last digit of some scores, so scores are in no digest; the order of candidates is.
+    """
     figures = {key: document[key] for key in ("n", "n_per_split", "sr", "top3", "pooled", "storey_given")}
-    fields = ("split", "scene", "episode_id", "candidates", "scores", "storey_given", "reason", "phrases_fell_back")
+    fields = ("split", "scene", "episode_id", "candidates", "storey_given", "reason", "phrases_fell_back")
     measures = ("success", "top3_success", "planar_distance", "distance_3d", "planar_distances")
     homes: dict[str, list[str]] = {}
+    scores: dict[str, list[float]] = {}
     for line in map(json.loads, (folder / "answers.jsonl").read_text(encoding="utf-8").splitlines()):
         kept = [line[field] for field in fields] + [line["measures"][field] for field in measures]
         homes.setdefault(line["scene"], []).append(json.dumps(kept))
-    return {"figures": figures, "digests": {scene: _digest(homes[scene]) for scene in sorted(homes)}}
+        scores.setdefault(line["scene"], []).extend(line["scores"])
+    return {
+        "figures": figures,
+        "digests": {scene: _digest(homes[scene]) for scene in sorted(homes)},
+        "scores": {scene: scores[scene] for scene in sorted(scores)},
+    }
 
 
 def habitat_agreement(golden: Path) -> dict[str, Any]:
@@ -100,7 +114,7 @@ def invented(out: Path) -> Path:
 
 
 def home_poses(home: Home, plan: Path) -> dict[str, Any]:
-    """Middle and size of each object of the opened home, and the yaw that its plan file gives it, by name."""
+    """Centre and size of each object of the opened home, and the yaw that its plan file gives it, by name."""
     yaws = {thing["name"]: thing.get("yaw", 0.0) for thing in json.loads(plan.read_text())["furniture"]}
     return {
         name: {"centre": _mm(centre), "size": _mm(size), "yaw": _rounded(yaws[name]) if name in yaws else None}
@@ -109,7 +123,7 @@ def home_poses(home: Home, plan: Path) -> dict[str, Any]:
 
 
 def home_areas(home: Home) -> dict[str, Any]:
-    """Heights and walkable areas of the storeys."""
+    """Heights (metres) and walkable areas (square metres) of the storeys."""
     return {
         "heights": _mm(home.storey_heights),
         "square_metres": [_rounded(home.area(storey_y)) for storey_y in home.storey_heights],
@@ -117,19 +131,19 @@ def home_areas(home: Home) -> dict[str, Any]:
 
 
 def chosen_paths(home: Home) -> list[list[list[float]]]:
-    """Start and goal of each path that a literal asks for, joined by one."""
+    """Start and goal, world metres, of each path in a literal; a path joins them."""
     rng = np.random.default_rng(1)
     pairs = [[home.place(rng), home.place(rng)] for _ in range(4 * NUM_PATHS)]
     return [pair for pair in pairs if np.isfinite(home.distance(*pair))][:NUM_PATHS]
 
 
 def path_lengths(home: Home, paths: Iterable[list[list[float]]]) -> list[float]:
-    """Geodesic metres."""
+    """Geodesic length of each path in metres."""
     return [_rounded(home.distance(start, goal)) for start, goal in paths]
 
 
 def chosen_views(home: Home) -> list[list[Any]]:
-    """(position of the feet, yaw) of each depth picture."""
+    """(position of the feet, yaw in radians) of each depth picture."""
     rng = np.random.default_rng(2)
     return [[home.place(rng), _rounded(rng.uniform(-np.pi, np.pi))] for _ in range(NUM_VIEWS)]
 
@@ -161,15 +175,22 @@ def report_numbers(out: Path) -> dict[str, Any]:
 
 
 def replayed_rows(dataset: Path, out: Path) -> dict[str, dict[str, int]]:
-    """Entities and rows of the recording of two stored runs of one episode."""
-    runs = sorted(path.parent for path in RUNS.glob("*/run.json"))
+    """Rows of each component by entity, in the recording of the stored runs of one episode.
+
+    The runs are copied and name the home as it is opened here: processors differ in the last bits of its arrays.
+    """
+    home = open_scene(PersonalDataset(dataset), RECOVERED)
+    copies = Path(shutil.copytree(RUNS, out.with_name("runs")))
+    for steps in copies.glob("*/steps.jsonl"):
+        steps.write_text(re.sub(r'("scene_digest":)"[0-9a-f]{64}"', rf'\1"{home.digest}"', steps.read_text()))
+    runs = sorted(path.parent for path in copies.glob("*/run.json"))
     episode = f"easy/{RECOVERED}/240"
     personal_viz("replay", "--dataset", dataset, "--runs", *runs, "--episode", episode, "--out", out)
     return recording_rows(out)
 
 
 def _by_name(rows: list[dict[str, Any]], keys: tuple[str, ...]) -> dict[str, dict[str, Any]]:
-    """The numbers of each row by its name."""
+    """The numbers of each row, by the row's name."""
     found: dict[str, dict[str, Any]] = {}
     for row in rows:
         name = " | ".join(str(row[key]) for key in keys if key in row)
@@ -179,13 +200,13 @@ def _by_name(rows: list[dict[str, Any]], keys: tuple[str, ...]) -> dict[str, dic
 
 
 def _numbers(row: dict[str, Any]) -> dict[str, Any]:
-    """The row without its texts."""
+    """The row without its text fields."""
     kept = {key: _numbers(value) if isinstance(value, dict) else value for key, value in row.items()}
     return {key: value for key, value in kept.items() if value is None or isinstance(value, bool | int | float | dict)}
 
 
 def _away_from_edges(depth_m: np.ndarray, edge: float) -> list[float | None]:
-    """Every fourth pixel, millimetres. On a plane, however it lies, one over the depth is linear in the picture."""
+    """Every fourth pixel, millimetres. On any plane, the inverse of the depth is linear in the picture."""
     near = 1 / np.maximum(depth_m, 1e-3)
     bend = np.zeros_like(near)
     bend[:, 1:-1] = np.abs(near[:, 2:] + near[:, :-2] - 2 * near[:, 1:-1])

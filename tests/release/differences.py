@@ -1,18 +1,18 @@
-"""Compares what is found with a literal: every field of the literal must be there and equal, new fields may join."""
+"""Compares values with a literal: every field of the literal must exist and be equal; new fields may be added."""
 
 import math
 from typing import Any
 
 
 def differences(expected: Any, found: Any, *, rel: float = 0.0, absolute: float = 0.0, where: str = "") -> list[str]:
-    """One line per value that differs; [] = all of the literal holds.
+    """One line per value that differs; [] if none does.
 
     Args:
         expected: JSON values. Objects may have more fields in `found`; lists have the same length.
-        found: What the program says today.
+        found: JSON values that the program returns today.
         rel: Largest relative difference of two numbers.
-        absolute: Largest absolute difference of two numbers; either allowance is enough.
-        where: Path of the value, for the lines.
+        absolute: Largest absolute difference of two numbers. It is enough to keep one of the two limits.
+        where: Path of the value; each line begins with it.
     """
     if isinstance(expected, dict) and isinstance(found, dict):
         lines = [f"{where}/{key}: missing; expected {expected[key]!r}" for key in expected if key not in found]

@@ -1,7 +1,7 @@
-"""Every name of the program that the release tests use; when a module moves, only this file changes.
+"""All names of the program that the release tests use; when a module moves, only this file changes.
 
-The command line is the first door. Python names stand here only for what no verb prints: the objects, distances and
-depth of a home. A recording is read with Rerun's own reader.
+Most answers come from the command line. Python names are used only for answers that no verb prints: the objects,
+distances and depth of a home. A recording is read with Rerun's own reader.
 """
 
 import os
@@ -21,11 +21,11 @@ from sim.mesh import Scene
 from sim.types import Camera, Pose
 
 CAMERA = Camera(width=64, height=48)
-"""For depth: the paper's field of view, a tenth of its pixels."""
+"""Camera of the depth pictures: the paper's field of view, a tenth of its pixels."""
 
 
 def personal_viz(*arguments: str | Path) -> str:
-    """What the command prints; a failure shows what it said."""
+    """Output of the command; if it fails, the assertion shows what it printed."""
     command = [sys.executable, "-m", "personal_viz", *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "COLUMNS": "200"})
     assert done.returncode == 0, f"{' '.join(command[2:])} ended with {done.returncode}:\n{done.stderr}{done.stdout}"
@@ -34,27 +34,27 @@ def personal_viz(*arguments: str | Path) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """One opened home, asked through the interfaces that agents use."""
+    """One opened home, seen through the interfaces that agents use."""
 
     scene: Scene
 
     @property
     def objects(self) -> dict[str, tuple[list[float], list[float]]]:
-        """(middle, size along the world's axes) of each object by name, metres."""
+        """(centre, size along the world's axes) of each object by name, metres."""
         return {thing.name: ([*map(float, thing.centre)], [*map(float, thing.size)]) for thing in self.scene.objects}
 
     @property
     def storey_heights(self) -> tuple[float, ...]:
-        """Metres, ascending."""
+        """Floor heights of the storeys, world metres, ascending."""
         return self.scene.navigation.storey_heights
 
     def area(self, storey_y: float) -> float:
-        """Walkable square metres of the storey at this height."""
+        """Walkable area of the storey at this height, square metres."""
         seen = self.scene.navigation.top_down(storey_y)
         return float(seen.free.sum()) * seen.grid.cell**2
 
     def place(self, rng: np.random.Generator) -> list[float]:
-        """Somewhere to stand, world metres."""
+        """A random walkable point, world metres."""
         return [round(float(value), 4) for value in self.scene.navigation.random_point(rng)]
 
     def distance(self, start: list[float], goal: list[float]) -> float:
@@ -62,7 +62,7 @@ class Home:
         return float(self.scene.navigation.distances(np.array([start]), np.array([goal]))[0])
 
     def depths(self, poses: list[tuple[list[float], float]]) -> list[NDArray[np.float32]]:
-        """(H, W) planar metres from each (position of the feet, yaw), 0 = nothing there."""
+        """(H, W) planar depth in metres from each (position of the feet, yaw in radians), 0 = no return."""
         renderer = renderer_of(self.scene)
         at = [T_world_camera(Pose((x, y, z), yaw), CAMERA) for (x, y, z), yaw in poses]
         return [renderer.render(T, CAMERA).depth_m for T in at]
@@ -74,7 +74,7 @@ def open_home(dataset: Path, name: str) -> Home:
 
 
 def recording_rows(rrd: Path) -> dict[str, dict[str, int]]:
-    """Rows of each component by entity; static ones apart, as `ENTITY (static)`."""
+    """Number of rows of each component by entity; static ones are listed apart, as `ENTITY (static)`."""
     from rerun.chunk import RrdReader
 
     reader = RrdReader(str(rrd))

@@ -1,16 +1,16 @@
-"""Writes the literals of this folder: `python -m tests.release.record [NAME...]`, at the commit that they are to hold.
+"""Writes the literals of this folder: `python -m tests.release.record [NAME...]`, at the commit to be frozen.
 
-They were made on 2026-11-23 from commit 0d21b8b itself. In a clone of it, with this folder copied to tests/release:
+They were made on 2026-11-23 from commit 0d21b8b itself, in a clone of it with this folder copied to tests/release:
 
     git checkout 0d21b8b
     python -m tests.release.record          # data/*.json: what the program says about the runs, the homes and the maps
 
-What is read back, data/runs, data/study and data/study-agents, was written at that commit too, by stored.py, which
+The inputs data/runs, data/study and data/study-agents were written at that commit too, by stored.py, which
 `git log -- tests/release/stored.py` still shows. The scene digest in the steps of data/runs was replaced on 2026-11-23:
-HOMES_VERSION 2 draws some grain otherwise, and `replay` refuses runs of another digest. All literals stayed.
+HOMES_VERSION 2 draws some wood grain differently, and `replay` refuses runs of another digest. No literal changed.
 
-A literal names the commit in its file. To change one, write it again at the commit that changes the behaviour and give
-the reason in the file's `reason`. No text of an episode is in any of them: ids and numbers only.
+Each file names the commit of its literal. To change one, write it again at the commit that changes the behaviour and
+give the reason in the file's `reason`. The files hold ids and numbers only, no text of an episode.
 """
 
 import json
@@ -31,7 +31,7 @@ GOLDEN = SHARED / "habitat-golden"
 
 
 def home(dataset: Path, name: str, plan: Path) -> dict[str, Any]:
-    """All that is frozen of one home."""
+    """All frozen values of one home."""
     opened = open_home(dataset, name)
     paths, views = answers.chosen_paths(opened), answers.chosen_views(opened)
     return {

@@ -1,4 +1,4 @@
-"""The comparison with literals sees what differs, and only that."""
+"""The comparison with literals reports every difference and nothing else."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Homes answer as commit 0d21b8b: objects and depth within 1 mm, areas and path lengths within 0.1 %, all figures."""
+"""Homes are as at commit 0d21b8b: objects, depth within 1 mm, areas, path lengths within 0.1 %, figures equal."""
 
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from .doors import Home, open_home
 MM = 0.001
 PER_MILLE = 0.001
 LAST_DIGIT = 0.00011
-"""Shares are printed with four digits; one unit of the last may depend on the order of a sum."""
+"""Shares are printed with four digits; the order of a sum may change the last digit by one."""
 
 
 @pytest.fixture(scope="module")
@@ -35,12 +35,12 @@ def measured(dataset_root: Path, tmp_path_factory: pytest.TempPathFactory) -> tu
 
 @pytest.fixture(scope="module")
 def invented_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two homes, invented again from their seeds."""
+    """Dataset of two homes that are invented again from their seeds."""
     return invented(tmp_path_factory.mktemp("invented"))
 
 
-def test_homes_figures_of_a_sample(measured: tuple[Any, Path]) -> None:
-    """Two homes and their total; all of them take a quarter of an hour (the next test)."""
+def test_homes_prints_the_same_figures_for_a_sample(measured: tuple[Any, Path]) -> None:
+    """Two homes and their total; the next test covers all homes and takes a quarter of an hour."""
     found, _ = measured
     assert differences(literal("homes-sample"), found, absolute=LAST_DIGIT) == []
     every = {"scenes": {name: literal("homes")["scenes"][name] for name in SAMPLE}}
@@ -49,25 +49,25 @@ def test_homes_figures_of_a_sample(measured: tuple[Any, Path]) -> None:
 
 @pytest.mark.bench
 @pytest.mark.timeout(7200)
-def test_homes_figures_of_all(dataset_root: Path) -> None:
-    """A quarter of an hour, so only when asked for: pytest -m bench tests/release."""
+def test_homes_prints_the_same_figures_for_all_homes(dataset_root: Path) -> None:
+    """Takes a quarter of an hour, so it runs only when asked for: pytest -m bench tests/release."""
     assert differences(literal("homes"), homes_totals(dataset_root), absolute=LAST_DIGIT) == []
 
 
-def test_the_recovered_home(dataset_root: Path, measured: tuple[Any, Path]) -> None:
+def test_the_recovered_home_is_the_same(dataset_root: Path, measured: tuple[Any, Path]) -> None:
     frozen = literal("recovered-home")[RECOVERED]
     plan = measured[1] / f"{RECOVERED}.plan.json"
     assert problems(frozen, open_home(dataset_root, RECOVERED), plan) == []
 
 
 @pytest.mark.parametrize("name", INVENTED)
-def test_invented_homes(name: str, invented_dataset: Path) -> None:
+def test_an_invented_home_is_the_same(name: str, invented_dataset: Path) -> None:
     plan = invented_dataset / "scenes" / f"{name}.plan.json"
     assert problems(literal("invented-homes")[name], open_home(invented_dataset, name), plan) == []
 
 
 def problems(frozen: dict[str, Any], home: Home, plan: Path) -> list[str]:
-    """What of the home is not as in the literal; objects may not be added either."""
+    """Differences of the home from the literal; an added object is one too."""
     found = home_poses(home, plan)
     new = [f"/objects/{name}: is new" for name in found.keys() - frozen["objects"].keys()]
     areas, paths, depth = home_areas(home), frozen["paths"], frozen["depth"]

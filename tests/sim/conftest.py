@@ -11,7 +11,7 @@ from .raycasters import has_embree
 
 @pytest.fixture(params=["embree", "open3d"])
 def make_raycaster(request):
-    """`Raycaster` with one way to find hits."""
+    """`Raycaster` with one backend that finds hits; the test runs once for each."""
     if request.param == "embree" and not has_embree():
         pytest.skip("Embree's packets cannot be used here")
     return partial(Raycaster, backend=request.param)

@@ -1,4 +1,4 @@
-"""Small datasets as another simulator uses them, for tests of the import."""
+"""Small datasets whose episodes other simulators ran, for tests of the import."""
 
 import math
 from pathlib import Path

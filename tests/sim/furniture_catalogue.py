@@ -1,4 +1,4 @@
-"""Which family draws which category: the README of sim/homes/furniture. Run this module to write it again."""
+"""The table of furniture families in sim/homes/furniture/README.md; running this module writes it again."""
 
 from pathlib import Path
 from typing import get_args
@@ -29,16 +29,16 @@ RELEASE_CATEGORIES = (
 )  # fmt: skip
 """All categories of goals in the released episodes."""
 WORDS = tuple(word for word, _ in BY_WORDS)
-"""All words that some family answers to, in the table's order."""
+"""All words that name some family, in the table's order."""
 _HEADER = """# Furniture
 
 Every object of a schematic or invented home is built from its category, size, finish and caption: `add_piece`
 puts the parts that `parts.parts_of` gives into the world. A family is one way of building; this list says which family
-draws which category. "Also" are further words that the family answers to, in clutter and in invented homes. Sizes are
-typical widths, heights and depths in metres, those of the first category where there are several. What no family
-answers to is drawn as a cardboard box.
+draws which category. "Also" lists further words for the family, used in clutter and in invented homes. Sizes are
+typical widths, heights and depths in metres; if a row has several categories, the size is that of the first. An object
+that no family matches is drawn as a cardboard box.
 
-The list is made of `families.py`, and a test compares the two. To write it again, from the top of the repository:
+The list is made from `families.py`, and a test compares the two. To write it again, from the top of the repository:
 
     python -m tests.sim.furniture_catalogue
 

@@ -25,7 +25,7 @@ COMPONENTS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 
 
 
 class GltfWriter:
-    """Collects the parts of a file; `json` may be changed at will before it is written."""
+    """Collects the parts of a file; a test may change `json` before it is written."""
 
     def __init__(self) -> None:
         self.data = bytearray()
@@ -82,7 +82,7 @@ class GltfWriter:
     def square(
         self, *, points: NDArray = SQUARE, uv: NDArray | None = None, colours: NDArray | None = None, **more: Any
     ) -> dict[str, Any]:
-        """A primitive of two triangles, unless `more` says otherwise; whole colours are normalized."""
+        """A primitive of two triangles, unless `more` says otherwise; unsigned integer colours are normalized."""
         attributes = {"POSITION": self.accessor(points)}
         if uv is not None:
             attributes["TEXCOORD_0"] = self.accessor(uv)
@@ -100,7 +100,7 @@ class GltfWriter:
         return head + text + content
 
     def save(self, path: Path) -> Path:
-        """Write a `.glb`, or a `.gltf` with its buffer as data: URI."""
+        """Writes a `.glb`, or a `.gltf` with its buffer as a data: URI, and returns `path`."""
         if path.suffix == ".gltf":
             uri = "data:application/octet-stream;base64," + base64.b64encode(self.data).decode()
             self.json["buffers"] = [{"byteLength": len(self.data), "uri": uri}]
@@ -142,7 +142,7 @@ def loaded(writer: GltfWriter, tmp_path: Path, name: str = "a.glb") -> TriangleM
 
 
 def shown(mesh: TriangleMesh, face: int = 0) -> list[tuple[int, ...]]:
-    """The nearest texel at each corner of a face, moved a little towards its centre."""
+    """The nearest texel (R, G, B) at each corner of a face, taken a little inside the corner."""
     texture = mesh.textures[mesh.face_texture[face]]
     uv = mesh.face_uv[face] + 0.01 * (mesh.face_uv[face].mean(axis=0) - mesh.face_uv[face])
     height, width = texture.shape[:2]
@@ -171,7 +171,7 @@ def with_basis(name: str, *, points: NDArray = SQUARE) -> GltfWriter:
 def drawn(
     tmp_path: Path, draw: Callable[[GltfWriter], dict[str, Any] | list[dict[str, Any]]], **node: Any
 ) -> TriangleMesh:
-    """The mesh of a y-up file whose only node shows what `draw` makes."""
+    """The mesh of a y-up file whose only node shows the primitives that `draw` makes."""
     writer = GltfWriter()
     primitives = draw(writer)
     writer.show(*(primitives if isinstance(primitives, list) else [primitives]), **node)

@@ -23,7 +23,7 @@ def grid_of(free=lambda x, z: x < np.inf, *, size: float = 4.0) -> FloorGrid:
 
 
 def level_floors(shape: tuple[int, int], *heights: float, corner: tuple[float, float] = (0.0, 0.0)) -> FloorGrid:
-    """Rectangles of (rows, columns) free cells above each other, with their first corner at (x, z)."""
+    """Free rectangles of `shape` = (rows, columns) cells at each height, with their first corner at (x, z)."""
     rc = np.argwhere(np.ones(shape, bool))
     grid = GridSpec(corner, CELL, shape)
     return FloorGrid.from_cells(np.tile(rc, (len(heights), 1)), np.repeat(heights, len(rc)), grid=grid)

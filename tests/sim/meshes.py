@@ -55,7 +55,7 @@ def mesh_of(*quads: Quad, textures: tuple[NDArray[np.uint8], ...] = (), texture:
 
 
 def triangles(corners: NDArray, **changes: Any) -> TriangleMesh:
-    """Loose grey triangles (F, 3, 3) without textures, unless `changes` say otherwise."""
+    """A mesh of loose grey triangles (F, 3, 3) without textures, unless `changes` say otherwise."""
     count = len(corners)
     plain = TriangleMesh(
         np.asarray(corners, np.float32).reshape(-1, 3),
@@ -78,6 +78,6 @@ def joined(first: TriangleMesh, second: TriangleMesh) -> TriangleMesh:
 
 
 def area(mesh: TriangleMesh) -> NDArray[np.float64]:
-    """(F,) square metres of each face."""
+    """Area of each face (F,), square metres."""
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2

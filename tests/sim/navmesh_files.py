@@ -23,7 +23,7 @@ def l_shape() -> list[Outline]:
 
 
 def two_storeys() -> list[Outline]:
-    """The L; its wing leads up a ramp of 4 m to y = 3, then to a room over another one that nothing leads to."""
+    """The L with a 4 m long ramp from its wing up to a room at y = 3; the room under that one cannot be reached."""
     ramp = plate(4, 6, 6, 10, far_y=3.0)
     return [*l_shape(), ramp, plate(4, 10, 6, 14, y=3), plate(0, 10, 4, 14, y=3), plate(0, 10, 4, 14)]
 
@@ -36,14 +36,14 @@ def navmesh_bytes(
     flags: dict[int, int] | None = None,
     climb: float = 0.2,
 ) -> bytes:
-    """The file of some polygons, each a fan of detail triangles, under a tree of one root and its leaves.
+    """Content of a file of polygons, each a fan of detail triangles, under a tree of one root and its leaves.
 
     Args:
-        outlines: (K, 3) corners of each, in Detour's order; equal edges are shared.
-        version: 1 has no settings.
-        settings: Habitat's defaults when None.
-        flags: Per polygon; 1 elsewhere.
-        climb: Metres.
+        outlines: Corners (K, 3) of each polygon, in Detour's order; equal edges are shared.
+        version: Version of the format; version 1 has no settings.
+        settings: None = Habitat's defaults.
+        flags: Flags by polygon number; the others have 1.
+        climb: Largest step of the agent, metres.
     """
     vertices = np.unique(np.concatenate(outlines), axis=0)
     index = [[int(np.flatnonzero((vertices == corner).all(axis=1))[0]) for corner in outline] for outline in outlines]
@@ -82,6 +82,6 @@ def navmesh_bytes(
 
 
 def write_navmesh(path: Path, outlines: list[Outline], **options) -> Path:
-    """`path`, now a file as `navmesh_bytes` makes it."""
+    """Writes the content that `navmesh_bytes` makes, and returns `path`."""
     path.write_bytes(navmesh_bytes(outlines, **options))
     return path

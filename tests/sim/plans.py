@@ -23,7 +23,7 @@ def room(name: str, rect: Rect, /, **changes: Any) -> Room:
 
 
 def walls_around(rect: Rect, **changes: Any) -> tuple[Wall, ...]:
-    """Four walls of 2.5 m, from the corner (x0, z0) along x first."""
+    """Four walls 2.5 m high, from the corner (x0, z0) along x first."""
     x0, z0, x1, z1 = rect
     corners = [(x0, z0), (x1, z0), (x1, z1), (x0, z1), (x0, z0)]
     fields = {"storey": 0, "height": 2.5} | changes
@@ -31,7 +31,7 @@ def walls_around(rect: Rect, **changes: Any) -> tuple[Wall, ...]:
 
 
 def two_rooms(*pieces: Furniture, door: float | None = 2.0, **changes: Any) -> HomePlan:
-    """Rooms of 4 x 4 m side by side; the wall between them, x = 4, has a door of 0.9 m at z = `door` or none."""
+    """Two rooms of 4 x 4 m; the wall between them, x = 4, has a 0.9 m door at z = `door`, or no door if it is None."""
     openings = () if door is None else (Opening(kind="door", offset=door, width=0.9),)
     between = Wall(storey=0, start=(4.0, 0.0), end=(4.0, 4.0), height=2.5, openings=openings)
     fields = {

@@ -1,4 +1,4 @@
-"""Runs written the way other programs log them; the formulas are spelled out here, apart from sim/frames.py."""
+"""Runs written the way other programs log them; the formulas are written out here, not taken from sim/frames.py."""
 
 import csv
 import json
@@ -17,7 +17,7 @@ CAMERA_HEIGHT = 0.88
 
 
 def positions_and_rotations(run: EpisodeRun, frame: str, *, camera: str | None = None) -> tuple[np.ndarray, Rotation]:
-    """(points (T, 3), rotations) of the body, or of the camera with these axes, in a frame."""
+    """Points (T, 3) in metres and rotations of the body, or of the camera with these axes, in a frame."""
     points = np.array([pose.position for pose in run.poses])
     turns = Rotation.from_euler("YX", [[pose.yaw, pose.tilt if camera else 0.0] for pose in run.poses])
     if camera:
@@ -45,7 +45,7 @@ def quats(rotations: Rotation, order: str) -> np.ndarray:
 
 
 def numbers(run: EpisodeRun) -> list[int]:
-    """Habitat's numbers of the actions."""
+    """Habitat's number of each action."""
     order = ["stop", "forward", "left", "right", "look_up", "look_down"]
     return [order.index(step.action) for step in run.steps]
 
@@ -84,7 +84,7 @@ def write_csv(
 def write_json(
     path: Path, runs: list[EpisodeRun], frame: str, *, order: str, camera: str | None = None, actions: bool = True
 ) -> Path:
-    """Episodes with arrays."""
+    """Writes one object per episode, with arrays of positions and rotations, and returns `path`."""
     episodes = []
     for run in runs:
         points, rotations = positions_and_rotations(run, frame, camera=camera)
@@ -108,7 +108,7 @@ def write_json(
 def write_npz(
     path: Path, run: EpisodeRun, frame: str, *, camera: str | None = None, actions: bool = True, **more: Any
 ) -> Path:
-    """Matrices."""
+    """Writes poses as matrices (T, 4, 4) and returns `path`."""
     points, rotations = positions_and_rotations(run, frame, camera=camera)
     matrices = np.tile(np.eye(4), (len(points), 1, 1))
     matrices[:, :3, :3], matrices[:, :3, 3] = rotations.as_matrix(), points

@@ -1,4 +1,4 @@
-"""What tests of the raycaster share: a view from above, and random triangles."""
+"""Shared by tests of the raycaster: a view from above, and random triangles."""
 
 import math
 from dataclasses import replace
@@ -15,7 +15,7 @@ from sim.types import Camera, Frame, Pose
 from .meshes import floor, mesh_of
 
 LOOK_DOWN = Pose((0.0, 0.0, 0.0), 0.0, -math.pi / 2)
-"""Image right = +x, image down = +z; the camera is 0.88 m up."""
+"""A view whose image right is +x and image down +z, from a camera 0.88 m up."""
 
 
 def has_embree() -> bool:
@@ -36,7 +36,7 @@ def seen_from_above(raycaster: Raycaster, x: float, z: float, camera: Camera | N
 
 
 def soup(seed: int, *, faces: int = 200, is_lit: bool = False) -> TriangleMesh:
-    """Random triangles round the origin, half of them textured (and lit), with an object id each."""
+    """Random triangles around the origin with an object id each; half of them are textured, all lit if `is_lit`."""
     rng = np.random.default_rng(seed)
     mesh = mesh_of(*[floor(0, 0, 1, 1)] * ((faces + 1) // 2))
     centres = rng.uniform(-3, 3, (len(mesh.faces), 1, 3))
@@ -54,7 +54,7 @@ def soup(seed: int, *, faces: int = 200, is_lit: bool = False) -> TriangleMesh:
 
 
 def assert_same(one: Frame, other: Frame) -> None:
-    """Fails unless two frames are equal to the last bit."""
+    """Fails unless the two frames are equal to the last bit."""
     np.testing.assert_array_equal(one.rgb, other.rgb)
     np.testing.assert_array_equal(one.depth_m, other.depth_m)
     np.testing.assert_array_equal(one.instance_ids, other.instance_ids)

@@ -30,7 +30,7 @@ def recorded_goal(name: str, position: Point, seen_from: list[Point]) -> Goal:
 
 
 def recorded_of(*goals: Goal, captions: dict[str, str] | None = None, more: list[Point] | None = None) -> Recorded:
-    """What files with these goals say; `more` are places that the generator added."""
+    """The record of files with these goals; `more` are places that the generator added."""
     places = {tuple(p.agent_state.position) for goal in goals for p in goal.original_view_points}
     standing = np.array(sorted(places), float).reshape(-1, 3)
     extras = np.array(more or [], float).reshape(-1, 3)
@@ -38,7 +38,7 @@ def recorded_of(*goals: Goal, captions: dict[str, str] | None = None, more: list
 
 
 class Found(NamedTuple):
-    """A recovered object and where it is fixed."""
+    """A recovered object and where it is mounted."""
 
     piece: Furniture
     mounting: Mounting

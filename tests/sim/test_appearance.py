@@ -1,4 +1,4 @@
-"""Captions become finishes: colours, patterns and materials of the thing itself."""
+"""Captions become finishes: colours, patterns and materials of the object itself, not of its surroundings."""
 
 from pathlib import Path
 
@@ -27,14 +27,14 @@ WHITE, RED, BLUE = COLOURS["white"], COLOURS["red"], COLOURS["blue"]
         ("balck chair", "chair", COLOURS["black"]),
     ],
 )
-def test_the_colour_is_that_of_the_thing_itself(text: str, category: str, colour: tuple[int, int, int]) -> None:
+def test_the_colour_is_that_of_the_object_itself(text: str, category: str, colour: tuple[int, int, int]) -> None:
     assert finish_from_text(text, category).rgb == colour
 
 
 @pytest.mark.parametrize(
     "text", ["chair next to a blue sofa", "the chair under the red picture", "table near it. There is a red rug"]
 )
-def test_colours_of_other_things_do_not_count(text: str) -> None:
+def test_colours_of_other_objects_do_not_count(text: str) -> None:
     assert finish_from_text(text, "table" if text.startswith("table") else "chair").rgb not in (BLUE, RED)
 
 
@@ -71,13 +71,13 @@ def test_materials_and_patterns_are_found(text: str, category: str, material: st
     assert (finish.material, finish.pattern) == (material, pattern)
 
 
-def test_a_pattern_has_both_its_colours_and_a_painting_not_that_of_its_frame() -> None:
+def test_a_pattern_has_both_its_colours_and_a_picture_not_the_colour_of_its_frame() -> None:
     finish = finish_from_text("blue and white striped sofa near a red rug", "couch")
     assert (finish.rgb, finish.rgb2) == (BLUE, WHITE)
     assert finish_from_text("picture with golden frame", "picture").rgb != COLOURS["golden"]
 
 
-def test_what_nobody_says_is_usual_and_own_words_leave_out_the_surroundings() -> None:
+def test_unsaid_finishes_are_usual_ones_and_own_words_leave_out_the_surroundings() -> None:
     assert finish_from_text("", "toilet") == finish_from_text("", "toilet")
     assert finish_from_text("", "toilet").material == "ceramic"
     assert finish_from_text("", "fire extinguisher").rgb == RED
@@ -102,7 +102,7 @@ def test_colours_are_found_in_half_of_the_released_captions(dataset_root: Path) 
                     categories[(scene, name)] = goals[name].object_category
     found = [_names_colour(own_words(text, categories[key])) for key, text in captions.items()]
     assert len(found) > 800
-    # 71 % hold a colour or material word somewhere; the rest of those speak of other things
+    # 71 % hold a colour or material word somewhere, but some of these words describe other objects
     assert 0.45 <= sum(found) / len(found) <= 0.65
 
 

@@ -1,4 +1,4 @@
-"""Textures as tiles of a few sheets: every place keeps its colour, nothing shines through, sizes stay bounded."""
+"""Textures as tiles of a few sheets: every place keeps its colour, no neighbour shows through, sizes stay bounded."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def squares(*textures: NDArray[np.uint8], side: float = 1.0) -> TriangleMesh:
 
 
 def colours(mesh: TriangleMesh, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What faces show, bilinear and repeating, at places with these weights (P, 3) of their corners: (F, P, 3)."""
+    """Colours (F, P, 3) of the faces, bilinear and repeating, at barycentric weights (P, 3)."""
     shown = np.empty((len(mesh.faces), len(weights), 3))
     for face, texture in enumerate(mesh.face_texture):
         image = mesh.textures[texture].astype(float)
@@ -47,7 +47,7 @@ def plain(rgb: tuple[int, int, int], height: int, width: int) -> NDArray[np.uint
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(st.integers(1, 90), st.integers(1, 90)), min_size=1, max_size=30), st.integers(0, 999))
-def test_no_colour_of_a_neighbour_shines_through(sizes: list[tuple[int, int]], seed: int) -> None:
+def test_no_colour_of_a_neighbour_shows_through(sizes: list[tuple[int, int]], seed: int) -> None:
     rgb = np.random.default_rng(seed).integers(0, 256, (len(sizes), 3))
     textures = tuple(plain(tuple(value), *size) for value, size in zip(rgb, sizes, strict=True))
     atlas = atlased(squares(*textures))
@@ -68,7 +68,7 @@ def test_28_large_textures_become_four_sheets_that_show_the_same() -> None:
     assert atlas.face_uv.max() <= 1
 
 
-def test_a_few_small_textures_keep_every_texel_also_where_coordinates_are_a_whole_image_off() -> None:
+def test_a_few_small_textures_keep_every_texel_even_with_coordinates_whole_images_off() -> None:
     rng = np.random.default_rng(4)
     mesh = squares(*(rng.integers(0, 256, (40, 60, 3)).astype(np.uint8) for _ in range(3)))
     inner = np.clip(PLACES, 0.05, None) / np.clip(PLACES, 0.05, None).sum(axis=1, keepdims=True)
@@ -80,7 +80,7 @@ def test_a_few_small_textures_keep_every_texel_also_where_coordinates_are_a_whol
     np.testing.assert_allclose(atlased(moved).face_uv, atlased(mesh).face_uv, atol=1e-5)
 
 
-def test_texels_are_shared_by_surface_and_many_repeating_textures_keep_the_same_number() -> None:
+def test_texels_are_shared_out_by_surface_and_many_repeating_textures_shrink_together() -> None:
     small, large = squares(*[plain((5, 5, 5), 2048, 2048)] * 2), squares(*[plain((9, 9, 9), 2048, 2048)] * 6, side=3.0)
     atlas = atlased(joined(small, large))
     sizes = np.array([atlas.textures[texture].shape[1] for texture in atlas.face_texture])
@@ -94,7 +94,7 @@ def test_texels_are_shared_by_surface_and_many_repeating_textures_keep_the_same_
     assert min(image.shape[0] for image in atlas.textures) > 400
 
 
-def test_what_no_face_shows_does_not_mix_into_its_neighbours() -> None:
+def test_texels_that_no_face_shows_do_not_mix_into_their_neighbours() -> None:
     image = plain((0, 0, 0), 2048, 2048)
     image[::3, ::3] = (0, 255, 0)
     image[100:900, 200:1100] = (240, 200, 160)

@@ -1,4 +1,4 @@
-"""Basis Universal images, alone and in GLB files: texels, row order, the cache, damage. Fixtures: data/README.md."""
+"""Basis Universal images, alone and in GLB files: texels, row order, cache, damage. data/README.md lists the files."""
 
 import binascii
 import random
@@ -58,7 +58,7 @@ def test_a_glb_with_basis_textures_shows_them_upright(tmp_path, name):
 
 
 def with_orientation(data: bytes, orientation: bytes) -> bytes:
-    """A KTX2 file whose key-value data also has KTXorientation; what lies behind it moves on."""
+    """A KTX2 file whose key-value data also has KTXorientation; the content after it moves back."""
     start, length = struct.unpack("<II", data[56:64])
     (levels,) = struct.unpack("<I", data[40:44])
     pair = b"KTXorientation\0" + orientation + b"\0"
@@ -102,7 +102,7 @@ def test_a_truncated_image_is_refused(name, kept):
     refusal(content(name)[:kept])
 
 
-def test_one_wrong_bit_in_a_basis_file_is_noticed_and_bytes_behind_it_are_left_out():
+def test_one_wrong_bit_in_a_basis_file_is_noticed_and_bytes_after_its_end_are_ignored():
     data = bytearray(content("corners_etc1s.basis"))
     data[-3] ^= 1
     assert "images.0 has a wrong checksum; expected a whole Basis image" in refusal(bytes(data))
@@ -130,7 +130,7 @@ def test_a_ktx2_header_that_announces_too_much_is_refused(at, new, expected):
 
 
 def with_right_checksums(data: bytearray) -> bytes:
-    """A `.basis` file whose damage its checksums do not show."""
+    """A `.basis` file with its checksums made right, so that they do not reveal the damage."""
     if data[:2] == b"sB" and len(data) > 77:
         data[4:6], data[8:12] = struct.pack("<H", 77), struct.pack("<I", len(data) - 77)
         data[12:14] = struct.pack("<H", binascii.crc_hqx(bytes(data[77:]), 0xFFFF) ^ 0xFFFF)

@@ -46,7 +46,7 @@ def header_of(data: bytes) -> dict:
 
 
 def triangles_of(data: bytes) -> NDArray[np.float64]:
-    """(F, 3, 3) as trimesh reads them."""
+    """Triangles (F, 3, 3) as trimesh reads them."""
     loaded = trimesh.load_scene(io.BytesIO(data), file_type="glb", process=False)
     return np.concatenate([mesh.vertices[mesh.faces] for mesh in loaded.geometry.values()])
 
@@ -57,7 +57,7 @@ def loaded(data: bytes, folder: Path, *, colours: Literal["linear", "srgb"] = "l
 
 
 def rays_from_above(mesh: TriangleMesh, num: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Origins and directions (num, 3) from 3 to 9 m above places of a storey, at all angles down to 25 degrees."""
+    """Origins and directions (num, 3) of rays to places of a storey from 3 to 9 m away, at least 25 degrees steep."""
     rng = np.random.default_rng(8)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     places = low + rng.random((num, 3)) * (high - low)
@@ -68,10 +68,10 @@ def rays_from_above(mesh: TriangleMesh, num: int) -> tuple[NDArray[np.float64], 
     return places + towards * rng.uniform(3, 9, (num, 1)), -towards
 
 
-def test_trimesh_reads_back_a_mesh_as_it_was(scene: Scene) -> None:
+def test_trimesh_reads_back_the_same_mesh(scene: Scene) -> None:
     storey = storey_mesh(scene, 0.0)
     kinds = storey.face_texture.astype(int)
-    order = np.argsort(np.where(kinds == FLAT, -3, kinds), kind="stable")  # a primitive for each, flat colours first
+    order = np.argsort(np.where(kinds == FLAT, -3, kinds), kind="stable")  # one primitive each, flat colours first
     np.testing.assert_array_equal(triangles_of(glb_from_mesh(storey)), storey.vertices[storey.faces[order]])
 
 
@@ -79,7 +79,7 @@ def test_trimesh_reads_back_a_mesh_as_it_was(scene: Scene) -> None:
 def test_the_same_storey_gives_the_same_bytes_and_stays_small(scene: Scene, monkeypatch, tmp_path: Path) -> None:
     data = browser_glb(scene, 2.8)
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    assert data == browser_glb(scene, 2.8), "made again"
+    assert data == browser_glb(scene, 2.8), "made again, not read from the cache"
     assert [path.read_bytes() for path in tmp_path.rglob("*.glb")] == [data]
     assert data != browser_glb(scene, 0.0)
     assert len(data) < 6_000_000
@@ -97,7 +97,7 @@ def test_a_copy_is_made_once(scene: Scene, monkeypatch, tmp_path: Path) -> None:
     assert browser_glb(replace(scene, kind="scan"), 0.0) != b"kept", "scans are cut higher"
 
 
-def test_a_planned_homes_copy_looks_like_the_home(scene: Scene, tmp_path: Path) -> None:
+def test_the_copy_of_a_planned_home_looks_like_the_home(scene: Scene, tmp_path: Path) -> None:
     assert scene.mesh.vertex_rgb is not None
     assert (scene.mesh.face_texture >= 0).any()
     full = storey_mesh(scene, 0.0)
@@ -110,7 +110,7 @@ def test_a_planned_homes_copy_looks_like_the_home(scene: Scene, tmp_path: Path) 
         one, other = (Raycaster(mesh, texture_filter="mipmap").render(view, camera) for mesh in (full, copy))
         apart.append(np.abs(one.rgb.astype(int) - other.rgb).mean())
     assert np.mean(apart) < 4
-    assert len(copy.faces) < len(full.faces), "what is flat and evenly lit needs few triangles"
+    assert len(copy.faces) < len(full.faces), "flat, evenly lit surfaces need few triangles"
 
 
 def flat_coloured(scene: Scene) -> Scene:
@@ -137,11 +137,11 @@ def test_flat_colours_come_back_unlit_and_exact(scene: Scene, tmp_path: Path) ->
     image, uv = copy.textures[0], copy.face_uv[found.face_ids[hit], 0]
     pixels = image[(uv[:, 1] * image.shape[0]).astype(int), (uv[:, 0] * image.shape[1]).astype(int)]
     same = (pixels == full.face_rgb[wanted.face_ids[hit]]).all(axis=1)
-    assert same.mean() > 0.99, "but where walls meet, which have two faces at one place"
+    assert same.mean() > 0.99, "the rest: edges where walls meet, with two faces at one place"
 
 
 @pytest.mark.slow
-def test_a_scans_copy_has_its_places_and_colours(scan: Scene, tmp_path: Path) -> None:
+def test_the_copy_of_a_scan_keeps_places_and_colours(scan: Scene, tmp_path: Path) -> None:
     floor_y = scan.navigation.storey_heights[0]
     data = browser_glb(scan, floor_y)
     header = header_of(data)
@@ -165,7 +165,7 @@ def test_a_scans_copy_has_its_places_and_colours(scan: Scene, tmp_path: Path) ->
 
 
 def colours_at(mesh: TriangleMesh, faces: NDArray[np.int64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Nearest texels (N, 3) at points of faces."""
+    """Nearest texels (N, 3) at points (N, 3) on faces (N,)."""
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces[faces]].astype(float), 1, 0)
     normal = np.cross(b - a, c - a)
     size = np.maximum((normal**2).sum(axis=1), 1e-20)
@@ -191,7 +191,7 @@ def test_loose_triangles_do_not_exceed_faces_and_bytes() -> None:
     assert len(triangles_of(data)) <= MAX_FACES
 
 
-def test_vertex_colours_are_written_as_light_and_for_rerun_as_srgb() -> None:
+def test_vertex_colours_are_written_as_linear_light_and_for_rerun_as_srgb() -> None:
     mesh = mesh_of(floor(0, 0, 4, 4))
     rgb = np.array([[0, 0, 0], [255, 128, 10], [255, 128, 10], [255, 255, 255]], np.uint8)
     mesh = replace(mesh, face_texture=np.full(2, VERTEX_COLOURS, np.int16), vertex_rgb=rgb)
@@ -207,7 +207,7 @@ def test_vertex_colours_are_written_as_light_and_for_rerun_as_srgb() -> None:
         start = 20 + struct.unpack("<I", data[12:16])[0] + 8 + view["byteOffset"]
         found.append(np.frombuffer(data, "<u2", 4 * accessor["count"], start).reshape(-1, 4) / 0xFFFF)
     assert len(found[0]) == 4, "corners of one colour are shared"
-    # light of sRGB 128 and 10 (IEC 61966-2-1)
+    # linear light of sRGB 128 and 10 (IEC 61966-2-1)
     np.testing.assert_allclose(np.unique(found[0][:, 1]), [0, 0.215861, 1], atol=2e-5)
     np.testing.assert_allclose(np.unique(found[0][:, 2]), [0, 0.003035, 1], atol=2e-5)
     np.testing.assert_allclose(np.unique(found[1][:, 1]), [0, 128 / 255, 1], atol=2e-5)
@@ -215,7 +215,7 @@ def test_vertex_colours_are_written_as_light_and_for_rerun_as_srgb() -> None:
 
 
 @pytest.mark.parametrize("srgb", [False, True])
-def test_light_on_textures_is_written_as_light_and_for_rerun_as_srgb(srgb: bool) -> None:
+def test_light_on_textures_is_written_as_linear_light_and_for_rerun_as_srgb(srgb: bool) -> None:
     image = np.full((8, 8, 3), 200, np.uint8)
     mesh = mesh_of(floor(0, 0, 4, 4), floor(4, 0, 8, 4), floor(8, 0, 9, 1), textures=(image, image + 9), texture=0)
     rgb = np.full((12, 3), 255, np.uint8)
@@ -227,20 +227,20 @@ def test_light_on_textures_is_written_as_light_and_for_rerun_as_srgb(srgb: bool)
         ["POSITION", "TEXCOORD_0"],
         ["COLOR_0", "POSITION", "TEXCOORD_0"],
         ["POSITION", "TEXCOORD_0"],
-    ], "faces in full light do without"
-    # light of sRGB 51 and 128 is 0.0331 and 0.2159 (IEC 61966-2-1)
+    ], "faces in full light need no colours"
+    # linear light of sRGB 51 and 128 is 0.0331 and 0.2159 (IEC 61966-2-1)
     wanted = [51, 128, 128, 255] if srgb else [8, 55, 55, 255]
     assert sorted(values[:, 0].tolist()) == wanted
     assert (values[:, 3] == 255).all()
 
 
-def test_light_on_textures_comes_back_as_it_was_rendered(tmp_path: Path) -> None:
+def test_light_on_textures_looks_the_same_in_the_copy(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     smooth = np.kron(rng.integers(60, 256, (4, 4, 3)), np.ones((16, 16, 1))).astype(np.uint8)
     mesh = mesh_of(floor(-1, -1, 0, 1), floor(0, -1, 1, 1), textures=(smooth,), texture=0)
     lit = replace(mesh, face_uv=mesh.face_uv * 3, vertex_rgb=rng.integers(90, 256, (8, 3)).astype(np.uint8))
     copy = loaded(glb_from_mesh(lit), tmp_path, colours="srgb")
-    shown = replace(copy, textures=(smooth,))  # JPEG's own losses left out
+    shown = replace(copy, textures=(smooth,))  # without the losses of JPEG
     camera = Camera(120, 120, 90.0, 0.0)
     view = T_world_camera(Pose((0.0, 0.9, 0.0), 0.0, -np.pi / 2), camera)
     frames = [Raycaster(each).render(view, camera).rgb.astype(int) for each in (lit, shown, copy)]
@@ -249,7 +249,7 @@ def test_light_on_textures_comes_back_as_it_was_rendered(tmp_path: Path) -> None
 
 
 def colours_in(data: bytes) -> tuple[dict, NDArray[np.uint8]]:
-    """The header, and the bytes (N, 4) of the only accessor with vertex colours."""
+    """The header, and the values (N, 4) of the only accessor with vertex colours."""
     header = header_of(data)
     used = [primitive["attributes"].get("COLOR_0") for primitive in header["meshes"][0]["primitives"]]
     (accessor,) = (header["accessors"][index] for index in used if index is not None)
@@ -270,7 +270,7 @@ def test_textures_are_downsized_and_keep_their_coordinates() -> None:
     assert triangles_of(glb_from_mesh(mixed)).shape == (2, 3, 3)
 
 
-def test_more_colours_than_a_palette_holds_are_thinned() -> None:
+def test_a_mesh_with_more_colours_than_a_palette_holds_keeps_all_faces() -> None:
     count = 70_000
     colours = np.arange(count, dtype=np.int64)[:, None] >> np.array([16, 8, 0]) & 0xFF
     many = triangles(np.tile(np.eye(3), (count, 1, 1)), face_rgb=colours.astype(np.uint8))

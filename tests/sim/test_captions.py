@@ -1,4 +1,4 @@
-"""Words of invented homes: captions that are true, and descriptions that hold every edge in varied sentences."""
+"""Words of invented homes: captions that are true, and descriptions that say who owns what in varied sentences."""
 
 import re
 
@@ -44,11 +44,11 @@ DESK = piece("desk", "oak", (1.5, 0.375, 0.4), (1.2, 0.75, 0.6))
         (piece("desk", "white", (2.9, 0.375, 0.4), (1.2, 0.75, 0.6)), "located against the wall"),
     ],
 )
-def test_captions_say_where_a_thing_is(thing: Furniture, wanted: str) -> None:
+def test_captions_say_where_an_object_is(thing: Furniture, wanted: str) -> None:
     assert caption_of(thing, room_with(DESK, thing)) == f"{thing.caption} {wanted}"
 
 
-def test_captions_name_two_neighbours_at_most_and_none_twice() -> None:
+def test_captions_name_at_most_two_neighbours_and_none_twice() -> None:
     shelf = piece("shelf", "teal wooden", (0.5, 0.45, 1.6), (0.5, 0.9, 0.4))
     lamp = piece("lamp", "red", (1.2, 0.7, 1.4), (0.3, 1.4, 0.3))
     vase = piece("vase", "blue glass", (1.2, 0.9, 0.4), (0.2, 0.3, 0.2))
@@ -73,7 +73,7 @@ def test_captions_of_a_home_differ_and_fit_ownership_sentences(seed: int) -> Non
         assert edge.phrase.split(" ", 1)[1] == caption
 
 
-def test_queries_are_the_six_of_the_release() -> None:
+def test_the_queries_are_the_six_of_the_released_episodes() -> None:
     assert queries_for("Ada", "coffee table") == (
         "Find Ada's coffee table",
         "Where is Ada's coffee table?",
@@ -85,7 +85,7 @@ def test_queries_are_the_six_of_the_release() -> None:
     assert queries_for("Ada", "chair", one_of=True)[1] == "Where is one of Ada's chairs?"
 
 
-def test_categories_that_one_query_could_mean() -> None:
+def test_two_categories_that_one_query_could_mean_count_as_mixed_up() -> None:
     assert are_mixed_up("chair", "desk chair")
     assert are_mixed_up("armchair", "chair")
     assert are_mixed_up("bed", "bed")
@@ -104,7 +104,7 @@ ITEMS = (
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_a_description_holds_everything_once(seed: int) -> None:
+def test_a_description_names_every_object_once_with_its_room_and_owners(seed: int) -> None:
     text = write_description(ITEMS, floor="ground floor", rng=np.random.default_rng(seed))
     assert "ground floor" in text
     sentences = re.split(r"(?<=\.) ", text)

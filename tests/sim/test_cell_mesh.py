@@ -1,4 +1,4 @@
-"""Rooms from cells: straight walls around all that was walked on, ceilings, doors, stairs, each in its finish."""
+"""Rooms from cells: straight walls around the walked floor, ceilings, doors and stairs, each in its finish."""
 
 import math
 
@@ -29,13 +29,13 @@ def storeys_of(plan: HomePlan) -> list[StoreyCells]:
 
 
 def walls_seen(mesh: TriangleMesh, x: float, z: float, *, y: float = 1.0, count: int = 32) -> np.ndarray:
-    """(count,) metres to what stands around a place, from +x over +z."""
+    """Distances (count,) in metres from a place to the nearest surface in each direction, from +x towards +z."""
     angle = np.arange(count) * 2 * np.pi / count
     to = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], axis=1)
     return Raycaster(mesh).cast(np.tile([x, y, z], (count, 1)), to).range_m
 
 
-def test_a_rectangle_of_cells_is_a_room_of_four_walls_whatever_small_bulges_it_has() -> None:
+def test_a_rectangle_of_cells_with_or_without_small_dents_is_a_room_of_four_walls() -> None:
     (storey,) = storeys_of(plan_of_cells(block(20, 20, 40, 40)))
     assert len(storey.lines) == 4
     assert sum(line.length for line in storey.lines) * 0.05 == pytest.approx(4 * 2.6, abs=0.9)
@@ -85,22 +85,22 @@ def test_rooms_are_divided_by_a_wall_with_a_door_and_have_their_own_finish() -> 
     hits = caster.cast(np.array([[2.0, 1.5, 1.15], [4.5, 1.5, 1.15]]), np.array([[1.0, 0, 0], [-1, 0, 0]]))
     left, right = mesh.face_rgb[hits.face_ids].astype(int)
     assert hits.positions[0, 0] == pytest.approx(3.2, abs=0.15)
-    assert hits.positions[0, 0] < hits.positions[1, 0] < 3.4, "two faces with a wall between them"
+    assert hits.positions[0, 0] < hits.positions[1, 0] < 3.4, "two faces of one wall"
     assert left[2] > left[0] + 20, BLUE
     assert right[0] > right[2] + 20, RED
     through = caster.cast(np.array([[2.0, 1.0, 1.95]]), np.array([[1.0, 0, 0]])).range_m[0]
     assert through > 2.5, "the door is open"
     over = caster.cast(np.array([[2.0, 2.3, 1.95]]), np.array([[1.0, 0, 0]])).range_m[0]
-    assert over == pytest.approx(1.2, abs=0.15), "the wall goes on over the door"
+    assert over == pytest.approx(1.2, abs=0.15), "the wall continues above the door"
 
 
-def test_a_way_stays_open_and_walls_do_not_change_where_one_walks() -> None:
+def test_walls_leave_the_walked_path_open_and_its_length_the_same() -> None:
     scene = scene_from_plan(two_cell_rooms())
     walked = scene.navigation.distances(np.array([[1.5, 0.0, 1.95]]), np.array([[4.7, 0.0, 1.95]]))[0]
     assert walked == pytest.approx(3.2, abs=0.05)
 
 
-def test_a_ceiling_covers_the_room_and_the_storeys_cut_takes_it_away() -> None:
+def test_a_ceiling_covers_the_room_and_the_cut_of_the_storey_removes_it() -> None:
     plan = plan_of_cells(block(20, 20, 40, 40))
     scene = scene_from_plan(plan)
     up = Raycaster(scene.mesh).cast(np.array([[1.3, 0.88, 1.3]]), np.array([[0.0, 1, 0]]))
@@ -113,7 +113,7 @@ def test_a_ceiling_covers_the_room_and_the_storeys_cut_takes_it_away() -> None:
     assert down[1] == pytest.approx(CUT_HEIGHT, abs=0.01), "walls are seen from above"
 
 
-def test_floor_where_nobody_was_is_a_little_higher_and_darker_and_a_guess_is_lighter() -> None:
+def test_floor_that_was_never_walked_is_a_little_higher_and_darker_and_a_guess_is_lighter() -> None:
     known, guess = block(20, 20, 40, 40), block(20, 60, 40, 20, guessed=True)
     plan = plan_of_cells((*known, *guess), plinth=block(64, 20, 40, 60, y_cm=2))
     mesh, _ = mesh_from_plan(plan)
@@ -124,7 +124,7 @@ def test_floor_where_nobody_was_is_a_little_higher_and_darker_and_a_guess_is_lig
     assert guessed_finish > known_finish > raised
 
 
-def test_a_bed_that_somebody_stood_on_is_no_block_of_floor_but_a_platform_is() -> None:
+def test_a_bed_that_an_agent_stood_on_does_not_become_floor_but_a_platform_does() -> None:
     floor, bed = block(20, 20, 30, 160), block(50, 20, 22, 22, y_cm=60)
     platform = block(50, 110, 80, 70, y_cm=60)
     mesh, _ = mesh_from_plan(plan_of_cells((*floor, *bed, *platform), shape=(150, 200)))
@@ -133,14 +133,14 @@ def test_a_bed_that_somebody_stood_on_is_no_block_of_floor_but_a_platform_is() -
     np.testing.assert_allclose(1.5 - down.range_m, [0.0, 0.6], atol=0.1)
 
 
-def test_a_flight_has_level_steps_sides_and_a_well_above() -> None:
+def test_a_stair_flight_has_level_steps_and_a_stairwell_above() -> None:
     plan = two_storeys()
     scene = scene_from_plan(plan)
     caster = Raycaster(scene.mesh)
     xs = np.linspace(3.3, 6.2, 30)
     origins = np.stack([xs, np.full(30, 2.75), np.full(30, 2.15)], axis=1)
     high = caster.cast(origins[xs < 5.8], np.tile([0.0, -1, 0], ((xs < 5.8).sum(), 1))).positions[:, 1]
-    assert (np.diff(high) >= -1e-4).all(), "it goes up"
+    assert (np.diff(high) >= -1e-4).all(), "the flight rises"
     steps = high / RISE
     assert np.abs(steps - np.round(steps)).max() < 0.02
     ramp = (xs[xs < 5.8] - 3.0) / 0.05 * 0.04
@@ -148,7 +148,7 @@ def test_a_flight_has_level_steps_sides_and_a_well_above() -> None:
     walked = scene.navigation.distances(np.array([[1.5, 0.0, 2.0]]), np.array([[8.0, 2.8, 2.0]]))[0]
     assert np.isfinite(walked)
     up = caster.cast(np.array([[5.0, 2.4, 2.15]]), np.array([[0.0, 1, 0]])).positions[0, 1]
-    assert up == pytest.approx(2.8 + 2.5, abs=0.02), "no ceiling and no floor in the well"
+    assert up == pytest.approx(2.8 + 2.5, abs=0.02), "no ceiling and no floor in the stairwell"
 
 
 def test_every_wall_and_floor_faces_the_side_from_which_it_is_seen() -> None:
@@ -176,10 +176,10 @@ def test_lamps_hang_in_every_room_and_windows_on_long_outer_walls() -> None:
     mesh, _ = mesh_from_plan(two_cell_rooms())
     outside = Raycaster(mesh).cast(np.array([[2.0, 1.8, 1.8]]), np.array([[-1.0, 0, 0]]))
     sky = mesh.face_rgb[outside.face_ids[0]].astype(int)
-    assert sky[2] > sky[0], "a pane with sky"
+    assert sky[2] > sky[0], "the window shows sky"
 
 
-def test_the_same_plan_gives_the_same_mesh_and_a_storey_without_recorded_floor_none() -> None:
+def test_the_same_plan_gives_the_same_mesh_and_a_storey_without_recorded_floor_gives_none() -> None:
     assert mesh_from_plan(two_storeys())[0].digest() == mesh_from_plan(two_storeys())[0].digest()
     plan = two_storeys()
     assert plan.cells is not None

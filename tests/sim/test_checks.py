@@ -1,4 +1,4 @@
-"""`check_agent`: our agents keep the contract, and each kind of breach is named."""
+"""`check_agent`: our agents keep the contract, and each breach of it is named."""
 
 import math
 import random
@@ -19,7 +19,7 @@ QUICK = {"steps": 6, "camera": Camera(32, 24)}
 
 
 class Walker:
-    """Keeps the contract: turns and walks as the seed says, and remembers only when asked to."""
+    """Keeps the contract: the seed decides its turns and steps, and it remembers only when asked to."""
 
     def reset(self, task, camera, *, seed, keep_memory=False) -> None:
         self.task, self.rng = task, np.random.default_rng(seed)
@@ -97,7 +97,7 @@ class OwnDice(Walker):
 
 
 class Counts(Walker):
-    """Alternates over all episodes of its life."""
+    """Breaks the contract: its count of actions continues over episodes."""
 
     def __init__(self) -> None:
         self.acted = 0
@@ -118,21 +118,24 @@ class Counts(Walker):
         (Divides, "step 1: Divides.act() raised ZeroDivisionError: division by zero. Correct the agent."),
         (OldSignature, "keep_memory=True, step 1: OldSignature.reset() raised TypeError"),
         (NoSeed, "task with 6 actions, step 1: NoSeed.reset() raised TypeError"),
-        (OwnDice, "a new agent does something else, with the same observations; expected the same seed to decide all"),
+        (
+            OwnDice,
+            "a new agent does something else, with the same observations; expected the seed to decide everything",
+        ),
         (
             Counts,
             "after another episode it does something else, with the same observations; expected reset() to forget",
         ),
     ],
 )
-def test_each_breach_is_named_and_nothing_else(agent: type, found: str) -> None:
+def test_each_breach_and_nothing_else_is_named(agent: type, found: str) -> None:
     problems = check_agent(agent, **QUICK)
     assert len(problems) == 1, problems
     assert found in problems[0]
 
 
 class Hashes(Walker):
-    """Walks as Python's hash of a word says, which is another one in each process."""
+    """Chooses actions by Python's hash of a word, which differs between processes."""
 
     def act(self, observation):
         return self.task.actions[1 + hash(f"{observation.step} words") % 3]
@@ -144,7 +147,7 @@ def test_an_agent_that_differs_between_processes_is_named() -> None:
     assert "a second process does something else" in problem
 
 
-def test_an_instance_that_repeats_itself_badly_is_named_without_guessing_why() -> None:
+def test_an_instance_that_does_not_repeat_itself_is_named_without_guessing_why() -> None:
     for agent in (Counts(), OwnDice()):
         problems = check_agent(agent, **{**QUICK, "steps": 20})
         assert len(problems) == 1
@@ -152,9 +155,9 @@ def test_an_instance_that_repeats_itself_badly_is_named_without_guessing_why() -
         assert "expected determinism, and nothing kept without keep_memory" in problems[0]
 
 
-def test_missing_methods_and_factories_that_are_broken_or_work_once_are_named() -> None:
+def test_missing_methods_and_factories_that_fail_or_work_only_once_are_named() -> None:
     assert check_agent(object()) == [
-        "agent: found no method reset(); expected one, as the contract needs. Correct the plug-in."
+        "agent: found no method reset(); expected one, because the contract needs it. Correct the plug-in."
     ]
     assert check_agent(lambda: 1 / 0) == ["<lambda>() raised ZeroDivisionError: division by zero. Correct the agent."]
     assert "agent is 'walker'; expected your own as package.module:factory" in check_agent("walker")[0]
@@ -175,7 +178,7 @@ def test_an_agent_is_loaded_by_its_name(tmp_path: Path, monkeypatch: pytest.Monk
         sys.modules.pop("my_walker", None)
 
 
-def test_a_slow_agent_breaks_no_rule_but_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_agent_breaks_no_rule_but_causes_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
     class Thinks(Walker):
         def act(self, observation):
             begin = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Clutter: what is added, that it hides and blocks nothing, and that it is plainly not what captions name."""
+"""Clutter: which pieces are added, that they hide and block nothing, and that they look unlike captioned objects."""
 
 from collections import Counter
 
@@ -36,7 +36,7 @@ def invented() -> HomePlan:
 
 @pytest.fixture(scope="module")
 def schematic() -> HomePlan:
-    """A room of 5 x 5 m whose middle was walked on, with a table at its north wall and a chair in the east."""
+    """A room of 5 x 5 m, walked only in the middle, with a table at its north wall and a chair in the east."""
     walkable = tuple(CellRun(row, 70, 60, 0) for row in range(70, 130))
     plinth = tuple(CellRun(row, 50, 100, 8) for row in range(50, 150))
     grid = CellGrid(origin_xz=(-5.0, -5.0), shape=(200, 200), walkable=walkable, plinth=plinth)
@@ -69,7 +69,7 @@ def test_levels_grow_and_the_same_seed_gives_the_same_bytes(request, name: str) 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["schematic", "invented"])
-def test_names_follow_the_captioned_ones_and_decoys_look_different(request, name: str) -> None:
+def test_numbers_in_names_continue_those_of_the_plan_and_decoys_look_different(request, name: str) -> None:
     plan: HomePlan = request.getfixturevalue(name)
     new = added(plan, with_clutter(plan, 2, seed=0))
     numbers = [int(piece.name.rsplit("_", 1)[1]) for piece in new]
@@ -88,7 +88,7 @@ def test_names_follow_the_captioned_ones_and_decoys_look_different(request, name
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["schematic", "invented"])
-def test_nothing_stands_in_another_thing_and_everything_has_what_carries_it(request, name: str) -> None:
+def test_no_piece_overlaps_another_and_every_piece_stands_or_hangs_on_something(request, name: str) -> None:
     plan: HomePlan = request.getfixturevalue(name)
     full = with_clutter(plan, 2, seed=0)
     boxes = np.array([piece.box for piece in full.furniture])
@@ -99,7 +99,7 @@ def test_nothing_stands_in_another_thing_and_everything_has_what_carries_it(requ
         overlaps = ((boxes[:, :3] < box[3:] - 0.005) & (boxes[:, 3:] > box[:3] + 0.005)).all(axis=1)
         overlaps[k] = False
         met = {look_of(full.furniture[j].category).family for j in np.flatnonzero(overlaps)}
-        assert met <= {"sofa", "armchair", "bed"}, "what lies on a seat or a bed reaches into its box"
+        assert met <= {"sofa", "armchair", "bed"}, "a piece on a seat or a bed reaches into its box"
         bottom = box[1]
         below = full.furniture[: len(plan.furniture)] + added(plan, full)
         carried = any(
@@ -115,7 +115,7 @@ def test_nothing_stands_in_another_thing_and_everything_has_what_carries_it(requ
         assert carried or stands or hangs, piece
 
 
-def test_a_schematic_homes_floor_is_as_it_was_and_nothing_stands_on_it(schematic: HomePlan) -> None:
+def test_the_walked_floor_of_a_schematic_home_does_not_change_and_nothing_stands_on_it(schematic: HomePlan) -> None:
     full = with_clutter(schematic, 2, seed=3)
     assert full.cells == schematic.cells
     maps = [scene_from_plan(plan).navigation for plan in (schematic, full)]
@@ -123,28 +123,28 @@ def test_a_schematic_homes_floor_is_as_it_was_and_nothing_stands_on_it(schematic
     assert len(digests) == 1
     low = [piece for piece in added(schematic, full) if piece.bottom_y < 0.3]
     assert len(low) >= 5
-    for piece in low:  # walkable are 3 x 3 m; the robot's sides reach 0.18 m farther, measured from cell to cell
+    for piece in low:  # 3 x 3 m are walkable; the robot's sides reach 0.18 m farther, measured from cell to cell
         x0, z0, x1, z1 = piece.rect
         assert x0 > 1.6 or z0 > 1.6 or x1 < -1.6 or z1 < -1.6, piece
 
 
 @pytest.mark.slow
-def test_all_ways_of_an_invented_home_stay_as_long_as_they_were(invented: HomePlan) -> None:
+def test_all_paths_of_an_invented_home_keep_their_lengths(invented: HomePlan) -> None:
     before, after = (scene_from_plan(plan).navigation for plan in (invented, with_clutter(invented, 2, seed=0)))
     rng = np.random.default_rng(0)
     starts = np.array([before.random_point(rng) for _ in range(40)])
     goals = np.array([before.random_point(rng) for _ in range(40)])
-    assert all(after.is_navigable(point) for point in (*starts, *goals)), "starts of episodes stay where they are"
+    assert all(after.is_navigable(point) for point in (*starts, *goals)), "starts of episodes stay walkable"
     pairs = [(start[None], goal[None]) for start, goal in zip(starts, goals, strict=True)]
     old = np.array([before.distances(*pair)[0] for pair in pairs])
     new = np.array([after.distances(*pair)[0] for pair in pairs])
-    is_joined = np.isfinite(old)  # the mesh has places that nobody can walk to, such as the tops of beds
+    is_joined = np.isfinite(old)  # the mesh has places that cannot be reached, such as the tops of beds
     assert is_joined.sum() >= 20
     np.testing.assert_allclose(new[is_joined], old[is_joined], rtol=0.1, atol=0.1)
 
 
 @pytest.mark.slow
-def test_captioned_things_stay_in_sight_in_an_invented_home(invented: HomePlan) -> None:
+def test_captioned_objects_stay_visible_in_an_invented_home(invented: HomePlan) -> None:
     before, after = (scene_from_plan(plan) for plan in (invented, with_clutter(invented, 2, seed=0)))
     casters = [Raycaster(scene.mesh) for scene in (before, after)]
     kept = []
@@ -161,7 +161,7 @@ def test_captioned_things_stay_in_sight_in_an_invented_home(invented: HomePlan) 
 
 
 @pytest.mark.slow
-def test_captioned_things_stay_in_sight_in_released_homes(dataset_root) -> None:
+def test_captioned_objects_stay_visible_in_released_homes(dataset_root) -> None:
     dataset = PersonalDataset(dataset_root)
     name = dataset.scenes[0]
     plan, goals = recover_plan(dataset, name), dataset.goals(name)
@@ -194,5 +194,5 @@ def test_captioned_things_stay_in_sight_in_released_homes(dataset_root) -> None:
         ("ground floor", "room"),
     ],
 )
-def test_rooms_get_what_is_usual_there(name: str, kind: str) -> None:
+def test_rooms_get_the_clutter_of_their_kind(name: str, kind: str) -> None:
     assert household_of(name) == HOUSEHOLDS[kind]

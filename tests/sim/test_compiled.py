@@ -1,4 +1,4 @@
-"""Compiled code on disk is used again, but never after a change in any file that holds kernels."""
+"""Compiled code on disk is reused, but never after a change in any file that holds kernels."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Corridors that recorded lengths call for, in small worlds with known answers."""
+"""Corridors that recorded path lengths require, in small worlds with known answers."""
 
 import math
 
@@ -43,20 +43,20 @@ def walked(cells: Cells, of: PathLength) -> float:
     return float(floor.distances(np.array([of.start]), np.array([of.end]))[0])
 
 
-def test_without_records_or_where_they_fit_known_floor_nothing_is_guessed() -> None:
+def test_nothing_is_guessed_without_records_or_if_they_fit_the_known_floor() -> None:
     known = floor_of(WEST, EAST)
     cells = with_corridors(known, unknown_beside(known), (), grid=GRID)
     assert not cells.guessed.any()
     assert len(cells.y) == len(known.y)
     u_shape = floor_of((0.5, 0.5, 1.5, 3.5), (0.5, 2.5, 7.5, 3.5), (6.5, 0.5, 7.5, 3.5))
-    # over the inner corners at (1.5, 2.5) and (6.5, 2.5)
+    # around the inner corners at (1.5, 2.5) and (6.5, 2.5)
     around = record((1.0, 1.0), (7.0, 1.0), 2 * math.hypot(0.5, 1.5) + 5.0)
     cells = with_corridors(u_shape, unknown_beside(u_shape), (around,), grid=GRID)
     assert not cells.guessed.any()
     assert walked(cells, around) == pytest.approx(around.length, rel=0.02)
 
 
-def test_a_path_between_islands_opens_a_corridor_of_its_length() -> None:
+def test_a_path_between_islands_opens_a_corridor_of_the_recorded_length() -> None:
     known = floor_of(WEST, EAST)
     straight = record((2.0, 2.0), (6.0, 2.0), 4.0)
     cells = with_corridors(known, unknown_beside(known), (straight,), grid=GRID)
@@ -68,7 +68,7 @@ def test_a_path_between_islands_opens_a_corridor_of_its_length() -> None:
     assert (~cells.guessed).sum() == len(known.y)
 
 
-def test_a_longer_record_gets_a_detour_and_the_same_records_the_same_cells() -> None:
+def test_a_longer_record_gets_a_detour_and_the_same_records_give_the_same_cells() -> None:
     known = floor_of(WEST, EAST)
     detour = record((2.0, 2.0), (6.0, 2.0), 4.8)
     cells = with_corridors(known, unknown_beside(known), (detour,), grid=GRID)
@@ -78,8 +78,8 @@ def test_a_longer_record_gets_a_detour_and_the_same_records_the_same_cells() -> 
     assert all(np.array_equal(a, b) for a, b in zip(one, two, strict=True))
 
 
-def test_a_record_forbids_the_shortcut_that_another_could_take() -> None:
-    # two rooms joined below by known floor: `around` says that there is a wall between them
+def test_a_record_forbids_a_shortcut_for_the_corridor_of_another() -> None:
+    # two rooms joined below by known floor: the length of `around` shows that there is a wall between them
     rooms = ((0.5, 0.5, 2.5, 3.5), (3.5, 0.5, 5.5, 3.5), (0.5, 3.0, 5.5, 3.5))
     around = record((2.0, 1.0), (4.0, 1.0), 2 * math.hypot(0.5, 2.0) + 1.0)
     beyond = record((2.0, 1.0), (7.0, 1.0), 2 * math.hypot(0.5, 2.0) + 1.0 + 2.9)
@@ -97,7 +97,7 @@ def test_a_record_forbids_the_shortcut_that_another_could_take() -> None:
     [record((2.0, 2.0), (6.0, 2.0), 3.0), record((2.0, 2.0), (2.0, 2.0), 0.0), record((2.0, 2.0), (90.0, 2.0), 95.0)],
     ids=["below the straight line", "no length", "ends off the floor"],
 )
-def test_records_that_tell_nothing_are_left_out(useless: PathLength) -> None:
+def test_records_without_information_are_left_out(useless: PathLength) -> None:
     known = floor_of(WEST, EAST)
     cells = with_corridors(known, unknown_beside(known), (useless,), grid=GRID)
     assert not cells.guessed.any()

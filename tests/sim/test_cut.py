@@ -1,4 +1,4 @@
-"""Storeys are cut at level planes: what is clipped, what it carries, and where the planes are."""
+"""Storeys are cut at level planes: where the planes are, how faces are clipped, and which values they keep."""
 
 from dataclasses import replace
 
@@ -51,7 +51,7 @@ coordinate = st.floats(-2, 2, allow_nan=False, width=32)
 
 
 @given(st.lists(st.lists(coordinate, min_size=3, max_size=3), min_size=3, max_size=3), coordinate)
-def test_both_sides_of_a_plane_make_the_whole_and_carry_its_coordinates(corners: list, height: float) -> None:
+def test_both_sides_of_a_plane_make_the_whole_and_keep_its_texture_coordinates(corners: list, height: float) -> None:
     whole = triangle(corners)
     low = cut_storey(whole, bottom_y=-9.0, top_y=height)
     high = cut_storey(whole, bottom_y=height, top_y=9.0)
@@ -68,7 +68,7 @@ def test_both_sides_of_a_plane_make_the_whole_and_carry_its_coordinates(corners:
     assert (high.vertices[:, 1] >= np.float32(height)).all()
 
 
-def test_colours_of_vertices_and_ids_of_faces_are_cut_along() -> None:
+def test_vertex_colours_and_face_ids_are_cut_too() -> None:
     whole = triangle([[0, 0, 0], [2, 0, 0], [0, 2, 0]])
     ids = IdImages((np.ones((2, 2), np.uint16),), np.array([0], np.int16), whole.face_uv * 3)
     rgb = np.array([[0, 0, 0], [0, 0, 0], [200, 100, 50]], np.uint8)
@@ -93,7 +93,7 @@ def test_neighbours_stay_joined_along_the_cut() -> None:
     edges = np.sort(cut.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     pairs, count = np.unique(edges, axis=0, return_counts=True)
     open_edges = pairs[count == 1]
-    assert len(open_edges) == 8, "the rim: four sides of two pieces each"
+    assert len(open_edges) == 8, "the rim: four sides of two edges each"
     assert (cut.vertices[open_edges, 1] == np.float32(1.3)).all()
 
 
@@ -104,19 +104,19 @@ ROOM = box((0, 0, 0), (6, 3, 4))[2:]
 @pytest.mark.parametrize(
     ("ceiling_y", "top"), [(1.7, 1.6), (2.0, 1.85), (2.2, 2.05), (2.5, 2.2), (4.0, 2.2), (None, 1.9)]
 )
-def test_the_cut_is_under_the_ceiling_over_an_eye_and_around_door_heads(ceiling_y: float | None, top: float) -> None:
+def test_the_cut_is_below_the_ceiling_above_eyes_and_near_door_heads(ceiling_y: float | None, top: float) -> None:
     lid = [] if ceiling_y is None else [ceiling(0, 0, 6, 4, y=ceiling_y)]
     scene = scene_of(floor(0, 0, 6, 4), *ROOM, *lid)
     assert storey_cut(scene, 0.0) == pytest.approx((-CUT_BELOW, top), abs=0.02)
 
 
-def test_homes_built_from_plans_are_cut_at_the_rim_of_their_walls() -> None:
+def test_planned_homes_are_cut_at_one_height_unless_the_ceiling_is_low() -> None:
     quads = (floor(0, 0, 6, 4), *ROOM)
     assert storey_cut(scene_of(*quads, ceiling(0, 0, 6, 4, y=2.6), kind="invented"), 0.0).top_y == CUT_HEIGHT
     assert storey_cut(scene_of(*quads, ceiling(0, 0, 6, 4, y=1.9), kind="schematic"), 0.0).top_y == pytest.approx(1.75)
 
 
-def test_one_low_room_lowers_the_cut_but_lamps_and_door_heads_do_not() -> None:
+def test_one_low_room_lowers_the_cut_but_lamps_do_not() -> None:
     lamps = [quad for x in (1, 2, 3, 4) for quad in box((x, 1.6, 2.0), (x + 0.4, 1.8, 2.4))]
     high = [floor(0, 0, 6, 4), *ROOM, ceiling(2, 0, 6, 4, y=2.5)]
     assert storey_cut(scene_of(*high, ceiling(0, 0, 2, 4, y=2.5), *lamps), 0.0).top_y == pytest.approx(2.2, abs=0.02)
@@ -136,14 +136,14 @@ def test_split_levels_platforms_and_slopes_stay_visible() -> None:
     scene = scene_of(*quads)
     heights = storey_cut(scene, 0.0)
     assert heights.bottom_y == pytest.approx(-1.2 - CUT_BELOW, abs=0.1)
-    assert 0.999 <= heights.top_y < 1.1, "over the platform, under the lower part's ceiling"
+    assert 0.999 <= heights.top_y < 1.1, "above the platform, below the ceiling of the lower part"
     seen = storey_mesh(scene, 0.0)
     flat = seen.vertices[seen.faces][..., 1]
     assert {0.0, -1.2, 0.7} <= {round(float(y), 3) for y in flat[np.ptp(flat, axis=1) == 0][:, 0]}
     assert flat.max() < 1.1
 
 
-def test_a_height_without_faces_is_refused_with_the_heights_there_are() -> None:
+def test_a_height_without_faces_is_refused_with_the_heights_that_exist() -> None:
     scene = scene_of(floor(0, 0, 6, 4), *ROOM)
     with pytest.raises(SceneError, match=r"^Room: found no face on a storey at 9.0 m; .* near one of \[0.00\]"):
         storey_mesh(scene, 9.0)

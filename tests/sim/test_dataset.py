@@ -1,4 +1,4 @@
-"""Opening a folder of episodes: what is read, what is not, and one line for every kind of damage."""
+"""Opening a folder of episodes: which files are read, which are not, and one line for every kind of damage."""
 
 import gzip
 import json
@@ -28,7 +28,7 @@ def one_line(error: pytest.ExceptionInfo[DatasetError]) -> str:
     return text
 
 
-def test_a_plain_file_is_read_alone_and_not_beside_its_gz(tmp_path: Path) -> None:
+def test_a_plain_file_is_read_only_if_there_is_no_gz_beside_it(tmp_path: Path) -> None:
     write_content(tmp_path, "hard", example_content(), plain=True)
     assert [str(episode.key) for episode in PersonalDataset(tmp_path).episodes()] == ["hard/Zz0ExampleZ/3"]
     both = tmp_path / "both"
@@ -39,7 +39,7 @@ def test_a_plain_file_is_read_alone_and_not_beside_its_gz(tmp_path: Path) -> Non
     assert [str(episode.key) for episode in dataset.episodes()] == ["easy/Zz0ExampleZ/3"]
 
 
-def test_episodes_come_in_order_of_split_scene_and_place_and_can_be_chosen(tmp_path: Path) -> None:
+def test_episodes_come_in_order_of_split_scene_and_file_and_can_be_chosen(tmp_path: Path) -> None:
     episodes = [example_episode(scene="B", episode_id="9"), example_episode(scene="B", episode_id="1")]
     contents: Contents = {
         ("hard", "A"): example_content(scene="A"),
@@ -72,7 +72,7 @@ def test_the_digest_follows_the_content_not_the_compression(tmp_path: Path) -> N
     assert digests[0] == digests[1] != digests[2]
 
 
-def test_a_folder_without_episodes_and_a_file_whose_name_is_no_scene_name_are_refused(tmp_path: Path) -> None:
+def test_a_folder_without_episodes_and_a_file_with_a_wrong_scene_name_are_refused(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="found no episode file; expected") as caught:
         PersonalDataset(tmp_path / "nowhere")
     assert str(tmp_path / "nowhere") in one_line(caught)
@@ -139,7 +139,7 @@ def test_a_damaged_file_is_refused(tmp_path: Path, data: bytes, expected: str) -
         ("query", ["Find it", ""], "''", "at least 1 character"),
     ],
 )
-def test_a_wrong_value_names_file_field_found_and_expected(
+def test_an_error_about_a_wrong_value_names_file_field_found_and_expected(
     tmp_path: Path, field: str, value: Any, found: str, expected: str
 ) -> None:
     path = write_content(tmp_path, "medium", example_content(episodes=[example_episode(**{field: value})]))
@@ -169,7 +169,7 @@ def test_a_number_that_is_not_finite_is_refused(tmp_path: Path, number: str) -> 
     one_line(caught)
 
 
-def test_a_target_that_is_not_in_the_goal_list_names_the_episode(tmp_path: Path) -> None:
+def test_an_error_about_a_target_missing_from_the_goals_names_the_episode(tmp_path: Path) -> None:
     path = write_content(tmp_path, "easy", example_content(episodes=[example_episode(object_id="coffee table_77")]))
     with pytest.raises(
         DatasetError, match=r"episodes\[0\]: object_id \['coffee table_77'\] resolves to \[\]"
@@ -230,7 +230,7 @@ def many_keys() -> list[EpisodeKey]:
     return easy + [EpisodeKey("hard", "A", str(number)) for number in range(5)]
 
 
-def test_a_sample_is_spread_over_scenes_and_splits_and_another_one_for_another_seed() -> None:
+def test_a_sample_is_spread_over_scenes_and_splits_and_changes_with_the_seed() -> None:
     drawn = sample_keys(many_keys(), per_split=7, seed=0)
     counts = Counter((key.split, key.scene) for key in drawn)
     assert sorted(counts[("easy", scene)] for scene in "ABC") == [2, 2, 3]
@@ -242,7 +242,7 @@ def test_a_sample_is_spread_over_scenes_and_splits_and_another_one_for_another_s
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_larger_sample_holds_the_smaller_one_and_other_splits_change_nothing(seed: int) -> None:
+def test_a_larger_sample_holds_the_smaller_one_and_does_not_depend_on_other_splits(seed: int) -> None:
     small, large = (set(sample_keys(many_keys(), per_split=count, seed=seed)) for count in (4, 11))
     assert small < large
     easy = [key for key in many_keys() if key.split == "easy"]

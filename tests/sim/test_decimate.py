@@ -1,5 +1,4 @@
-"""Fewer triangles that look the same: shapes, borders, seams and colours that must stay, and the number that must not
-be exceeded."""
+"""Fewer triangles that look the same: shapes, borders, seams and colours stay, and the limit is never exceeded."""
 
 from dataclasses import replace
 
@@ -32,14 +31,14 @@ def sheet(count: int, *, height=lambda x, z: 0 * x, texture=lambda x, z: 0 * x) 
 
 
 def from_above(mesh: TriangleMesh, *, num: int = 4000) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Heights (num,) and faces (num,) at random places of [0, 1]^2."""
+    """Heights (num,) in metres and faces (num,) at random places of [0, 1]^2."""
     xz = np.random.default_rng(0).random((num, 2))
     origins = np.stack([xz[:, 0], np.full(num, 5.0), xz[:, 1]], axis=1)
     hits = Raycaster(mesh).cast(origins, np.tile([0.0, -1.0, 0.0], (num, 1)))
     return hits.positions[:, 1], hits.face_ids
 
 
-def test_a_flat_sheet_keeps_its_outline_and_coordinates_and_a_sphere_its_silhouette() -> None:
+def test_a_flat_sheet_keeps_its_outline_and_coordinates_and_a_sphere_its_shape() -> None:
     few = decimated(sheet(30), max_faces=10_000)
     assert len(few.faces) < 60
     assert area(few).sum() == pytest.approx(1.0, abs=1e-6)
@@ -54,7 +53,7 @@ def test_a_flat_sheet_keeps_its_outline_and_coordinates_and_a_sphere_its_silhoue
     assert radius.min() > 0.98
 
 
-def test_a_wavy_sheet_stays_within_the_tolerance_and_the_limit_wins_over_it() -> None:
+def test_a_wavy_sheet_stays_within_the_tolerance_but_the_limit_of_faces_has_priority() -> None:
     waves = sheet(60, height=lambda x, z: 0.05 * np.sin(6 * x) * np.cos(5 * z))
     wanted, _ = from_above(waves)
     fine, coarse = decimated(waves, max_faces=10_000, tolerance=0.001), decimated(waves, max_faces=100)
@@ -64,7 +63,7 @@ def test_a_wavy_sheet_stays_within_the_tolerance_and_the_limit_wins_over_it() ->
     assert np.quantile(np.abs(from_above(coarse)[0] - wanted), 0.99) < 0.02
 
 
-def test_a_seam_between_textures_and_one_between_colours_stay_where_they_are() -> None:
+def test_seams_between_textures_and_between_colours_stay_where_they_are() -> None:
     seamed = sheet(40, texture=lambda x, z: np.where(z > 0.5, FLAT, x > 0.3))
     rgb = np.where(seamed.vertices[seamed.faces][:, :, 0].mean(axis=1) > 0.7, 200, 50)[:, None]
     seamed = replace(seamed, face_rgb=np.repeat(rgb, 3, axis=1).astype(np.uint8))
@@ -101,14 +100,14 @@ def test_vertex_colours_stay_where_they_change() -> None:
 
 
 def lit_sheet(light) -> TriangleMesh:
-    """A white sheet with this light (x -> (K,) in 0-1) on its texture."""
+    """A white sheet with this light on its texture: x (K,) -> brightness (K,) in [0, 1]."""
     even = sheet(40)
     grey = np.rint(255 * light(even.vertices[:, 0]))
     return replace(even, vertex_rgb=np.repeat(grey[:, None], 3, axis=1).astype(np.uint8))
 
 
 def seen_light(mesh: TriangleMesh) -> NDArray[np.float64]:
-    """What a camera over the middle sees of [0.1, 0.9]^2, one channel."""
+    """One channel of the picture that a camera above the middle takes of [0.1, 0.9]^2."""
     camera = Camera(160, 160, 90.0, 0.0)
     frame = Raycaster(mesh).render(T_world_camera(Pose((0.5, 0.4, 0.5), 0.0, -np.pi / 2), camera), camera)
     return frame.rgb[..., 0].astype(float)
@@ -145,7 +144,7 @@ def test_a_sheet_folded_onto_itself_keeps_its_outline_and_equal_faces_are_kept_o
     )
 
 
-def test_loose_triangles_are_dropped_the_smallest_first() -> None:
+def test_loose_triangles_are_dropped_smallest_first() -> None:
     rng = np.random.default_rng(1)
     sizes = rng.permutation(np.linspace(0.1, 1, 400))
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1]]) * sizes[:, None, None] + rng.uniform(0, 90, (400, 1, 3))
@@ -163,7 +162,7 @@ meshes = st.builds(
 
 @settings(deadline=None)
 @given(meshes, st.integers(0, 40))
-def test_any_mesh_comes_back_sound_within_the_limit_and_the_same_twice(made: tuple, limit: int) -> None:
+def test_any_mesh_becomes_a_valid_one_within_the_limit_and_the_same_twice(made: tuple, limit: int) -> None:
     corners, seed = made
     num = len(corners)
     rng = np.random.default_rng(seed)

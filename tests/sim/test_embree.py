@@ -1,4 +1,4 @@
-"""Embree out of its wheel: the self-test that decides, what happens without it, and that it is freed."""
+"""Embree from its wheel: the self-test that decides, the fallback without it, and the freeing of scenes."""
 
 import copy
 import gc
@@ -26,7 +26,7 @@ ROOM = mesh_of(*box((-2.0, -1.0, -2.0), (2.0, 2.0, 2.0), rgb=(10, 20, 30)))
 
 @pytest.fixture
 def undecided():
-    """Nothing is decided yet, and nothing that a test decides outlives it."""
+    """Clears the cached choice of a backend before and after the test."""
     caches = (embree.library, embree.self_test, chosen_backend)
     for cache in caches:
         cache.cache_clear()
@@ -82,14 +82,14 @@ def test_without_the_wheel_open3d_renders_after_one_warning(monkeypatch, undecid
     assert sees_the_room(first)
 
 
-def test_another_version_of_the_wheel_is_not_touched(monkeypatch, undecided):
+def test_another_version_of_the_wheel_is_not_loaded(monkeypatch, undecided):
     monkeypatch.setattr(importlib.metadata, "version", lambda name: "5.0.0")
     monkeypatch.setattr(embree.ctypes, "CDLL", lambda path: pytest.fail("the library was loaded"))
     with pytest.raises(MissingDependencyError, match=r"embreex 5\.0\.0 is installed; expected 4\.4\.0\.post1"):
         embree.self_test()
 
 
-def test_a_wheel_without_the_library_is_named(monkeypatch, undecided, tmp_path):
+def test_a_wheel_without_the_library_is_refused(monkeypatch, undecided, tmp_path):
     (tmp_path / "embreex").mkdir()
     spec = importlib.util.spec_from_file_location("embreex", tmp_path / "embreex" / "__init__.py")
     monkeypatch.setattr(importlib.metadata, "version", lambda name: embree.WHEEL)
@@ -110,14 +110,14 @@ def test_a_library_that_is_not_embree_is_refused(monkeypatch, undecided, tmp_pat
         embree.self_test()
 
 
-def test_a_library_that_says_another_version_is_refused(monkeypatch, undecided, usable):
+def test_a_library_of_another_version_is_refused(monkeypatch, undecided, usable):
     monkeypatch.setattr(embree, "VERSION", 40500)
     embree.self_test.cache_clear()
     with pytest.raises(MissingDependencyError, match=r"Embree 40400 .* was found; expected 40500"):
         embree.self_test()
 
 
-def test_a_wrong_answer_of_the_self_test_is_noticed(monkeypatch, undecided, usable):
+def test_a_wrong_answer_in_the_self_test_is_refused(monkeypatch, undecided, usable):
     class Shifted(embree.EmbreeScene):
         def __init__(self, vertices, faces):
             super().__init__(vertices + 0.1, faces)
@@ -128,7 +128,7 @@ def test_a_wrong_answer_of_the_self_test_is_noticed(monkeypatch, undecided, usab
         embree.self_test()
 
 
-def test_embree_is_refused_where_it_was_asked_for_and_cannot_be_used(monkeypatch, undecided):
+def test_asking_for_embree_fails_if_it_cannot_be_used(monkeypatch, undecided):
     monkeypatch.setattr(importlib.metadata, "version", not_installed)
     with pytest.raises(MissingDependencyError, match="embreex is not installed"):
         Raycaster(ROOM, backend="embree")
@@ -138,7 +138,7 @@ def test_embree_is_refused_where_it_was_asked_for_and_cannot_be_used(monkeypatch
 
 
 @pytest.mark.parametrize("width", embree.WIDTHS)
-def test_packets_are_laid_out_as_embree_wants(width):
+def test_packets_have_the_layout_of_embree(width):
     packet = embree.new_packet(width)
     assert packet.ctypes.data % 64 == 0
     assert packet.itemsize % 64 == 0

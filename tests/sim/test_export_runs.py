@@ -1,4 +1,4 @@
-"""Runs in other formats: read back equal, laid out as Minari lays out its own, never half-written."""
+"""Runs in other formats: equal when read back, laid out as Minari does, never half-written."""
 
 import json
 import math
@@ -57,14 +57,14 @@ def dataset(tmp_path: Path) -> PersonalDataset:
     return two_starts(tmp_path / "data", START.position, yaws_deg=(90, 90))
 
 
-def test_a_run_folder_comes_back_equal(tmp_path: Path) -> None:
+def test_a_run_folder_is_equal_when_read_back(tmp_path: Path) -> None:
     (written,) = export_runs([BOTH], format="jsonl", out=tmp_path)
     assert written.folder == tmp_path / "my.run"
     assert read_run(written.folder) == BOTH
     assert (written.num_episodes, written.num_answers, written.num_left_out) == (2, 1, 0)
 
 
-def test_parts_of_one_run_are_put_together(tmp_path: Path) -> None:
+def test_parts_of_one_run_are_merged(tmp_path: Path) -> None:
     parts = [Run(info=BOTH.info, episodes=(episode,)) for episode in BOTH.episodes]
     export_runs([*parts, parts[0], Run(info=BOTH.info, answers=(ANSWER,))], format="jsonl", out=tmp_path)
     assert read_run(tmp_path / "my.run") == BOTH
@@ -96,7 +96,7 @@ def test_a_disk_that_fails_leaves_nothing_behind(tmp_path: Path, monkeypatch: py
     assert list(tmp_path.iterdir()) == []
 
 
-def test_answers_have_no_trajectory(tmp_path: Path) -> None:
+def test_answers_are_left_out_of_formats_that_hold_trajectories(tmp_path: Path) -> None:
     for format in ("tum", "minari"):
         (written,) = export_runs([BOTH], format=format, out=tmp_path / format)
         assert (written.num_episodes, written.num_left_out) == (2, 1)
@@ -116,7 +116,7 @@ def test_a_tum_file_is_imported_as_the_same_run(tmp_path: Path, dataset: Persona
         assert [pose.yaw for pose in checked.run.poses] == pytest.approx([p.yaw for p in wanted.poses], abs=1e-12)
 
 
-def test_a_tum_row_is_time_place_and_quaternion(tmp_path: Path) -> None:
+def test_a_tum_row_is_time_position_and_quaternion(tmp_path: Path) -> None:
     timed, untimed = (
         exports.tum_text(episode_run(timed=timed), who="a\nb", scene_kind="scan") for timed in (True, False)
     )
@@ -131,7 +131,7 @@ def test_a_tum_row_is_time_place_and_quaternion(tmp_path: Path) -> None:
     assert np.loadtxt(untimed.splitlines())[:, 0].tolist() == [0, 1, 2, 3, 4]
 
 
-def test_people_of_one_episode_get_files_of_their_own_below_the_folder(tmp_path: Path) -> None:
+def test_participants_of_one_episode_get_separate_files_inside_the_folder(tmp_path: Path) -> None:
     people = ("P1", "../P/2", None, "P1")
     run = Run(info=info(), episodes=tuple(episode_run(participant=person) for person in people))
     exports.write_tum_files(run, tmp_path)
@@ -143,8 +143,8 @@ def test_people_of_one_episode_get_files_of_their_own_below_the_folder(tmp_path:
     ]
 
 
-def test_a_minari_folder_is_laid_out_as_minaris_own(tmp_path: Path) -> None:
-    """As Minari 0.5.0 to 0.5.4 wrote and read it; the reading below is what its ArrowStorage does."""
+def test_a_minari_folder_has_the_layout_of_minari(tmp_path: Path) -> None:
+    """The layout is that of Minari 0.5.0 to 0.5.4; the test reads it the way Minari's ArrowStorage does."""
     (written,) = export_runs([BOTH], format="minari", out=tmp_path)
     assert written.folder == tmp_path / "personal" / "my-run-v0"
     data = written.folder / "data"

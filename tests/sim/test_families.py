@@ -1,4 +1,4 @@
-"""Which family draws which category, how large it is and where it hangs."""
+"""Which family draws which category, how large a piece is and where it is mounted."""
 
 from pathlib import Path
 from typing import get_args
@@ -13,14 +13,14 @@ from .furniture_catalogue import README, RELEASE_CATEGORIES, WORDS, catalogue
 
 
 @pytest.mark.slow
-def test_the_released_categories_are_those_of_the_list(dataset_root: Path) -> None:
+def test_the_list_holds_all_released_categories(dataset_root: Path) -> None:
     dataset = PersonalDataset(dataset_root)
     found = {goal.object_category for scene in dataset.scenes for goal in dataset.goals(scene).values()}
     assert tuple(sorted(found)) == RELEASE_CATEGORIES
     assert len(found) == 143
 
 
-def test_every_released_category_has_a_family_and_every_family_a_builder_a_word_and_a_line_of_the_readme() -> None:
+def test_every_released_category_has_a_family_and_every_family_has_a_builder_a_word_and_a_readme_line() -> None:
     assert [category for category in RELEASE_CATEGORIES if look_of(category) is UNKNOWN] == []
     assert set(BUILDERS) == set(get_args(Family))
     assert {look_of(word).family for word in WORDS} == set(get_args(Family))
@@ -30,13 +30,13 @@ def test_every_released_category_has_a_family_and_every_family_a_builder_a_word_
 @pytest.mark.parametrize(
     ("category", "family"),
     [
-        ("sink cabinet", "cabinet"),  # the longest words count, not the first ones
+        ("sink cabinet", "cabinet"),  # the longest known word counts, not the first one
         ("shower dial", "dial"),
         ("clothes dryer", "washing machine"),
         ("flower vase", "flowers"),
         ("tv stand", "cabinet"),
         ("refrigerator cabinet", "wardrobe"),
-        ("garden chair", "chair"),  # no line of its own
+        ("garden chair", "chair"),  # not in the table itself
         ("Washer-Dryer", "washing machine"),
         ("bookcases", "shelf"),
         ("never seen", "box"),
@@ -50,11 +50,11 @@ def test_a_category_is_drawn_by_its_longest_known_words(category: str, family: s
     ("category", "mounting"),
     [("picture", "wall"), ("chandelier", "ceiling"), ("microwave", "on"), ("couch", "floor"), ("never seen", "floor")],
 )
-def test_things_hang_stand_and_lie_where_they_usually_do(category: str, mounting: Mounting) -> None:
+def test_objects_are_mounted_where_they_usually_are(category: str, mounting: Mounting) -> None:
     assert look_of(category).mounting == mounting
 
 
-def test_usual_sizes_are_those_of_homes() -> None:
+def test_usual_sizes_are_plausible_in_a_home() -> None:
     for word in WORDS:
         width, height, depth = look_of(word).size
         assert 0.05 <= width <= 2.1, word

@@ -1,4 +1,4 @@
-"""Whole files and appended blocks: either all of it is there, or the file is as it was."""
+"""Whole files and appended blocks are written completely, or the file stays as it was."""
 
 import resource
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from sim.files import append_whole, write_whole
 
 @contextmanager
 def files_up_to(size: int) -> Iterator[None]:
-    """The system refuses to write files beyond this size, as a full disk does."""
+    """Makes the system refuse to write files larger than this size (bytes), as a full disk would."""
     allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, allowed[1]))
     try:
@@ -21,7 +21,7 @@ def files_up_to(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, allowed)
 
 
-def test_a_whole_file_replaces_the_old_one_or_leaves_it_where_it_cannot_be_written(tmp_path: Path) -> None:
+def test_a_whole_file_replaces_the_old_one_or_leaves_it_as_it_was_if_writing_fails(tmp_path: Path) -> None:
     path = tmp_path / "new" / "a.json"
     write_whole(path, "one\n")
     write_whole(path, "zwölf\n")
@@ -33,7 +33,7 @@ def test_a_whole_file_replaces_the_old_one_or_leaves_it_where_it_cannot_be_writt
     assert [item.name for item in path.parent.iterdir()] == ["a.json"]
 
 
-def test_a_block_that_does_not_fit_is_cut_off_again(tmp_path: Path) -> None:
+def test_a_block_that_does_not_fit_is_removed_again(tmp_path: Path) -> None:
     path = tmp_path / "a.jsonl"
     append_whole(path, "one\n")
     with files_up_to(1000), pytest.raises(OSError, match="too large"):

@@ -1,4 +1,4 @@
-"""Who can be told apart: two-object homes whose answer is plain from the plan, and what descriptions say of objects."""
+"""Targets that can be told apart: homes with two tables and known answers, and how descriptions name objects."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -53,7 +53,7 @@ def scene_of(plan: HomePlan) -> Scene:
 
 
 def verdict(tmp_path: Path, plan: HomePlan, *, caption: str, sight: Sight | None = None, **texts: Any):
-    """The verdict on Ada, who owns coffee table_7, of which the caption and the description say the same."""
+    """The verdict on Ada's coffee table_7; unless `texts` differ, the description names it by its caption."""
     record = example_episode(
         description=[caption, "", ""],
         summary=texts.get("summary", f"In the lounge Ada owns {caption}."),
@@ -67,7 +67,7 @@ def verdict(tmp_path: Path, plan: HomePlan, *, caption: str, sight: Sight | None
     return find_verdict(episode, plan, scene_of(plan), sights=sights)
 
 
-def test_one_of_its_kind_and_storey_needs_pixels_only(tmp_path: Path) -> None:
+def test_the_only_object_of_its_kind_on_a_storey_needs_pixels_only(tmp_path: Path) -> None:
     plan = home(table(7, 0.0))
     assert verdict(tmp_path / "a", plan, caption="a table").findable
     hardly = verdict(tmp_path / "b", plan, caption="a table", sight=Sight(MIN_PIXELS - 1, None, frozenset()))
@@ -93,7 +93,7 @@ def test_a_colour_tells_tables_apart_only_when_it_is_said_and_shown(tmp_path: Pa
     assert not verdict(tmp_path / "d", swapped, caption="a red coffee table").findable
 
 
-def test_a_colour_that_only_the_caption_names_or_of_something_else_does_not_count(tmp_path: Path) -> None:
+def test_a_colour_only_in_the_caption_or_of_another_object_does_not_count(tmp_path: Path) -> None:
     plan = home(table(7, 0.0), table(8, 3.0, rgb=BLUE))
     texts = {
         "summary": "In the lounge Ada owns a coffee table.",
@@ -112,13 +112,13 @@ def test_a_colour_that_only_the_caption_names_or_of_something_else_does_not_coun
         ("a low coffee table", {"size": (0.8, 0.3, 0.6)}, "size low"),
     ],
 )
-def test_pattern_material_and_size(tmp_path: Path, caption: str, change: dict[str, Any], cue: str) -> None:
+def test_pattern_material_and_size_count_too(tmp_path: Path, caption: str, change: dict[str, Any], cue: str) -> None:
     different = home(table(7, 0.0, **change), table(8, 3.0))
     assert verdict(tmp_path / "a", different, caption=caption).cues == (("coffee table_8", cue),)
     assert not verdict(tmp_path / "b", home(table(7, 0.0), table(8, 3.0)), caption=caption).findable
 
 
-def test_what_it_stands_beside_counts_where_it_is_near_and_in_view(tmp_path: Path) -> None:
+def test_a_neighbour_counts_only_if_it_is_near_and_in_view(tmp_path: Path) -> None:
     lamp, far = (piece("lamp_3", (x, 0.7, 0.0), (0.3, 1.4, 0.3), finish=Finish(rgb=WHITE)) for x in (0.9, 1.5))
     caption = "a coffee table next to the lamp"
     near = home(table(7, 0.0), table(8, 4.0), lamp)
@@ -129,14 +129,14 @@ def test_what_it_stands_beside_counts_where_it_is_near_and_in_view(tmp_path: Pat
     assert not verdict(tmp_path / "c", between, caption=caption).findable
 
 
-def test_rooms_count_where_they_look_different(tmp_path: Path) -> None:
+def test_rooms_count_only_if_they_look_different(tmp_path: Path) -> None:
     tables = table(7, 0.0), table(8, 3.0, room="study")
     assert not verdict(tmp_path / "a", home(*tables), caption="a coffee table").findable
     other = home(*tables, rooms=(LOUNGE, LOUNGE.model_copy(update={"name": "study"})))
     assert verdict(tmp_path / "b", other, caption="a coffee table").cues == (("coffee table_8", "room lounge"),)
 
 
-def test_the_description_of_the_other_one_excludes_it(tmp_path: Path) -> None:
+def test_the_description_of_the_other_object_excludes_it(tmp_path: Path) -> None:
     plan = home(table(7, 0.0), table(8, 3.0, rgb=BLUE, caption="a blue coffee table"))
     texts = {
         "summary": "In the lounge Ada owns a coffee table. Bo owns a blue coffee table there.",
@@ -160,7 +160,7 @@ def test_the_best_view_is_taken_from_a_free_place_and_counts_whole_pixels() -> N
     views = [example_view_point(x, z, quat_xyzw=[0, 0, 0, 1], iou=0.5) for x, z in places]
     goal = Goal.model_validate(example_goal(position=(0.0, 0.2, 0.0), view_points=views), strict=False)
     sight = best_sight(goal, scene, renderer=Raycaster(scene.mesh))
-    assert sight.position == (0.0, 0.0, 2.3)  # the first is off the map, the second farther away
+    assert sight.position == (0.0, 0.0, 2.3)  # the first place is off the map, the second farther away
     assert sight.pixels > 5 * MIN_PIXELS
     assert 1 in sight.beside
     sofa = goal.model_copy(update={"object_name": "sofa_1"})
@@ -201,7 +201,7 @@ def record_of(caption: str, **changes: Any) -> EpisodeRecord:
         ),
     ],
 )
-def test_words_go_to_the_thing_that_they_describe(caption: str, expected: Described) -> None:
+def test_words_belong_to_the_object_that_they_describe(caption: str, expected: Described) -> None:
     said = described_object(record_of(caption), caption=caption, category="couch", owner="Ada")
     assert said is not None
     assert replace(said, beside=frozenset(), upon=frozenset()) == replace(
@@ -211,7 +211,7 @@ def test_words_go_to_the_thing_that_they_describe(caption: str, expected: Descri
     assert expected.upon <= said.upon
 
 
-def test_silent_descriptions_say_nothing_and_categories_are_named_by_all_their_words_or_the_last() -> None:
+def test_an_unmentioned_object_has_no_description_and_all_or_the_last_word_names_a_category() -> None:
     record = record_of("a red couch")
     assert described_object(record, caption="a metal bin under the desk", category="bin", owner=None) is None
     assert described_object(record, caption="a red couch", category="couch", owner="Bo") is None

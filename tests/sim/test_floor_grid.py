@@ -1,4 +1,4 @@
-"""The floor grid as a navigation map: worlds of a few cells whose answers are known by hand."""
+"""The floor grid as a navigation map: small worlds with answers computed by hand."""
 
 import pickle
 from dataclasses import replace
@@ -28,18 +28,18 @@ def walled() -> FloorGrid:
 
 @pytest.fixture(scope="module")
 def two_storeys() -> FloorGrid:
-    """Floors of 6 x 2 m at y = 0 and 2.8 over each other; a stair of 14 risers leads away from x = 6, a bridge back."""
+    """Floors of 6 x 2 m at y = 0 and 2.8, one above the other, joined by a stair of 14 risers at x = 6 and a bridge."""
     spec = GridSpec((0.0, 0.0), CELL, (40, 280))
     lower = np.argwhere(np.ones((40, 120), bool))
     stair = np.argwhere(np.ones((20, 140), bool)) + np.array([0, 120])
     heights = np.minimum(2.8, 0.2 * (1 + (stair[:, 1] - 120) // 5))
-    bridge = np.argwhere(np.ones((20, 140), bool)) + np.array([20, 120])  # from the stair's head back over open air
+    bridge = np.argwhere(np.ones((20, 140), bool)) + np.array([20, 120])  # from the top of the stair back to x = 6
     rc = np.concatenate([lower, stair, bridge, lower])
     y = np.concatenate([np.zeros(len(lower)), heights, np.full(len(bridge) + len(lower), 2.8)])
     return FloorGrid.from_cells(rc, y, grid=spec)
 
 
-def test_on_open_floor_the_distance_is_the_straight_line_between_snapped_points_and_infinite_far_off(open_floor):
+def test_on_open_floor_the_distance_is_the_straight_line_between_snapped_points_or_infinite_off_the_map(open_floor):
     starts = np.array([at(0.513, 0.527), at(3.9, 0.11), at(1.0, 1.0)])
     found = open_floor.distances(starts, np.array([at(3.513, 3.527)]))
     np.testing.assert_allclose(found, [4.2426407, 3.4388, 3.5623], atol=2e-3)
@@ -51,7 +51,7 @@ def test_on_open_floor_the_distance_is_the_straight_line_between_snapped_points_
     assert open_floor.distances(np.array([at(1, 1)]), np.array([at(1, 1, 4.3)]))[0] == np.inf
 
 
-def test_the_way_round_a_wall_touches_only_free_floor_and_is_hardly_longer_than_the_shortest(walled):
+def test_the_path_around_a_wall_stays_on_free_floor_and_is_hardly_longer_than_the_shortest(walled):
     exact = 2 * np.hypot(2.0, 0.95) + 0.1
     found = walled.distances(np.array([at(1, 1)]), np.array([at(1, 3)]))[0]
     assert exact <= found <= 1.002 * exact
@@ -81,11 +81,11 @@ def test_islands_corners_and_high_steps_are_not_joined():
 
 
 def test_a_goal_above_the_floor_adds_its_height_beyond_a_climb_as_in_habitat(open_floor):
-    # 0.8 m above the floor, less the 0.2 m that count as none: 0.6 m over 3 m.
+    # 0.8 m above the floor, less the climb of 0.2 m that does not count: 0.6 m over 3 m.
     assert open_floor.distances(at(0.5, 1)[None], at(3.5, 1, 0.8)[None])[0] == pytest.approx(3.0594117, abs=1e-6)
     assert open_floor.distances(at(0.5, 1, 0.8)[None], at(3.5, 1)[None])[0] == pytest.approx(3.0594117, abs=1e-6)
     assert open_floor.distances(at(0.5, 1)[None], at(3.5, 1, 0.2)[None])[0] == pytest.approx(3.0, abs=1e-6)
-    assert open_floor.distances(at(2, 1)[None], at(2, 1, 0.8)[None])[0] == 0.0, "they stand on one point"
+    assert open_floor.distances(at(2, 1)[None], at(2, 1, 0.8)[None])[0] == 0.0, "both snap to one point"
     path = open_floor.shortest_path(at(0.5, 1), at(3.5, 1, 0.8)[None])
     assert path is not None
     np.testing.assert_allclose(path, [at(0.5, 1), at(3.5, 1)])
@@ -98,8 +98,8 @@ def test_snap_keeps_points_on_the_map_and_moves_others_to_the_nearest_border(ope
     assert open_floor.snap(at(1, 1, 4.01)) is None
 
 
-def test_two_storeys_over_each_other_are_joined_by_the_stair_only_and_points_belong_to_the_floor_below(two_storeys):
-    # 8.05 m along the lower floor and up the stair (2.6 m), one riser sideways onto the bridge, 8 m back above.
+def test_only_the_stair_joins_stacked_storeys_and_points_belong_to_the_floor_below_them(two_storeys):
+    # 8.05 m along the lower floor and up the stair (2.6 m), one riser sideways onto the bridge, 8 m back upstairs.
     distance = two_storeys.distances(np.array([at(1, 0.5)]), np.array([at(1, 0.5, 2.8)]))[0]
     assert distance == pytest.approx(np.hypot(8.05, 2.6) + 8.05, rel=0.02)
     assert two_storeys.storey_heights == pytest.approx((0.0, 2.8))
@@ -127,7 +127,23 @@ def test_random_points_fill_the_free_area_evenly(walled):
     assert np.mean(points[:, 2] < 2) == pytest.approx(0.5, abs=0.04)
 
 
-def test_points_within_reach_the_rim_never_leave_it_and_are_not_repeated(open_floor):
+def test_random_points_stay_off_tops_and_roofs_however_large(open_floor):
+    large_top = mesh_of(floor(0, 0, 6, 6), *box((2, 0.7, 2), (4, 0.75, 4)))
+    roofed = mesh_of(floor(0, 0, 6, 6), *box((0, 2.6, 0), (6, 2.8, 6)))
+    for mesh in (large_top, roofed):
+        found = floor_grid_from_mesh(mesh)
+        assert len(np.unique(found.islands)) == 2
+        rng = np.random.default_rng(2)
+        assert {found.random_point(rng)[1] for _ in range(200)} == {0.0}
+        assert {found.random_point(rng, storey_y=0.0)[1] for _ in range(200)} == {0.0}
+    with pytest.raises(SceneError, match=r"no free cell at storey_y 2\.8; expected a height near one of \[0\.00\]"):
+        found.random_point(rng, storey_y=2.8)
+    rng = np.random.default_rng(0)  # a map without such islands draws as it always did
+    drawn = [open_floor.random_point(rng) for _ in range(3)]
+    np.testing.assert_allclose(drawn, [[0.1635, 0, 3.402], [3.8008, 0, 2.5407], [3.8303, 0, 2.5865]], atol=5e-5)
+
+
+def test_points_within_a_circle_reach_its_rim_never_leave_it_and_are_not_repeated(open_floor):
     centre = at(2, 2)
     points = open_floor.points_within(centre[None], 1.0, max_dy=0.5)
     away = np.hypot(*(points - centre)[:, [0, 2]].T)
@@ -153,7 +169,7 @@ def test_points_within_reach_the_rim_never_leave_it_and_are_not_repeated(open_fl
         ([[0, 0], [0, 0]], [0.0, 0.1], r"cell \[0, 0\] given twice"),
     ],
 )
-def test_cells_that_make_no_grid_are_refused_with_the_reason(rc, y, text):
+def test_invalid_cells_are_refused_with_the_reason(rc, y, text):
     with pytest.raises(SceneError, match=text):
         FloorGrid.from_cells(np.array(rc, np.int64), np.array(y), grid=GridSpec((0.0, 0.0), CELL, (4, 4)))
 
@@ -179,13 +195,13 @@ def test_distances_are_never_below_the_straight_line_and_nearly_symmetric(walled
 
 @given(places, st.lists(places, min_size=1, max_size=4))
 @settings(deadline=None, max_examples=40)
-def test_the_distance_to_several_goals_is_the_least_of_the_distances_to_each(walled, start, goals):
+def test_the_distance_to_several_goals_is_the_distance_to_the_nearest(walled, start, goals):
     each = [walled.distances(start[None], goal[None])[0] for goal in goals]
     together = walled.distances(start[None], np.array(goals))[0]
     assert together == pytest.approx(min(each), rel=0.01, abs=0.01)
 
 
-def test_every_place_that_the_grid_names_is_navigable_at_its_own_height():
+def test_every_place_that_the_grid_returns_is_navigable_at_its_own_height():
     grid = floor_grid_from_mesh(cluttered_home())
     rng = np.random.default_rng(4)
     centres = np.array([grid.random_point(rng) for _ in range(3)])
@@ -201,7 +217,7 @@ def test_the_order_of_the_faces_does_not_matter():
     assert floor_grid_from_mesh(mesh).digest == floor_grid_from_mesh(shuffled).digest
 
 
-def test_a_floor_loses_the_robots_radius_and_ledge_and_keeps_its_real_heights_and_slopes():
+def test_a_floor_shrinks_by_the_robots_radius_and_ledge_but_keeps_its_heights_and_slopes():
     # 80 cells, less 1 (ledge) and 4 (0.18 m rounded up) at each side: 70 x 70 cells.
     found = floor_grid_from_mesh(mesh_of(floor(0, 0, 4, 4)))
     assert found.area == pytest.approx(12.25)
@@ -212,7 +228,7 @@ def test_a_floor_loses_the_robots_radius_and_ledge_and_keeps_its_real_heights_an
     assert found.surface_area / found.area == pytest.approx(np.sqrt(1.25), rel=0.005)
 
 
-def test_steps_of_15_cm_and_ramps_of_30_degrees_are_walked_and_higher_ones_are_not():
+def test_steps_of_15_cm_and_ramps_of_30_degrees_can_be_walked_but_higher_and_steeper_ones_cannot():
     for rise, joined in ((0.15, True), (0.45, False)):
         home = mesh_of(floor(0, 0, 3, 3), *box((3, 0, 0), (6, rise, 3)))
         found = floor_grid_from_mesh(home)
@@ -226,7 +242,7 @@ def test_steps_of_15_cm_and_ramps_of_30_degrees_are_walked_and_higher_ones_are_n
         assert np.isfinite(distance) == joined
 
 
-def test_tops_of_tables_and_roofs_are_islands_and_no_storeys():
+def test_table_tops_and_roofs_are_islands_but_not_storeys():
     found = floor_grid_from_mesh(mesh_of(floor(0, 0, 6, 6), *box((2, 0.7, 2), (4, 0.75, 4))))
     assert not found.is_navigable(at(3, 3))
     assert height_at(found, at(3, 3, 0.9)) == pytest.approx(0.75)
@@ -238,7 +254,7 @@ def test_tops_of_tables_and_roofs_are_islands_and_no_storeys():
     assert found.storey_heights == (0.0,)
 
 
-def test_a_mesh_without_floor_or_faces_in_millimetres_or_not_finite_is_refused_with_advice():
+def test_a_mesh_in_millimetres_with_non_finite_numbers_or_without_faces_or_floor_is_refused_with_advice():
     with pytest.raises(SceneError, match="found no floor of 1 m2 or more on 12 faces"):
         floor_grid_from_mesh(mesh_of(*box((0, 0, 0), (0.5, 0.5, 0.5))))
     with pytest.raises(SceneError, match="found a mesh of 8000 x 9000 m"):

@@ -1,4 +1,4 @@
-"""What a robot has seen from above: cones in the open, walls that hide, storeys seen from their own floor."""
+"""The area that a robot has seen, from above: cones in the open, walls and furniture that hide what is behind them."""
 
 import numpy as np
 import pytest
@@ -11,11 +11,11 @@ CAMERA = Camera()
 GRID = GridSpec((-8.0, -8.0), 0.05, (320, 320))
 OPEN = np.ones(GRID.shape, bool)
 CONE = np.pi * MAX_RANGE**2 * CAMERA.hfov_deg / 360
-"""Square metres within MAX_RANGE and the field of view."""
+"""Area within MAX_RANGE and the field of view, square metres."""
 
 
 def depth_of(value: float) -> np.ndarray:
-    """Every pixel at one planar depth."""
+    """A depth picture (H, W) with every pixel at this planar depth, metres."""
     return np.full((CAMERA.height, CAMERA.width), value, np.float32)
 
 
@@ -30,7 +30,7 @@ def is_seen(area: SeenArea, x: float, z: float) -> bool:
     return bool(area.cells[row, col])
 
 
-def test_nothing_is_seen_at_first_and_views_add_up_and_never_take_away() -> None:
+def test_nothing_is_seen_at_first_and_views_only_add_to_the_seen_area() -> None:
     assert not SeenArea(OPEN, GRID).cells.any()
     area = seen_from(Pose((0.0, 0.0, 0.0), 0.0), depth_of(3.0))
     before = area.cells
@@ -58,7 +58,7 @@ def test_yaw_turns_the_cone_to_the_left_and_looking_down_shortens_it() -> None:
     assert 0 < down < ahead / 2
 
 
-def test_walls_and_tables_hide_what_is_behind_them_and_low_things_do_not() -> None:
+def test_walls_and_tall_furniture_hide_the_area_behind_them_and_low_furniture_does_not() -> None:
     area = seen_from(Pose((0.0, 0.0, 0.0), 0.0), depth_of(2.0))
     assert is_seen(area, 0.0, -1.95)
     assert is_seen(area, 1.4, -1.9)
@@ -72,7 +72,7 @@ def test_walls_and_tables_hide_what_is_behind_them_and_low_things_do_not() -> No
     assert is_seen(seen_from(Pose((0.0, 0.0, 0.0), 0.0), depth), 0.0, -3.9)
 
 
-def test_without_depth_the_free_map_ends_the_view_but_not_at_its_own_feet_and_it_ends_with_the_map() -> None:
+def test_without_depth_blocked_cells_end_the_view_except_at_the_robots_feet_and_the_map_bounds_it() -> None:
     free = OPEN.copy()
     free[: GRID.rc_from_xz(np.array([0.0, -2.0]))[0]] = False
     area = seen_from(Pose((0.0, 0.0, 0.0), 0.0), None, free=free)

@@ -1,4 +1,4 @@
-"""Whether a planned home is open: ways between rooms, and pieces that can be seen, judged by boxes."""
+"""Whether a planned home is open: rooms that can be reached, and pieces that can be seen, judged by their boxes."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from .plans import Vec, piece, two_rooms
 
 
 def box(category: str, x: float, z: float, size: Vec, *, y: float = 0.0) -> Furniture:
-    """A piece that stands at this height."""
+    """A piece in the west room whose bottom is at height y."""
     return piece(f"{category}_1", (x, y + size[1] / 2, z), size, room="west")
 
 
@@ -28,19 +28,19 @@ def test_free_floor_keeps_the_robots_radius_from_walls() -> None:
     "plan",
     [
         two_rooms(door=None),
-        two_rooms(box("wardrobe", 3.6, 2.0, (0.6, 2.0, 1.4))),  # before the door
+        two_rooms(box("wardrobe", 3.6, 2.0, (0.6, 2.0, 1.4))),  # in front of the door
     ],
 )
-def test_a_room_that_is_shut_off_is_noticed(plan: HomePlan) -> None:
+def test_a_room_that_cannot_be_reached_is_noticed(plan: HomePlan) -> None:
     assert walkable_floor(plan) is None
 
 
-def test_tall_furniture_hides_things_and_what_lies_flat_or_hangs_high_blocks_nothing() -> None:
+def test_tall_furniture_hides_objects_and_a_rug_or_a_high_lamp_blocks_nothing() -> None:
     rug, lamp = box("rug", 3.6, 2.0, (0.6, 0.02, 1.4)), box("lamp", 3.6, 2.0, (0.6, 0.3, 1.4), y=1.8)
     assert walkable_floor(two_rooms(rug, lamp)) is not None
     vase = box("vase", 0.3, 0.3, (0.2, 0.3, 0.2))
     assert seen(vase) == {"vase"}
-    # a wardrobe and a shelf shut the corner off
+    # a wardrobe and a shelf close off the corner
     walls = (box("wardrobe", 0.8, 0.45, (0.4, 2.0, 0.78)), box("shelf", 0.53, 0.95, (0.94, 2.0, 0.2)))
     assert seen(vase, *walls) == {"wardrobe", "shelf"}
     assert seen(vase, walls[0]) == {"vase", "wardrobe"}
@@ -54,7 +54,7 @@ def seen(*pieces: Furniture) -> set[str]:
     return {piece.category for k, piece in enumerate(plan.furniture) if k not in hidden}
 
 
-def test_things_on_top_or_inside_the_box_of_a_couch_are_seen_and_one_too_far_from_the_floor_is_not() -> None:
+def test_objects_on_a_table_or_inside_a_couchs_box_are_seen_and_one_too_far_from_the_floor_is_not() -> None:
     table = box("table", 2.0, 0.5, (1.0, 0.7, 0.8))
     assert "bowl" in seen(table, box("bowl", 2.0, 0.5, (0.2, 0.1, 0.2), y=0.7))
     stage = box("stage", 1.3, 1.3, (2.4, 0.5, 2.4))

@@ -1,4 +1,4 @@
-"""Plans become triangles: where, how many, which object, which colour."""
+"""Plans become triangles: their places, number, objects and colours."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def two_rooms(*, floor: Finish | None = None, door: Opening = DOOR) -> HomePlan:
 def hit_distance(
     mesh: TriangleMesh, origin: tuple[float, float, float], direction: tuple[float, float, float]
 ) -> float:
-    """Metres to the first face."""
+    """Distance to the first face along the ray, metres."""
     return float(Raycaster(mesh).cast(np.array([origin]), np.array([direction])).range_m[0])
 
 
@@ -79,7 +79,7 @@ def test_a_storey_cut_leaves_no_wall_above_the_cut_and_no_ceiling() -> None:
     mesh, _ = mesh_from_plan(two_rooms())
     cut = cut_storey(mesh, bottom_y=-CUT_BELOW, top_y=CUT_HEIGHT)
     tops = cut.vertices[cut.faces][..., 1].max(axis=1)
-    furniture_or_frame = 2.06  # a window's or door's frame may reach over the cut
+    furniture_or_frame = 2.06  # the frame of a window or door may reach above the cut
     assert tops.max() <= furniture_or_frame
     assert (tops > CUT_HEIGHT + 1e-4).mean() < 0.02
     assert hit_distance(cut, (1, 5, 0.5), (0, -1, 0)) == pytest.approx(5, abs=1e-5)
@@ -103,15 +103,14 @@ def test_a_stair_has_steps_of_its_rise_and_a_hole_above() -> None:
 def test_cells_become_a_room_with_plinths_as_floor() -> None:
     plan = plan_of_cells(block(20, 20, 20, 20), plinth=block(20, 44, 20, 4, y_cm=25))
     mesh, _ = mesh_from_plan(plan)
-    # centres may be up to x = 1.0, the robot's radius beyond is floor; the wall stands at most 0.3 m behind it
+    # cells begin at x = 1.0 and the floor a robot's radius before them; the wall stands at most 0.3 m behind its edge
     assert 0.65 <= hit_distance(mesh, (1.5, 1, 1.5), (-1, 0, 0)) < 1.0
     assert hit_distance(mesh, (1.5, 1, 1.5), (0, -1, 0)) == pytest.approx(1.0, abs=1e-4)
-    # towards +x nobody walked, but one sees there: the room goes on
+    # cells towards +x were seen but never walked: the room continues there
     assert 0.9 <= hit_distance(mesh, (1.5, 1, 1.5), (1, 0, 0)) < 1.3
 
 
-def test_a_piece_turned_by_its_yaw_shows_its_front_there() -> None:
-    # a bench seat with a back: its back is on the far side of its front
+def test_a_piece_shows_its_front_in_the_direction_of_its_yaw() -> None:
     armchair = piece("armchair_1", (0, 0.45, 0), (0.8, 0.9, 0.8), yaw=np.pi / 2)
     plan = two_rooms().model_copy(update={"furniture": (armchair,), "rooms": (), "walls": ()})
     mesh, objects = mesh_from_plan(plan)
@@ -120,11 +119,11 @@ def test_a_piece_turned_by_its_yaw_shows_its_front_there() -> None:
     y = np.array([0.75, 0.75])
     hits = Raycaster(mesh).cast(np.array([[2.0, y[0], 0.0], [-2.0, y[1], 0.0]]), np.array([[-1.0, 0, 0], [1, 0, 0]]))
     front, back = hits.positions[:, 0]
-    assert back == pytest.approx(-0.4, abs=0.12), "the back rest stands at the back"
-    assert front < 0.1, "and is seen over the seat from the front"
+    assert back == pytest.approx(-0.4, abs=0.12), "the backrest stands at the back"
+    assert front < 0.1, "the backrest is seen over the seat from the front"
 
 
-def test_a_storey_has_lamps_skirting_and_a_ceiling_below_its_walls_top() -> None:
+def test_a_storey_has_lamps_skirting_boards_and_a_ceiling() -> None:
     mesh, _ = mesh_from_plan(two_rooms())
     assert hit_distance(mesh, (0.5, 1, 0.5), (0, 1, 0)) == pytest.approx(1.6, abs=1e-4)
     assert hit_distance(mesh, (1.5, 1, 1.5), (0, 1, 0)) < 1.6, "a lamp hangs in the middle"
@@ -133,7 +132,7 @@ def test_a_storey_has_lamps_skirting_and_a_ceiling_below_its_walls_top() -> None
     assert low < high == pytest.approx(1 - 0.06, abs=1e-5)
 
 
-def test_a_window_shows_sky_in_a_frame_to_its_room_only() -> None:
+def test_a_window_shows_sky_and_grass_in_a_frame_that_stands_out_into_the_room() -> None:
     plan = two_rooms()
     pane = Opening(kind="window", offset=1.0, width=1.2, sill=0.9, top=2.1)
     outer = plan.walls[0].model_copy(update={"openings": (pane,)})
@@ -146,11 +145,11 @@ def test_a_window_shows_sky_in_a_frame_to_its_room_only() -> None:
     assert frame[0] > frame[2] + 20
     assert wall[0] > wall[2]
     assert hits.positions[3, 2] == pytest.approx(0.06, abs=1e-5)
-    assert hits.positions[0, 2] < 0.06, "the pane lies in the wall"
+    assert hits.positions[0, 2] < 0.06, "the pane lies inside the wall"
     assert hits.positions[2, 2] > 0.06, "the frame stands out"
 
 
-def test_an_open_leaf_lies_against_the_wall_where_nothing_is_and_blocks_no_way() -> None:
+def test_an_open_door_leaf_lies_against_a_free_wall_and_blocks_no_path() -> None:
     door = Opening(kind="door", offset=1.2, width=0.9)
     plan = two_rooms(door=door)
     scene = scene_from_plan(plan)
@@ -162,7 +161,7 @@ def test_an_open_leaf_lies_against_the_wall_where_nothing_is_and_blocks_no_way()
     boxes = tuple(piece(f"box_{k}", (x, 0.2, 2.3), (0.3, 0.4, 0.3)) for k, x in enumerate((2.75, 3.25)))
     full, _ = mesh_from_plan(plan.model_copy(update={"furniture": boxes}))
     found = [hit_distance(full, at, (side, 0, 0)) for at, side in zip(beside, (1, -1), strict=True)]
-    assert found == pytest.approx([0.94, 0.94], abs=1e-3), "none where furniture stands on both sides"
+    assert found == pytest.approx([0.94, 0.94], abs=1e-3), "no leaf, because furniture stands on both sides"
 
 
 def test_every_wall_and_floor_faces_the_side_from_which_it_is_seen() -> None:
@@ -178,7 +177,7 @@ def test_every_wall_and_floor_faces_the_side_from_which_it_is_seen() -> None:
     assert (towards < 1e-9).mean() > 0.995
 
 
-def test_floors_have_one_texture_per_finish_that_goes_on_between_pieces() -> None:
+def test_floors_have_one_texture_per_finish_that_continues_across_their_pieces() -> None:
     mesh, _ = mesh_from_plan(two_rooms(floor=Finish(material="wood", rgb=(150, 100, 60))))
     assert mesh.textures
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)

@@ -1,4 +1,4 @@
-"""Pieces of furniture as shapes: inside their boxes, light enough, facing outwards, and each like itself."""
+"""Pieces of furniture as shapes: inside their boxes, of few triangles, facing outwards, and always the same."""
 
 import numpy as np
 import pytest
@@ -36,14 +36,14 @@ def bounds(parts: list[Part]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def triangles(shape: Shape) -> np.ndarray:
-    """(T, 3, 3) without those of no area."""
+    """Triangles (T, 3, 3) with an area."""
     both = np.concatenate([shape.corners[:, [0, 1, 2]], shape.corners[:, [0, 2, 3]]])
     area = np.linalg.norm(np.cross(both[:, 1] - both[:, 0], both[:, 2] - both[:, 0]), axis=1)
     return both[area > 1e-9]
 
 
 def volume(shape: Shape) -> float:
-    """Cubic metres enclosed; negative where faces look inwards."""
+    """Enclosed volume, cubic metres; negative if the faces look inwards."""
     a, b, c = np.moveaxis(triangles(shape), 1, 0)
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
 
@@ -61,7 +61,7 @@ def test_a_piece_fills_its_box_and_stays_inside(category: str) -> None:
 
 
 @pytest.mark.parametrize("category", ALL)
-def test_a_piece_is_light_has_unit_normals_and_is_the_same_again(category: str) -> None:
+def test_a_piece_has_few_triangles_and_unit_normals_and_is_the_same_when_built_again(category: str) -> None:
     parts = parts_of(piece_of(category))
     assert 12 <= sum(len(triangles(part.shape)) for part in parts) <= MOST_TRIANGLES
     for part, again in zip(parts, parts_of(piece_of(category)), strict=True):
@@ -93,7 +93,7 @@ def test_solids_are_closed_and_face_outwards(shape: Shape, expected: float) -> N
     assert volume(shape) == pytest.approx(expected, rel=0.03)
 
 
-def test_a_rounded_box_is_a_box_less_its_edges_and_curved_skins_are_lit_smoothly() -> None:
+def test_a_rounded_box_lacks_its_edges_and_curved_surfaces_have_smooth_normals() -> None:
     shape = rounded_box((1, 1, 1), (2, 2, 2), 0.1)
     assert len(triangles(shape)) == 44
     assert volume(shape) == pytest.approx(8 - 12 * 2 * 0.1**2 / 2, rel=0.01)
@@ -107,7 +107,7 @@ def test_a_rounded_box_is_a_box_less_its_edges_and_curved_skins_are_lit_smoothly
     np.testing.assert_allclose(lid, np.broadcast_to([0, 1, 0], lid.shape), atol=1e-9)
 
 
-def test_texture_places_are_in_metres_and_stretching_keeps_normals_upright() -> None:
+def test_texture_coordinates_are_in_metres_and_normals_stay_perpendicular_after_stretching() -> None:
     flat = box((0, 0, 0), (2.0, 0.5, 1.0))
     np.testing.assert_allclose(np.ptp(flat.uv, axis=1).max(axis=0), [2.0, 1.0])
     hung = sheet([[(0, 1, 0), (1, 1, 0)], [(0, 0, 0), (1, 0, 0)]])
@@ -144,7 +144,7 @@ def test_words_of_a_caption_change_the_shape(category: str, plain: str, said: st
     assert not same_shape(parts_of(piece_of(category, plain)), changed)
 
 
-def test_words_about_other_things_change_nothing_and_names_vary_what_nobody_said() -> None:
+def test_words_about_other_objects_change_nothing_and_shapes_without_words_vary_with_the_name() -> None:
     near = parts_of(piece_of("table", "a wooden table next to the round rug", name="table_4"))
     assert same_shape(near, parts_of(piece_of("table", "a wooden table", name="table_4")))
     found = [parts_of(piece_of("nightstand", name=f"nightstand_{k}")) for k in range(12)]

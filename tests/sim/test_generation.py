@@ -1,4 +1,4 @@
-"""Invented datasets: they load, keep every rule of their split, and are the same for the same seed."""
+"""Invented datasets load, keep every rule of their split, and are the same for the same seed."""
 
 import hashlib
 import re
@@ -23,7 +23,7 @@ from sim.types import SPLITS, Split
 
 WINDOWS: dict[Split, tuple[float, float]] = {"easy": (2, 4), "medium": (3, 7), "hard": (3, 11)}
 SEEDS = {"Demo": 1, "Small": 3}
-"""A home of two storeys and one of one."""
+"""Seeds of a home with two storeys and of one with one."""
 
 
 @pytest.fixture(scope="module")
@@ -37,14 +37,14 @@ def episodes(root: Path) -> list[Episode]:
 
 
 def found_by(report: ValidationReport) -> list[tuple[int, str]]:
-    """Everything wrong; naive plurals only say that a search has several right objects."""
+    """All problems (row, slug) except naive plurals, which only mean that a query has several right objects."""
     measures = [
         (check.row, m) for check in report.checks if check.level != "note" for m in (check.measure, *check.also)
     ]
     return [(row, m.slug) for row, m in measures if m.count and m.slug != "query-naive-plural"]
 
 
-def test_every_split_asks_for_many_objects_on_every_storey_and_is_valid(root: Path, episodes: list[Episode]) -> None:
+def test_every_split_is_valid_and_asks_for_many_objects_on_every_storey(root: Path, episodes: list[Episode]) -> None:
     report = validate_dataset(root)
     assert report.problems == ()
     assert found_by(report) == []
@@ -58,7 +58,7 @@ def test_every_split_asks_for_many_objects_on_every_storey_and_is_valid(root: Pa
 
 
 @pytest.mark.slow
-def test_starts_are_in_the_splits_window_and_nobody_starts_at_the_target(root: Path, episodes: list[Episode]) -> None:
+def test_starts_are_in_the_window_of_the_split_and_never_at_the_target(root: Path, episodes: list[Episode]) -> None:
     scene = open_scene(PersonalDataset(root), "Demo")
     for episode in (e for e in episodes if e.key.scene == "Demo"):
         start = np.array(episode.start.position)
@@ -77,7 +77,7 @@ def test_starts_are_in_the_splits_window_and_nobody_starts_at_the_target(root: P
     assert np.histogram(yaws, bins=4, range=(-np.pi, np.pi))[0].min() > 0
 
 
-def test_every_piece_is_a_goal_with_places_that_see_it(root: Path) -> None:
+def test_every_piece_is_a_goal_with_view_points_that_see_it(root: Path) -> None:
     dataset = PersonalDataset(root)
     scene = open_scene(dataset, "Small")
     goals = dataset.goals("Small")
@@ -93,7 +93,7 @@ def test_every_piece_is_a_goal_with_places_that_see_it(root: Path) -> None:
             assert 0 < point.iou <= 1
 
 
-def test_ownership_keeps_the_rule_of_the_split_and_right_objects_are_the_asked_persons(episodes: list[Episode]) -> None:
+def test_ownership_keeps_the_rule_of_the_split_and_targets_belong_to_the_asked_person(episodes: list[Episode]) -> None:
     for episode in episodes:
         graph = ownership_graph(episode)
         shared, several = max(graph.num_owners_of.values()) > 1, max(graph.num_objects_of.values()) > 1
@@ -108,7 +108,7 @@ def test_ownership_keeps_the_rule_of_the_split_and_right_objects_are_the_asked_p
         assert sorted(fitting) == sorted(captions), episode.key
 
 
-def test_the_paragraph_holds_every_edge_the_room_and_the_floor(episodes: list[Episode]) -> None:
+def test_the_paragraph_names_every_owner_object_room_and_the_floor(episodes: list[Episode]) -> None:
     for episode in episodes:
         text = episode.record.summary
         assert re.search(r"\b(ground|first) floor\b", text), text
@@ -149,7 +149,7 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process(root: Path) -> No
 
 
 @pytest.mark.slow
-def test_other_numbers_of_episodes_can_be_had(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_episodes_can_be_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sim.authoring.searches.ONE_OF_SHARE", 1.0)
     generation.write_files(tmp_path, dataset_files("Many", seed=3, episodes_per_split=5))
     found = list(PersonalDataset(tmp_path).episodes())
@@ -173,7 +173,7 @@ def test_a_home_in_which_a_piece_cannot_be_seen_is_not_used(monkeypatch: pytest.
         dataset_files("Demo", seed=3)
 
 
-def test_a_folder_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_leaves_nothing_behind(tmp_path: Path) -> None:
     (tmp_path / "medium").write_text("a file where a folder must be")
     files = {f"{split}/content/Demo.json.gz": b"x" for split in SPLITS}
     with pytest.raises(DatasetError, match="cannot be written"):

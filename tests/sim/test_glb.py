@@ -1,4 +1,4 @@
-"""GLB and glTF files made in the test: axes, node transforms, colours, textures. Refusals: test_glb_hostile.py."""
+"""GLB and glTF files made in the test: axes, node transforms, colours, textures. test_glb_hostile.py has refusals."""
 
 import math
 from pathlib import Path
@@ -53,11 +53,11 @@ def two_colours() -> Image.Image:
 
 
 def textured(image: Image.Image, **material) -> TextureVisuals:
-    uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])  # trimesh: v = 1 is the image's top
+    uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])  # trimesh: v = 1 is the top of the image
     return TextureVisuals(uv=uv, material=PBRMaterial(baseColorTexture=image, **material))
 
 
-def test_a_z_up_file_becomes_y_up_and_transforms_and_mirrored_nodes_are_followed(tmp_path):
+def test_a_z_up_file_becomes_y_up_and_node_transforms_and_mirroring_are_applied(tmp_path):
     mesh = load_glb(write(tmp_path / "a.glb"))
     np.testing.assert_allclose(mesh.vertices, [[0, 0, 0], [2, 0, 0], [2, 0, -3], [0, 0, -3]], atol=1e-6)
     np.testing.assert_array_equal(mesh.faces, TRIANGLES)
@@ -96,7 +96,7 @@ def test_the_image_is_not_upside_down(tmp_path):
     assert tuple(frame.rgb[60, 32]) == (0, 0, 255)
 
 
-def test_a_base_colour_tints_a_jpeg_or_is_the_faces_colour_without_a_texture(tmp_path):
+def test_a_base_colour_tints_a_jpeg_and_without_a_texture_is_the_colour_of_the_faces(tmp_path):
     image = Image.new("RGB", (16, 16), (200, 100, 50))
     image.format = "JPEG"
     mesh = load_glb(write(tmp_path / "a.glb", textured(image, baseColorFactor=[0.5, 1.0, 1.0, 1.0])))
@@ -136,7 +136,7 @@ def test_a_text_file_reads_buffer_and_image_from_data_uris_and_from_files_beside
     assert shown(inside) == [BLUE, YELLOW, GREEN]
 
 
-def test_nodes_below_nodes_are_turned_scaled_and_shifted_in_this_order(tmp_path):
+def test_child_nodes_get_the_scale_rotation_and_translation_of_their_parent(tmp_path):
     writer = GltfWriter()
     child = writer.show(writer.square(), translation=[1, 0, 0])
     turn = [0, 0, math.sin(math.pi / 4), math.cos(math.pi / 4)]  # 90 degrees about z
@@ -147,7 +147,7 @@ def test_nodes_below_nodes_are_turned_scaled_and_shifted_in_this_order(tmp_path)
     np.testing.assert_allclose(mesh.vertices, [[0, 2, 5], [0, 6, 5], [-6, 6, 5], [-6, 2, 5]], atol=1e-6)
 
 
-def test_matrices_are_read_by_column_whole_numbers_stay_and_older_materials_have_a_diffuse_colour(tmp_path):
+def test_matrices_are_read_by_column_integer_positions_stay_and_older_materials_have_a_diffuse_colour(tmp_path):
     mesh = drawn(tmp_path, GltfWriter.square, matrix=[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 7, 8, 9, 1])
     np.testing.assert_allclose(mesh.vertices[0], [7, 8, 9])
     mesh = drawn(tmp_path, lambda w: w.square(points=(SQUARE * 10).astype(np.int16)), scale=[0.1, 0.1, 0.1])
@@ -178,7 +178,7 @@ def test_parts_of_one_mesh_share_the_vertices_that_the_file_shares(tmp_path):
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.uint32, None])
-def test_indices_of_every_width_and_none_at_all(tmp_path, kind):
+def test_indices_may_have_any_width_or_be_missing(tmp_path, kind):
     def square(writer):
         if kind is not None:
             return writer.square(indices=writer.accessor(FACES.astype(kind)))
@@ -191,8 +191,8 @@ def test_indices_of_every_width_and_none_at_all(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
-def test_small_indices_do_not_wrap_round_in_a_file_of_many_vertices(tmp_path, kind):
-    """Squares one above the other; the last ones start beyond what an index of their kind can count."""
+def test_small_indices_do_not_wrap_around_in_a_file_of_many_vertices(tmp_path, kind):
+    """The file has squares one above the other; the vertices of the last ones lie beyond the range of their indices."""
     writer = GltfWriter()
     size = np.iinfo(kind).max // 3
     points = np.tile(SQUARE, (size // 4 + 1, 1))
@@ -204,7 +204,7 @@ def test_small_indices_do_not_wrap_round_in_a_file_of_many_vertices(tmp_path, ki
     np.testing.assert_array_equal(mesh.vertices[mesh.faces][:, :, 2], np.repeat(np.arange(5), 2)[:, None].repeat(3, 1))
 
 
-def test_whole_numbers_may_be_written_with_a_point(tmp_path):
+def test_integers_may_be_written_with_a_decimal_point(tmp_path):
     writer = GltfWriter()
     writer.show(writer.square(mode=4.0))
     for accessor in writer.json["accessors"]:
@@ -217,7 +217,7 @@ def test_whole_numbers_may_be_written_with_a_point(tmp_path):
 @pytest.mark.parametrize(
     ("mode", "corners", "faces"), [(5, [0, 1, 3, 2], [[0, 1, 3], [1, 2, 3]]), (6, [0, 1, 2, 3], [[1, 2, 0], [2, 3, 0]])]
 )
-def test_strips_and_fans_keep_their_side(tmp_path, mode, corners, faces):
+def test_strips_and_fans_face_the_right_side(tmp_path, mode, corners, faces):
     mesh = drawn(tmp_path, lambda w: w.square(mode=mode, indices=w.accessor(np.array(corners, np.uint8))))
     assert mesh.faces.tolist() == faces
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
@@ -249,7 +249,7 @@ def test_interleaved_attributes_are_read_with_their_stride(tmp_path):
 
 
 @pytest.mark.parametrize("has_base", [True, False])
-def test_a_sparse_accessor_changes_some_of_its_values(tmp_path, has_base):
+def test_a_sparse_accessor_replaces_some_of_the_values(tmp_path, has_base):
     writer = GltfWriter()
     primitive = writer.square()
     accessor = writer.json["accessors"][primitive["attributes"]["POSITION"]]
@@ -268,7 +268,7 @@ def test_a_sparse_accessor_changes_some_of_its_values(tmp_path, has_base):
     assert vertices[2].tolist() == ([2, 3, 0] if has_base else [0, 0, 0])
 
 
-def test_quantized_attributes_become_metres_and_shares(tmp_path):
+def test_quantized_attributes_become_metres_and_texture_coordinates(tmp_path):
     writer = GltfWriter()
     material = writer.material(writer.image(png(four_colours())))
     primitive = writer.square(material=material)

@@ -1,4 +1,4 @@
-"""Small glTF files that announce much, and randomly damaged ones: bounded memory, no other errors."""
+"""Small glTF files that announce huge content, and randomly damaged ones: bounded memory and only known errors."""
 
 import json
 import random
@@ -16,7 +16,7 @@ from .gltf_files import DATA, UV, GltfWriter, jpeg, plain_square, png, with_imag
 
 
 def bombs(folder: Path) -> None:
-    """Files that are small and announce much; each must be refused or read within the limits of the test below."""
+    """Writes small files that announce huge content; each must be refused or read within the limits of the test."""
     text = '{"asset":{"version":"2.0"},%s}'
     (folder / "deep.gltf").write_text(text % ('"x":' + "[" * 1000000 + "]" * 1000000))
     (folder / "objects.gltf").write_text(text % ('"nodes":[' + "{}," * 3000000 + "{}]"))
@@ -75,7 +75,7 @@ from pathlib import Path
 from sim.errors import SceneError
 from sim.scans.glb import load_glb
 resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
-def peak_kb():  # not getrusage, whose peak a child inherits from its parent
+def peak_kb():  # not getrusage: there a child inherits the peak of its parent
     return int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])
 before = peak_kb()
 found = {}
@@ -91,12 +91,12 @@ print(json.dumps([found, (peak_kb() - before) / 1024]))
 
 @pytest.mark.slow
 @pytest.mark.skipif(
-    not Path("/proc/self/status").exists(), reason="a process's own peak of memory is told by Linux only"
+    not Path("/proc/self/status").exists(), reason="only Linux reports the peak memory of the process itself"
 )
 def test_bombs_are_refused_or_read_in_bounded_memory(tmp_path):
     bombs(tmp_path)
     command = [sys.executable, "-c", LOAD_ALL, str(tmp_path)]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)  # in case that one hangs
+    run = subprocess.run(command, capture_output=True, text=True, timeout=600, check=True)  # ends a file that hangs
     found, megabytes = json.loads(run.stdout)
     expected = {
         "chain.glb": "has 100001 nodes; expected at most 65536",
@@ -106,7 +106,7 @@ def test_bombs_are_refused_or_read_in_bounded_memory(tmp_path):
         "numbers.gltf": "has a JSON part of too many values",
         "objects.gltf": "has a JSON part of too many values",
         "primitives.glb": "shows more than 8192 primitives",
-        "sparse.glb": "sparse accessors; expected at most",
+        "sparse.glb": "too many sparse elements; expected at most",
         "tints.glb": "textures have",
         "vertices.glb": "vertices and",
         "wrong.gltf": "accessors.0.componentType is 'x'; expected: Input should be a valid integer (and 2 more",

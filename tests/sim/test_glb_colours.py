@@ -20,7 +20,7 @@ def test_vertex_colours_are_averaged_per_face(tmp_path):
 
 
 @pytest.mark.parametrize(("coloured", "count"), [(False, 4), (True, 8)])
-def test_parts_of_two_base_colours_have_own_vertices_only_where_these_have_colours(tmp_path, coloured, count):
+def test_parts_of_two_base_colours_share_vertices_unless_these_have_colours(tmp_path, coloured, count):
     def parts(writer):
         square = writer.square(colours=np.full((4, 4), 200, np.uint8) if coloured else None)
         tints = [{"baseColorFactor": tint} for tint in ([0.5, 1, 1, 1], [1, 0.5, 1, 1])]
@@ -42,7 +42,7 @@ def test_parts_of_two_base_colours_have_own_vertices_only_where_these_have_colou
         (np.array([[np.nan, 7, -1]] * 4, np.float32), [0, 255, 0]),
     ],
 )
-def test_vertex_colours_of_every_kind(tmp_path, colours, expected):
+def test_vertex_colours_of_every_kind_are_read(tmp_path, colours, expected):
     mesh = drawn(tmp_path, lambda w: w.square(colours=colours))
     assert mesh.vertex_rgb.tolist() == [expected] * 4
     assert mesh.face_rgb.tolist() == [expected] * 2
@@ -73,7 +73,7 @@ def test_vertex_colours_are_multiplied_by_the_base_colour_once_and_by_a_texture(
         assert frame.rgb[8, 8].tolist() == pytest.approx(rgb, abs=1)
 
 
-def test_parts_of_two_base_colours_share_vertices_whose_colours_only_light_their_textures(tmp_path):
+def test_parts_of_two_base_colours_share_vertices_if_their_colours_only_light_textures(tmp_path):
     def parts(writer):
         texture = writer.image(png(four_colours()))
         square = writer.square(uv=UV, colours=np.full((4, 4), 200, np.uint8), material=writer.material(texture))
@@ -85,7 +85,7 @@ def test_parts_of_two_base_colours_share_vertices_whose_colours_only_light_their
 
 
 @pytest.mark.filterwarnings("error")
-def test_base_colours_that_are_no_colour_are_cut_off_at_black_and_full_light(tmp_path):
+def test_base_colours_out_of_range_are_clipped_to_black_and_full_light(tmp_path):
     writer = GltfWriter()
     wild = {"baseColorFactor": [1e300, -1, 0.5, 1]}
     tinted = writer.add("materials", {"pbrMetallicRoughness": wild})

@@ -1,4 +1,4 @@
-"""Damaged and hostile glTF files are refused in one line that says what is wrong. Bombs: test_glb_bombs.py."""
+"""Damaged and hostile glTF files are refused in one line that says what is wrong. test_glb_bombs.py has huge ones."""
 
 import io
 import os
@@ -41,10 +41,10 @@ def test_other_content_is_refused(tmp_path):
     assert expected in refusal(tmp_path / "a.gltf")
 
 
-def test_what_is_no_file_and_transforms_that_overflow_together_are_refused(tmp_path):
+def test_a_pipe_a_folder_and_transforms_that_overflow_together_are_refused(tmp_path):
     os.mkfifo(tmp_path / "pipe.glb")
-    assert "is no regular file" in refusal(tmp_path / "pipe.glb")
-    assert "is no regular file" in refusal(tmp_path)
+    assert "is not a regular file" in refusal(tmp_path / "pipe.glb")
+    assert "is not a regular file" in refusal(tmp_path)
     writer = GltfWriter()
     node = writer.show(writer.square(), scale=[1e200, 1e200, 1e200])
     writer.json["scenes"][0]["nodes"] = [writer.add("nodes", {"children": [node], "scale": [1e200, 1e200, 1e200]})]
@@ -71,14 +71,14 @@ def test_a_binary_part_longer_than_the_file_and_damaged_json_are_refused(tmp_pat
     assert "JSON part: (top level) is text that is not JSON (expected value at line 1 " in refusal(tmp_path / "a.glb")
 
 
-def test_only_the_first_of_many_wrong_items_is_looked_at(tmp_path):
+def test_only_the_first_of_many_wrong_items_is_reported(tmp_path):
     path = tmp_path / "a.gltf"
     items = {"accessors": '{"componentType":"x"}', "extensionsUsed": "5", "nodes": '{"children":[0.5]}'}
     for name, item in items.items():
         path.write_text(f'{{"asset":{{"version":"2.0"}},"{name}":[{",".join([item] * 1000)}]}}')
         message = refusal(path)
         assert f"{name}.0" in message
-        assert "more problems" not in message or "(and 2 more problems)" in message  # those of the same item
+        assert "more problems" not in message or "(and 2 more problems)" in message  # of the same item
     attributes = ",".join(f'"{k}":-1' for k in range(1025))
     path.write_text(f'{{"meshes":[{{"primitives":[{{"attributes":{{{attributes}}}}}]}}]}}')
     assert "expected: At most 1024 attributes. Copy" in refusal(path)
@@ -151,7 +151,7 @@ HEADER_CHANGES: list[tuple[Change, str]] = [
 
 
 @pytest.mark.parametrize(("change", "expected"), HEADER_CHANGES)
-def test_a_wrong_header_is_one_line_that_names_the_file(tmp_path, change, expected):
+def test_a_wrong_header_is_refused_in_one_line_that_names_the_file(tmp_path, change, expected):
     message = refusal(plain_square(change).save(tmp_path / "a.glb"))
     assert expected in message
 
@@ -189,7 +189,7 @@ def test_a_file_without_faces_or_with_one_that_uses_a_missing_vertex_is_refused(
 
 
 @pytest.mark.parametrize(("value", "shown"), [(np.nan, "nan"), (np.inf, "inf"), (-np.inf, "-inf"), (2e5, "200000.0")])
-def test_a_vertex_that_is_in_no_home_is_refused(tmp_path, value, shown):
+def test_a_vertex_too_far_away_or_not_finite_is_refused(tmp_path, value, shown):
     points = SQUARE.copy()
     points[2, 1] = value
     writer = GltfWriter()
@@ -199,7 +199,7 @@ def test_a_vertex_that_is_in_no_home_is_refused(tmp_path, value, shown):
 
 
 @pytest.mark.parametrize("scale", ["NaN", "1e999", "Infinity", "-Infinity", "1e300"])
-def test_a_transform_that_is_no_place_is_refused(tmp_path, scale):
+def test_a_transform_that_is_not_finite_is_refused(tmp_path, scale):
     writer = GltfWriter()
     writer.show(writer.square(), scale=[12345, 1, 1])
     path = writer.save(tmp_path / "a.gltf")
@@ -212,21 +212,21 @@ def test_a_transform_that_is_no_place_is_refused(tmp_path, scale):
     ("children", "expected"),
     [
         ({0: [0]}, "node 0, a child of another"),
-        ({0: [1], 1: [0]}, "2 nodes are children of each other in a circle"),
-        ({1: [2], 2: [1]}, "2 nodes are children of each other in a circle"),
+        ({0: [1], 1: [0]}, "2 nodes are children of each other in a cycle"),
+        ({1: [2], 2: [1]}, "2 nodes are children of each other in a cycle"),
         ({0: [2], 1: [2]}, "node 2 is a child of nodes 0 and 1; expected one parent"),
         ({0: [2, 2]}, "node 2 is a child of nodes 0 and 0; expected one parent"),
         ({1: [0]}, "the scene names node 0, a child of another"),
         ({0: [77]}, "nodes.0 names nodes.77; expected nodes 0 to 2"),
     ],
 )
-def test_nodes_that_are_no_trees_are_refused(tmp_path, children, expected):
+def test_nodes_that_do_not_form_trees_are_refused(tmp_path, children, expected):
     writer = plain_square()
     writer.json["nodes"] += [{}, {}]
     for node, below in children.items():
         writer.json["nodes"][node]["children"] = below
     message = refusal(writer.save(tmp_path / "a.glb"))
-    assert expected in message or (children == {0: [0]} and "in a circle" in message)
+    assert expected in message or (children == {0: [0]} and "in a cycle" in message)
 
 
 @pytest.mark.parametrize(
@@ -234,7 +234,7 @@ def test_nodes_that_are_no_trees_are_refused(tmp_path, children, expected):
     ["../secret.png", "/etc/passwd", "%2e%2e/secret.png", "a/../../secret.png", "..\\secret.png", "file:///etc/passwd",
      "http://127.0.0.1/a.png", "C:\\a.png", "link/secret.png", "a%00.png", "x" * 5000],
 )  # fmt: skip
-def test_names_of_files_elsewhere_are_refused(tmp_path, uri):
+def test_file_names_outside_the_folder_are_refused(tmp_path, uri):
     (tmp_path / "secret.png").write_bytes(png(np.zeros((2, 2, 3), np.uint8)))
     folder = tmp_path / "home"
     folder.mkdir()
@@ -267,11 +267,11 @@ def test_damaged_data_uris_are_refused(tmp_path, uri, expected):
         ("EXT_mesh_gpu_instancing", "expected one node per copy of a mesh"),
     ],
 )  # fmt: skip
-def test_geometry_that_we_cannot_read_is_refused_also_where_the_file_calls_it_optional(tmp_path, name, expected):
+def test_geometry_that_we_cannot_read_is_refused_even_if_the_file_calls_it_optional(tmp_path, name, expected):
     assert expected in refusal(plain_square(lambda w: w.json.update(extensionsUsed=[name])).save(tmp_path / "a.glb"))
 
 
-def test_unknown_extensions_are_refused_where_they_are_needed_only(tmp_path):
+def test_unknown_extensions_are_refused_only_if_the_file_requires_them(tmp_path):
     needed = plain_square(lambda w: w.json.update(extensionsRequired=["EXT_new"])).save(tmp_path / "a.glb")
     assert "needs the extension 'EXT_new'" in refusal(needed)
     load_glb(plain_square(lambda w: w.json.update(extensionsUsed=["EXT_new"])).save(tmp_path / "b.glb"))
@@ -284,14 +284,14 @@ def huge_png(width: int, height: int) -> bytes:
 
 
 def deep_png(width: int, height: int) -> bytes:
-    """RGBA of 16 bits, by its header."""
+    """A PNG whose header announces RGBA of 16 bits and this size."""
     data = bytearray(huge_png(width, height))
     data[24:26] = 16, 6
     return bytes(data)
 
 
 def huge_jpeg(width: int, height: int, *, mode: str = "RGB", progressive: bool = False) -> bytes:
-    """A JPEG without subsampling, whose header announces another size."""
+    """A JPEG without subsampling whose header announces this size."""
     file = io.BytesIO()
     Image.new(mode, (8, 9)).save(file, "JPEG", progressive=progressive, subsampling=0)
     size = struct.pack(">HH", 9, 8)
@@ -323,5 +323,5 @@ def huge_jpeg(width: int, height: int, *, mode: str = "RGB", progressive: bool =
     ],
     ids=range(18),
 )  # fmt: skip
-def test_an_image_that_cannot_be_read_is_refused_and_never_grey(tmp_path, content, expected):
+def test_an_image_that_cannot_be_read_is_refused_and_never_replaced_by_grey(tmp_path, content, expected):
     assert expected in refusal(with_image(content).save(tmp_path / "a.glb"))

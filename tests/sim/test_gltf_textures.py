@@ -1,4 +1,4 @@
-"""Where a glTF material puts its images, and images of every kind in it. Basis images: test_basis.py."""
+"""Where a glTF material puts its images, and images of every kind. test_basis.py has Basis images."""
 
 import io
 import math
@@ -11,7 +11,7 @@ from .gltf_files import BLUE, DATA, GREEN, RED, UV, YELLOW, GltfWriter, drawn, f
 
 
 def pictured(writer, content=None, *, uv=UV, sampler=None, **info):
-    """A square that shows an encoded image; four colours when None."""
+    """A square that shows an encoded image; None = four colours."""
     texture = writer.image(png(four_colours()) if content is None else content, **(sampler or {}))
     return writer.square(uv=uv, material=writer.material(texture, **info))
 
@@ -36,7 +36,7 @@ def test_the_material_chooses_its_texture_coordinates(tmp_path):
     [
         ({"offset": [0.5, 0.25]}, [[0.5, 1.25], [1.5, 1.25], [1.5, 0.25]]),
         ({"scale": [2, 3]}, [[0, 3], [2, 3], [2, 0]]),
-        # the extension's own example: the lower left quarter of the image, turned clockwise
+        # the example of the extension's specification: the lower left quarter of the image, turned clockwise
         ({"offset": [0, 1], "rotation": math.pi / 2, "scale": [0.5, 0.5]}, [[0.5, 1], [0.5, 0.5], [0, 0.5]]),
         ({"scale": [1, -1], "offset": [0, 1]}, [[0, 0], [1, 0], [1, 1]]),
     ],
@@ -49,7 +49,7 @@ def test_texture_transforms_scale_then_turn_then_shift(tmp_path, transform, expe
     np.testing.assert_allclose(drawn(tmp_path, square).face_uv[0], expected, atol=1e-6)
 
 
-def test_one_image_in_two_tints_is_two_textures_and_images_at_one_place_of_the_file_are_one(tmp_path):
+def test_one_image_in_two_tints_is_two_textures_and_two_images_with_the_same_bytes_are_one(tmp_path):
     writer = GltfWriter()
     texture = writer.image(png(four_colours()))
     materials = [writer.material(texture, factor) for factor in (None, [1, 1, 1, 0.5], [0.5, 0.5, 0.5, 1])]
@@ -65,7 +65,7 @@ def test_one_image_in_two_tints_is_two_textures_and_images_at_one_place_of_the_f
 
 
 @pytest.mark.parametrize("mode", ["L", "1", "P", "LA", "RGBA", "I;16"])
-def test_png_images_of_every_kind(tmp_path, mode):
+def test_png_images_of_every_kind_are_read(tmp_path, mode):
     image = Image.fromarray(four_colours()).convert("L" if mode == "I;16" else mode)
     expected = np.array(image.convert("RGB"))
     if mode == "I;16":
@@ -77,7 +77,7 @@ def test_png_images_of_every_kind(tmp_path, mode):
 
 
 @pytest.mark.parametrize("mode", ["L", "RGB", "CMYK"])
-def test_jpeg_images_of_every_kind(tmp_path, mode):
+def test_jpeg_images_of_every_kind_are_read(tmp_path, mode):
     file = io.BytesIO()
     Image.fromarray(four_colours(32)).convert(mode).save(file, "JPEG", quality=95)
     texture = drawn(tmp_path, lambda w: pictured(w, file.getvalue(), sampler={"mime": "image/jpeg"})).textures[0]
@@ -99,11 +99,11 @@ CLAMP, MIRROR = 33071, 33648
         (0.8, {"wrapS": MIRROR, "wrapT": MIRROR}, [GREEN, RED, BLUE]),
         (0.8, {}, [BLUE, YELLOW, GREEN]),
         (0.8, {"wrapS": MIRROR, "wrapT": CLAMP}, [YELLOW, BLUE, RED]),
-        (9.8, {"wrapS": MIRROR, "wrapT": MIRROR}, [BLUE, YELLOW, GREEN]),  # repeats: the copy would be too large
+        (9.8, {"wrapS": MIRROR, "wrapT": MIRROR}, [BLUE, YELLOW, GREEN]),  # repeated: mirrored, it would be too large
     ],
 )
-def test_images_are_clamped_or_mirrored_where_faces_show_more_than_them(tmp_path, reach, wrap, corners):
-    """The square shows from `reach` before the image to `reach` after it, each way."""
+def test_images_are_clamped_or_mirrored_where_faces_reach_beyond_them(tmp_path, reach, wrap, corners):
+    """The square reaches beyond the image by `reach` image sizes on every side."""
     uv = (UV - 0.5) * (1 + 2 * reach) + 0.5
     mesh = drawn(tmp_path, lambda w: pictured(w, png(four_colours(80)), uv=uv, sampler=wrap))
     side = 80 + 2 * 80 * reach if wrap and reach < 1 else 80
@@ -111,7 +111,7 @@ def test_images_are_clamped_or_mirrored_where_faces_show_more_than_them(tmp_path
     assert shown(mesh) == corners
 
 
-def test_a_clamped_image_shown_within_its_edges_is_kept_and_coordinates_that_are_no_place_become_zero(tmp_path):
+def test_a_clamped_image_shown_within_its_edges_is_kept_and_invalid_coordinates_become_zero(tmp_path):
     wrap = {"wrapS": CLAMP, "wrapT": CLAMP}
     mesh = drawn(tmp_path, lambda w: pictured(w, uv=UV * 1.01 - 0.005, sampler=wrap))
     assert mesh.textures[0].shape == (8, 8, 3)
@@ -121,7 +121,7 @@ def test_a_clamped_image_shown_within_its_edges_is_kept_and_coordinates_that_are
     np.testing.assert_array_equal(mesh.face_uv[1], [[0, 1], [0, 0], [0.25, 3]])
 
 
-def test_a_plain_image_goes_before_a_basis_one(tmp_path):
+def test_a_plain_image_is_preferred_to_a_basis_one(tmp_path):
     writer = GltfWriter()
     basis = writer.add("images", {"bufferView": writer.view((DATA / "corners_etc1s.ktx2").read_bytes())})
     texture = writer.image(png(four_colours()))

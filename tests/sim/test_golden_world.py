@@ -1,7 +1,7 @@
-"""Our navigation, pictures and measures against the answers of the real habitat-sim and habitat-lab on two houses.
+"""Our navigation, pictures and measures, compared with the real habitat-sim and habitat-lab on two houses.
 
-tests/release/test_frozen_habitat.py holds every figure to the last digit. The grid made from the mesh alone is no copy
-of a navmesh: the bounds of its tests are what is reached, with a little room.
+tests/release/test_frozen_habitat.py checks every figure to the last digit. The grid is made from the mesh alone and
+does not copy a navmesh: the bounds here are the agreement that it reaches, with a small margin.
 """
 
 import gzip
@@ -40,7 +40,7 @@ def test_every_target_is_met_and_nothing_is_missing(golden_root):
 
 
 @pytest.mark.parametrize("house", HOUSES)
-def test_area_and_islands_are_habitats(house, grids, golden_root):
+def test_area_and_islands_agree_with_habitat(house, grids, golden_root):
     info = read(golden_root / f"{house}.info.json")["navmeshes"][f"{house}.navmesh"]
     assert grids[house].area == pytest.approx(info["navigable_area"], rel=0.005)
     islands = np.sort(np.bincount(grids[house].islands)) * 0.05**2
@@ -48,7 +48,7 @@ def test_area_and_islands_are_habitats(house, grids, golden_root):
 
 
 @pytest.mark.parametrize("house", HOUSES)
-def test_the_area_for_a_taller_thinner_robot_is_habitats(house, golden_root):
+def test_the_area_for_a_taller_thinner_robot_agrees_with_habitat(house, golden_root):
     mesh = load_glb(golden_root / f"{house}.glb", up="y")
     info = read(golden_root / f"{house}.info.json")["navmeshes"][f"{house}.default.navmesh"]
     found = floor_grid_from_mesh(mesh, radius=0.1, height=1.5)
@@ -63,7 +63,7 @@ def test_storeys_are_found_and_roofs_are_not(grids):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("house", HOUSES)
-def test_the_nearest_of_several_goals_is_as_far_as_in_habitat(house, grids, golden_root):
+def test_distances_to_the_nearest_of_several_goals_agree_with_habitat(house, grids, golden_root):
     queries = [
         query
         for query in read(golden_root / f"{house}.geodesic.json.gz")["multi_goal"]
@@ -78,7 +78,7 @@ def test_the_nearest_of_several_goals_is_as_far_as_in_habitat(house, grids, gold
 
 @pytest.mark.parametrize(("house", "share", "agreement"), [("dev_a", 0.95, 0.96), ("dev_b", 0.985, 0.99)])
 @pytest.mark.parametrize(("rule", "slide"), [("no_slide_le_0_3_3", False), ("slide", True)])
-def test_single_steps_end_where_habitats_do(house, share, agreement, rule, slide, grids, golden_root):
+def test_single_steps_end_where_they_do_in_habitat(house, share, agreement, rule, slide, grids, golden_root):
     steps = [step for step in read(golden_root / f"{house}.steps.json.gz")["steps"] if not step["sensitive"]]
     away, same_flag = [], []
     for step in steps:
@@ -94,7 +94,7 @@ def test_single_steps_end_where_habitats_do(house, share, agreement, rule, slide
 
 
 @pytest.mark.parametrize("house", HOUSES)
-def test_points_snap_to_the_places_that_habitat_finds(house, grids, golden_root):
+def test_points_snap_to_the_same_places_as_in_habitat(house, grids, golden_root):
     queries = read(golden_root / f"{house}.snap.json")["queries"]
     exists, away, navigable = [], [], []
     for query in queries:
@@ -110,7 +110,7 @@ def test_points_snap_to_the_places_that_habitat_finds(house, grids, golden_root)
 
 
 @pytest.mark.parametrize("house", HOUSES)
-def test_colours_and_depth_are_habitats(house, golden_root):
+def test_colours_and_depth_agree_with_habitat(house, golden_root):
     stored = np.load(golden_root / f"{house}.depth.npz")
     raycaster = Raycaster(load_glb(golden_root / f"{house}.glb", up="y"))
     for pose in read(golden_root / f"{house}.poses.json")["poses"]:

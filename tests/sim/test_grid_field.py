@@ -1,4 +1,4 @@
-"""Lengths and shapes of the paths on a floor grid against exact shortest ways."""
+"""Lengths and shapes of paths on a floor grid, compared with exact shortest paths."""
 
 import itertools
 
@@ -12,7 +12,7 @@ Box = tuple[float, float, float, float]
 
 
 def exact_distance(a: np.ndarray, b: np.ndarray, boxes: list[Box]) -> float:
-    """Length of the shortest way from a to b (x, z) round boxes (x0, z0, x1, z1): Dijkstra over their corners."""
+    """Length of the shortest path from a to b (x, z) around boxes (x0, z0, x1, z1), by Dijkstra over their corners."""
     corners = [(x, z) for x0, z0, x1, z1 in boxes for x in (x0, x1) for z in (z0, z1)]
     points = np.array([a, b, *corners])
     count = len(points)
@@ -32,7 +32,7 @@ def exact_distance(a: np.ndarray, b: np.ndarray, boxes: list[Box]) -> float:
 
 
 def crosses(a: np.ndarray, b: np.ndarray, box: Box) -> bool:
-    """Whether a segment passes through the inside of a box (Liang and Barsky's clipping)."""
+    """Whether a segment passes through the inside of a box (Liang-Barsky clipping)."""
     enter, leave = 0.0, 1.0
     for axis in range(2):
         low, high = box[axis] + 1e-9, box[axis + 2] - 1e-9
@@ -48,7 +48,7 @@ def crosses(a: np.ndarray, b: np.ndarray, box: Box) -> bool:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
-def test_distances_exceed_the_exact_shortest_way_round_boxes_by_far_less_than_a_percent(seed):
+def test_distances_exceed_the_exact_shortest_path_around_boxes_by_far_less_than_a_percent(seed):
     rng = np.random.default_rng(seed)
     boxes: list[Box] = []
     for x, z, width, depth in rng.integers((5, 5, 3, 3), (60, 60, 18, 18), (40, 4)) * CELL:
@@ -56,7 +56,7 @@ def test_distances_exceed_the_exact_shortest_way_round_boxes_by_far_less_than_a_
         if all(
             one[0] > b[2] + CELL or b[0] > one[2] + CELL or one[1] > b[3] + CELL or b[1] > one[3] + CELL for b in boxes
         ):
-            boxes.append(one)  # apart from all others, so that nothing squeezes through a gap without width
+            boxes.append(one)  # apart from all others, so that no path uses a gap of zero width
     grid = grid_of(lambda x, z: ~np.any([(x > b[0]) & (z > b[1]) & (x < b[2]) & (z < b[3]) for b in boxes], axis=0))
     island = np.bincount(grid.islands).argmax()
     points = [point for point in (grid.random_point(rng) for _ in range(30)) if grid.island(point) == island]
@@ -65,24 +65,24 @@ def test_distances_exceed_the_exact_shortest_way_round_boxes_by_far_less_than_a_
     found = np.array([grid.distances(a[None], b[None])[0] for a, b in pairs])
     assert len(pairs) >= 10
     excess = found / exact - 1
-    assert excess.min() > -1e-6, "nothing is shorter than the shortest"
+    assert excess.min() > -1e-6, "no path is shorter than the shortest"
     assert excess.mean() < 0.003
     assert excess.max() < 0.02
 
 
-def test_ways_along_a_slanted_wall_and_round_an_inner_corner_are_as_long_as_by_hand():
-    # Blocked above the line z = 1 + x / 3 up to x = 3; the way from its foot goes round its end at (3, 2).
+def test_paths_along_a_slanted_wall_and_around_an_inner_corner_have_the_lengths_computed_by_hand():
+    # A slanted wall from z = 1 + x / 3 to 1.4 + x / 3 ends at x = 3; the path leads around that end.
     slanted = grid_of(lambda x, z: (z < 1 + x / 3) | (x > 3) | (z > 1.4 + x / 3))
     foot, behind = at(0.3, 1.0), at(0.3, 1.6)
     shortest = np.hypot(2.7, 1.0) + 0.4 + np.hypot(2.7, 0.8)
     found = slanted.distances(foot[None], behind[None])[0]
-    assert found == pytest.approx(shortest, rel=0.012), "the wall is a staircase of 5 cm"
+    assert found == pytest.approx(shortest, rel=0.012), "the grid draws the wall in steps of 5 cm"
     corridor = grid_of(lambda x, z: (z < 0.5) | (x > 3.5))
     found = corridor.distances(at(0.5, 0.25)[None], at(3.75, 3.5)[None])[0]
     assert found == pytest.approx(np.hypot(3.0, 0.25) + np.hypot(0.25, 3.0), rel=1e-4)
 
 
-def test_whoever_walks_along_a_path_step_by_step_meets_no_wall():
+def test_walking_along_a_path_step_by_step_never_collides():
     grid = floor_grid_from_mesh(cluttered_home())
     rng = np.random.default_rng(3)
     walked = 0

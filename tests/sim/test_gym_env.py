@@ -1,4 +1,4 @@
-"""The Gymnasium view of PAN: its own checker, Habitat's names and numbers, no ground truth before the end."""
+"""The Gymnasium view of PAN passes Gymnasium's checker, uses Habitat's names, and hides ground truth until the end."""
 
 import gc
 import itertools
@@ -44,7 +44,7 @@ def demo_env(dataset: PersonalDataset, **options) -> PanGymEnv:
 
 
 @pytest.mark.parametrize("options", [{}, {"pictures": False}, {"actions": PAPER4, "reward": "distance_to_goal"}])
-def test_gymnasiums_checker_finds_nothing_to_complain_about(dataset: PersonalDataset, options: dict) -> None:
+def test_gymnasiums_checker_finds_no_problem(dataset: PersonalDataset, options: dict) -> None:
     spec = EnvSpec(
         "PersonalPan-v0",
         entry_point=PanGymEnv,
@@ -56,7 +56,7 @@ def test_gymnasiums_checker_finds_nothing_to_complain_about(dataset: PersonalDat
     assert "PersonalPan-v0" not in gymnasium.registry
 
 
-def test_gymnasiums_statistics_for_training_can_be_wrapped_around(dataset: PersonalDataset) -> None:
+def test_gymnasiums_wrapper_for_episode_statistics_works(dataset: PersonalDataset) -> None:
     plain = FilterObservation(demo_env(dataset, max_steps=3), ["rgb", "depth", "gps", "compass"])
     env = RecordEpisodeStatistics(plain)
     env.reset(seed=0)
@@ -120,7 +120,7 @@ def test_stop_terminates_and_the_step_limit_truncates(dataset: PersonalDataset) 
     assert env.step(STOP)[2:4] == (True, False)
 
 
-def test_measures_are_told_only_at_the_end(dataset: PersonalDataset) -> None:
+def test_measures_are_given_only_at_the_end(dataset: PersonalDataset) -> None:
     env = demo_env(dataset, pictures=False)
     env.reset(seed=0)
     assert set(env.step(LEFT)[4]) == {"episode_key", "collided"}
@@ -130,7 +130,7 @@ def test_measures_are_told_only_at_the_end(dataset: PersonalDataset) -> None:
     assert info["measures"]["num_steps"] == 2
 
 
-def test_nothing_of_the_goal_is_in_what_an_agent_gets(dataset: PersonalDataset) -> None:
+def test_an_agent_gets_no_information_about_the_goal(dataset: PersonalDataset) -> None:
     env = demo_env(dataset, pictures=False)
     for episode in dataset.episodes(splits=("easy",), scenes=("Demo",)):
         observation, info = env.reset(options={"episode": episode.key})
@@ -143,7 +143,7 @@ def test_nothing_of_the_goal_is_in_what_an_agent_gets(dataset: PersonalDataset) 
 
 
 def drive(env: PanGymEnv, dataset: PersonalDataset, key: EpisodeKey) -> tuple[list[float], dict]:
-    """Rewards and paper's measures of the way that the shortest-path agent, which knows the goal, takes."""
+    """Rewards, and measures of the rule `paper`, on the path of the shortest-path agent, which knows the goal."""
     episode, scene = dataset.episode(key), open_scene(dataset, key.scene)
     way = PanEnv(episode.start, scene.navigation, renderer=None)
     play_episode(ShortestPathAgent(episode, scene.navigation), way, episode.task("pan"), seed=0)
@@ -178,7 +178,7 @@ def keys_of(env: PanGymEnv, count: int) -> list[EpisodeKey]:
     return found
 
 
-def test_a_round_shows_every_episode_once_scene_by_scene(dataset: PersonalDataset) -> None:
+def test_one_round_has_every_episode_once_scene_by_scene(dataset: PersonalDataset) -> None:
     env = PanGymEnv(dataset, splits=("easy",), pictures=False)
     everything = [episode.key for episode in dataset.episodes(splits=("easy",))]
     env.reset(seed=3)
@@ -200,7 +200,7 @@ def test_the_seed_decides_the_order_and_dataset_order_is_kept_without_shuffling(
     assert keys_of(env, 3) == [episode.key for episode in dataset.episodes(scenes=("Demo",))][:3]
 
 
-def test_a_named_episode_is_started_by_key_or_text(dataset: PersonalDataset) -> None:
+def test_reset_can_choose_an_episode_by_key_or_text(dataset: PersonalDataset) -> None:
     env = demo_env(dataset, pictures=False)
     wanted = [episode.key for episode in dataset.episodes(scenes=("Demo",))][4]
     for name in (wanted, str(wanted)):
@@ -210,7 +210,7 @@ def test_a_named_episode_is_started_by_key_or_text(dataset: PersonalDataset) -> 
         env.reset(options={"episode": "easy/Demo/none"})
 
 
-def test_mistakes_are_one_clear_line(dataset: PersonalDataset, tmp_path: Path) -> None:
+def test_mistakes_are_refused_in_one_clear_line(dataset: PersonalDataset, tmp_path: Path) -> None:
     env = demo_env(dataset, pictures=False, actions=PAPER4)
     with pytest.raises(TaskStateError, match="no episode"):
         env.step(FORWARD)
@@ -223,7 +223,7 @@ def test_mistakes_are_one_clear_line(dataset: PersonalDataset, tmp_path: Path) -
         PanGymEnv(dataset, splits=())
 
 
-def test_a_closed_environment_can_be_closed_again_and_reset(dataset: PersonalDataset) -> None:
+def test_a_closed_environment_can_be_closed_again_or_reset(dataset: PersonalDataset) -> None:
     env = demo_env(dataset, pictures=False)
     env.reset()
     env.close()
@@ -232,7 +232,7 @@ def test_a_closed_environment_can_be_closed_again_and_reset(dataset: PersonalDat
 
 
 @pytest.mark.slow
-def test_a_scene_is_let_go_before_the_next_one_is_opened(dataset: PersonalDataset, monkeypatch) -> None:
+def test_a_scene_is_freed_before_the_next_one_is_opened(dataset: PersonalDataset, monkeypatch) -> None:
     casters: list[weakref.ref[Raycaster]] = []
     alive: list[int] = []
 
@@ -257,7 +257,7 @@ def test_a_scene_is_let_go_before_the_next_one_is_opened(dataset: PersonalDatase
     assert casters[-1]() is None
 
 
-def test_without_pictures_nothing_draws_until_it_is_asked_to(dataset: PersonalDataset, monkeypatch) -> None:
+def test_without_pictures_nothing_is_rendered_until_render_is_called(dataset: PersonalDataset, monkeypatch) -> None:
     made: list[TriangleMesh] = []
 
     class Counted(Raycaster):
@@ -275,7 +275,7 @@ def test_without_pictures_nothing_draws_until_it_is_asked_to(dataset: PersonalDa
     assert len(made) == 1
 
 
-def test_where_a_scene_cannot_be_opened_no_episode_runs(dataset: PersonalDataset, monkeypatch) -> None:
+def test_no_episode_runs_after_a_scene_could_not_be_opened(dataset: PersonalDataset, monkeypatch) -> None:
     def fail(*args, **kwargs) -> Scene:
         raise SceneError("gone")
 
@@ -288,7 +288,7 @@ def test_where_a_scene_cannot_be_opened_no_episode_runs(dataset: PersonalDataset
         env.step(FORWARD)
 
 
-def test_several_run_side_by_side_in_one_vector(dataset: PersonalDataset) -> None:
+def test_several_environments_run_in_one_vector_environment(dataset: PersonalDataset) -> None:
     vector = gymnasium.vector.SyncVectorEnv([lambda: demo_env(dataset, max_steps=2) for _ in range(2)])
     observations, _ = vector.reset(seed=5)
     assert observations["rgb"].shape == (2, 48, 64, 3)

@@ -1,4 +1,4 @@
-"""HM3D's semantic files made by hand: ids on the scan, objects with boxes, regions."""
+"""Handmade semantic files in HM3D's format: ids on the scan, and objects with names and boxes."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ TEXT = """HM3D Semantic Annotations
 """
 WALL, SHELF, BED, UNKNOWN = (255, 0, 0), (0, 0, 255), (0, 255, 0), (9, 9, 9)
 LEFT, RIGHT = (0.25, 0.4), (0.75, 0.6)
-"""Places on a square, as shares of its width and its height from the top."""
+"""Places on a square, as shares of its width and of its height from the top."""
 
 
 def flat(*columns: tuple[int, int, int]) -> bytes:
@@ -49,7 +49,7 @@ def semantics(tmp_path: Path, writer: GltfWriter, mesh: TriangleMesh, text: str 
 
 
 def ids_at(mesh: TriangleMesh, z: float, share: tuple[float, float]) -> set[int]:
-    """The ids at a place of the square at this height, by the triangle that holds it."""
+    """Ids at a place of the square at height z, metres, one from each triangle that holds the place."""
     point = np.array([2 * share[0], z, -3 * (1 - share[1])])
     found = set()
     for face, corners in enumerate(mesh.vertices[mesh.faces].astype(float)):
@@ -83,15 +83,15 @@ def test_faces_in_another_order_and_turned_are_found_by_their_corners(tmp_path):
     writer = squares(flat(BED, UNKNOWN), flat(WALL, SHELF), order=order, shift=2e-4)
     for node in writer.json["nodes"]:
         node["translation"] = [0, 0, 2]
-    writer.json["nodes"][1]["translation"] = [0, 0, -2]  # the second square is now the lower one
+    writer.json["nodes"][1]["translation"] = [0, 0, -2]  # the second square is the lower one now
     mesh = semantics(tmp_path, writer, scan(tmp_path)).mesh
     assert mesh.ids is not None
     assert (mesh.ids.face_image != FACE_IDS).all()
     assert [ids_at(mesh, z, share) for z in (0, 2) for share in (LEFT, RIGHT)] == [{1}, {7}, {300}, {0}]
 
 
-def test_faces_that_the_semantic_file_does_not_have_take_the_nearest_id_within_reach(tmp_path):
-    """The scan's third square is 2 m from any painted one; its first two are painted 5 cm beside themselves."""
+def test_faces_missing_from_the_semantic_file_take_the_nearest_id_within_reach(tmp_path):
+    """The first two squares of the scan are painted 5 cm off; the third is 2 m away from any painted one."""
     writer = squares(flat(WALL), flat(BED), shift=0.05)
     mesh = semantics(tmp_path, writer, scan(tmp_path, 3)).mesh
     assert mesh.ids is None
@@ -105,7 +105,7 @@ def coloured(*colours: np.ndarray) -> GltfWriter:
     return writer
 
 
-def test_vertex_colours_give_each_face_the_id_of_most_of_its_corners_in_either_light(tmp_path):
+def test_vertex_colours_give_each_face_the_id_of_most_corners_in_srgb_and_linear_light(tmp_path):
     lower = np.array([WALL, WALL, SHELF, SHELF], np.uint8)
     upper = np.array([BED, SHELF, WALL, UNKNOWN], np.uint8)
     result = semantics(tmp_path, coloured(lower, upper), scan(tmp_path))
@@ -116,18 +116,18 @@ def test_vertex_colours_give_each_face_the_id_of_most_of_its_corners_in_either_l
     assert result.mesh.face_instance.tolist() == [301, 301]
 
 
-def test_objects_have_names_and_boxes_in_world_axes_and_files_of_different_releases_are_refused(tmp_path):
+def test_objects_have_names_and_boxes_in_world_axes_and_files_that_do_not_match_are_refused(tmp_path):
     result = semantics(tmp_path, squares(flat(WALL), flat(SHELF)), scan(tmp_path))
     assert [item.name for item in result.objects] == ["wall_1", "shelf, low_7"]
     shelf = result.objects[1]
     assert (shelf.instance_id, shelf.category) == (7, "shelf, low")
-    assert shelf.centre == pytest.approx((1.0, 2.0, -1.5))  # the file's (1, 1.5, 2)
+    assert shelf.centre == pytest.approx((1.0, 2.0, -1.5))  # (1, 1.5, 2) in the file
     assert shelf.size == pytest.approx((2.0, 0.0, 3.0))
     with pytest.raises(SceneError, match=r"found no colour that a\.semantic\.txt names; expected the colours of its 4"):
         semantics(tmp_path, squares(flat(UNKNOWN)), scan(tmp_path))
 
 
-def test_the_box_of_an_object_is_that_of_its_connected_part_with_the_largest_box(tmp_path):
+def test_the_box_of_an_object_is_the_largest_box_of_its_connected_parts(tmp_path):
     writer = GltfWriter()
     material = writer.material(writer.image(flat(BED)))
     small = np.array([[9.0, 0, 0], [9.5, 0, 0.5], [9.5, 0.5, 0], [9, 0.5, 0.5]], np.float32)

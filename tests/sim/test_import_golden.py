@@ -1,4 +1,4 @@
-"""The real Habitat's trajectories through writer, import and scoring, against habitat-lab's own measures."""
+"""Trajectories of the real Habitat go through writer, import and scoring and get the measures of habitat-lab."""
 
 import gzip
 import json
@@ -19,13 +19,13 @@ from .foreign_runs import Rows, goal_row, write_dataset
 
 
 def golden_episodes(golden_root: Path, house: str) -> Rows:
-    """Episodes with view points as targets; POINT targets are habitat-lab's other mode, which PersONAL does not use."""
+    """Golden episodes whose targets are view points; PersONAL does not use habitat-lab's other mode, POINT."""
     rows = json.loads(gzip.decompress((golden_root / f"{house}.episodes.json.gz").read_bytes()))["episodes"]
     return [row for row in rows if row["settings"]["distance_to"] == "VIEW_POINTS"]
 
 
 def golden_dataset(rows: Rows, house: str, root: Path) -> PersonalDataset:
-    """The golden episodes in the PersONAL format; names are made unique because goals differ between episodes."""
+    """The golden episodes in the PersONAL format, with unique object names because goals differ between episodes."""
     episodes = [
         {
             "id": f"{row['id']}",
@@ -42,7 +42,7 @@ def golden_dataset(rows: Rows, house: str, root: Path) -> PersonalDataset:
 
 
 def play_golden(rows: Rows, house: str, path: Path) -> None:
-    """What a Habitat program does with habitat_writer.py."""
+    """Writes the trajectories the way a Habitat program uses habitat_writer.py."""
     writer = HabitatWriter(path)
     for row in rows:
         sliding = row["settings"]["rule"] == "slide"
@@ -54,7 +54,7 @@ def play_golden(rows: Rows, house: str, path: Path) -> None:
 
 
 def as_zup_glb(source: Path, target: Path) -> None:
-    """The golden GLB is y-up; scans are z-up."""
+    """Writes the golden GLB, which is y-up, as a z-up file like a scan."""
     scene = trimesh.load_scene(source)
     for mesh in scene.geometry.values():
         mesh.vertices = glb_zup_from_world(np.asarray(mesh.vertices))
@@ -64,7 +64,7 @@ def as_zup_glb(source: Path, target: Path) -> None:
 
 @pytest.mark.release
 @pytest.mark.parametrize("house", ["dev_a", "dev_b"])
-def test_imported_golden_runs_have_habitat_labs_measures(golden_root: Path, tmp_path: Path, house: str) -> None:
+def test_imported_golden_runs_have_the_measures_of_habitat_lab(golden_root: Path, tmp_path: Path, house: str) -> None:
     rows = golden_episodes(golden_root, house)
     dataset = golden_dataset(rows, house, tmp_path / "data")
     play_golden(rows, house, tmp_path / "habitat.jsonl")
@@ -87,8 +87,8 @@ def test_imported_golden_runs_have_habitat_labs_measures(golden_root: Path, tmp_
     assert [rule is not None and rule.success for rule in rules] == [has_stopped_within_10_cm(row) for row in rows]
     reachable = [(row, rule) for row, rule in zip(rows, rules, strict=True) if rule and rule.start_distance is not None]
     assert {row["id"] for row, _ in reachable} == {row["id"] for row in rows if row["kind"] != "unreachable"}
-    # Distances are measured on our own grid of 5 cm, habitat-lab's on a navmesh by Detour, which is up to 2 % above the
-    # shortest way on average and 10-20 % in the worst case; most pairs agree to 2 cm, the worst of these by 15 cm.
+    # Our distances come from a grid of 5 cm, habitat-lab's from Detour on a navmesh, whose paths are up to 2 % too long
+    # on average and 10-20 % in the worst case. Most pairs agree within 2 cm, the worst of these within 15 cm.
     apart = np.abs([rule.dtg - row["measures"]["distance_to_goal"] for row, rule in reachable])
     assert (apart.mean(), apart.max()) == (pytest.approx(0, abs=0.03), pytest.approx(0, abs=0.2))
     apart = np.abs([rule.start_distance / row["start_distance"] - 1 for row, rule in reachable])
@@ -101,7 +101,7 @@ def test_imported_golden_runs_have_habitat_labs_measures(golden_root: Path, tmp_
 
 
 def has_stopped_within_10_cm(row: dict[str, Any]) -> bool:
-    """Success of ObjectNav; some golden episodes were played with 1.0 m instead."""
+    """Whether the run succeeded under ObjectNav's 0.1 m; some golden episodes were played with 1.0 m instead."""
     distance = row["measures"]["distance_to_goal"]
     return row["stop_called"] and distance is not None and distance < 0.1
 

@@ -1,4 +1,4 @@
-"""Importing runs of another simulator: possible steps only, all measures computed here."""
+"""Importing runs of another simulator: only possible steps are accepted, and all measures are computed here."""
 
 import json
 import math
@@ -29,7 +29,7 @@ def dataset(tmp_path: Path) -> PersonalDataset:
 
 
 def possible_run(writer: HabitatWriter, *, episode_id: str | int = "40", yaw_deg: float = 0.0) -> None:
-    """Forward, turn left, look up, a blocked forward, stop."""
+    """Writes forward, left, look up, a blocked forward and stop."""
     x, y, z = START
     writer.start_episode("easy", "Flat", episode_id, START, quat(yaw_deg))
     if yaw_deg:
@@ -57,7 +57,7 @@ def checked(rows: Rows, dataset: PersonalDataset) -> EpisodeRun:
     return next(check_file(path, dataset=dataset)).run
 
 
-def test_a_possible_run_is_taken_with_our_collisions_and_claims_of_the_file_are_dropped(
+def test_a_possible_run_is_imported_with_our_collisions_and_without_the_files_claims(
     dataset: PersonalDataset, lines: Rows
 ) -> None:
     run = checked(lines, dataset)
@@ -75,7 +75,7 @@ def test_a_possible_run_is_taken_with_our_collisions_and_claims_of_the_file_are_
 
 
 def moved(line: int, by: tuple[float, float, float]) -> Callable[[Rows], object]:
-    """Moves every pose from this line on, so that only this step is odd."""
+    """Moves every pose from this line on, so that only this step is wrong."""
 
     def change(rows: Rows) -> None:
         for row in rows[line - 1 : -1]:
@@ -138,7 +138,7 @@ IMPOSSIBLE: dict[str, tuple[Callable[[Rows], object], str]] = {
 
 
 @pytest.mark.parametrize(("change", "message"), IMPOSSIBLE.values(), ids=IMPOSSIBLE)
-def test_an_impossible_run_is_refused_with_its_line(
+def test_an_impossible_run_is_refused_with_its_line_number(
     dataset: PersonalDataset, lines: Rows, change: Callable[[Rows], object], message: str
 ) -> None:
     change(lines)
@@ -147,7 +147,7 @@ def test_an_impossible_run_is_refused_with_its_line(
     assert f"run.jsonl{message}" in str(error.value)
 
 
-def test_sliding_may_end_anywhere_within_one_step_of_the_wanted_end(dataset: PersonalDataset, lines: Rows) -> None:
+def test_a_sliding_step_may_end_within_one_step_length_of_the_wanted_end(dataset: PersonalDataset, lines: Rows) -> None:
     moved(5, (-0.1 * math.sqrt(3) + 0.02, 0, 0.1))(lines)
     with pytest.raises(RunFileError, match="allow_sliding=True"):
         checked(lines, dataset)
@@ -158,7 +158,7 @@ def test_sliding_may_end_anywhere_within_one_step_of_the_wanted_end(dataset: Per
         checked(lines, dataset)
 
 
-def test_habitat_labs_numbering_by_place_in_the_file_is_understood(dataset: PersonalDataset, tmp_path: Path) -> None:
+def test_episode_numbers_of_habitat_lab_are_places_in_the_file(dataset: PersonalDataset, tmp_path: Path) -> None:
     path = tmp_path / "lab.jsonl"
     writer = HabitatWriter(path)
     possible_run(writer, episode_id=0)
@@ -167,7 +167,7 @@ def test_habitat_labs_numbering_by_place_in_the_file_is_understood(dataset: Pers
 
 
 def imported(dataset: PersonalDataset, *files: Path, **changes: Any) -> Path:
-    """Imports files into the folder `runs` beside the dataset, and gives the folder."""
+    """Imports files into the folder `runs` beside the dataset and returns that folder."""
     options = {"dataset": dataset, "scenes_dir": None, "out": dataset.root.parent / "runs", "who": "VLFM"}
     import_runs([*files], **options | {"allow_schematic": True} | changes)
     return dataset.root.parent / "runs"

@@ -30,7 +30,7 @@ def test_rooms_tile_their_storey(num: int, seed: int) -> None:
         assert sum(map(area, layout.rects)) == pytest.approx(area(outlines[-1]))
         assert not any(a.grown(-1e-6).overlaps(b) for a, b in itertools.combinations(layout.rects, 2))
         assert len(layout.names) == len(layout.rects)
-    assert len(set(outlines)) == 1  # the walls of both storeys stand over each other
+    assert len(set(outlines)) == 1  # the outer walls of both storeys stand above each other
 
 
 @pytest.mark.parametrize("seed", range(25))
@@ -45,7 +45,7 @@ def test_a_stair_lies_in_one_room_of_each_storey_with_floor_at_both_ends(seed: i
         assert around[0].grown(1e-6).holds_rect(high)
 
 
-def test_homes_differ_in_kind() -> None:
+def test_homes_have_different_kinds_of_layouts() -> None:
     seen = set()
     for seed in range(40):
         for layout in draw_home(1 + seed % 2, np.random.default_rng(seed)).storeys:
@@ -53,7 +53,7 @@ def test_homes_differ_in_kind() -> None:
     assert len(seen) >= 4
 
 
-def test_turning_moves_the_stair_and_its_direction_with_the_rooms() -> None:
+def test_turning_a_home_turns_the_stair_and_its_direction_with_the_rooms() -> None:
     home = Home((Layout((Rect(0, 0, 8, 3),), (0,), ("hall",)),), STAIR)
     mirrored = turned(home, mirror_x=True, mirror_z=False, swap=False)
     assert mirrored.stair is not None
@@ -66,7 +66,7 @@ def test_turning_moves_the_stair_and_its_direction_with_the_rooms() -> None:
 
 
 @pytest.mark.parametrize("towards", ["+x", "-x", "+z", "-z"])
-def test_landings_lie_before_the_first_and_behind_the_last_step(towards) -> None:
+def test_landings_lie_before_the_first_and_after_the_last_step(towards) -> None:
     stair = Stair(storey=0, rect=Rect(0, 0, 2, 2), towards=towards, num_steps=4)
     low, high = landings(stair)
     ends = {
@@ -78,7 +78,7 @@ def test_landings_lie_before_the_first_and_behind_the_last_step(towards) -> None
     assert (low.centre, high.centre) == ends[towards]
 
 
-def test_borders_are_cut_where_another_room_begins_and_a_stair_is_no_entrance() -> None:
+def test_borders_end_where_another_room_begins_and_no_door_leads_onto_a_stair() -> None:
     borders = borders_of((Rect(0, 0, 4, 2), Rect(0, 2, 1.5, 5), Rect(1.5, 2, 4, 5)))
     inner = [(b.is_along_x, b.at, b.span, b.rooms) for b in borders if len(b.rooms) == 2]
     assert inner == [(True, 2, (0, 1.5), (0, 1)), (True, 2, (1.5, 4), (0, 2)), (False, 1.5, (2, 5), (1, 2))]
@@ -97,7 +97,7 @@ def joined_rooms(num: int, pairs) -> set[int]:
 
 
 @pytest.mark.parametrize(("num", "seed"), HOMES)
-def test_every_room_has_a_way_in_and_doors_keep_clear_of_the_stair(num: int, seed: int) -> None:
+def test_every_room_has_an_entrance_and_doors_keep_clear_of_the_stair(num: int, seed: int) -> None:
     rng = np.random.default_rng([seed, 1])
     home = draw_home(num, np.random.default_rng(seed))
     for storey, layout in enumerate(home.storeys):
@@ -122,7 +122,7 @@ def middle(wall: Wall, offset: float) -> Rect:
     return Rect(x, z, x, z)
 
 
-def test_railings_stand_at_the_open_sides_of_the_hole_but_not_where_one_arrives() -> None:
+def test_railings_stand_at_the_open_sides_of_the_stairwell_but_not_at_its_landing() -> None:
     wall = Wall(storey=1, start=(0.0, 0.0), end=(8.0, 0.0), height=2.6)
     found = {(rail.start, rail.end) for rail in railings(STAIR, [wall])}
     assert found == {((1.97, 0.06), (1.97, 1.06)), ((2.0, 1.09), (6.0, 1.09))}

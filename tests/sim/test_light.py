@@ -1,4 +1,4 @@
-"""Baked light: no seams, dark corners, bright sun side, lamps, and that it is kept."""
+"""Baked light: no seams, dark corners, a bright sun side, lamps, and its cache."""
 
 from collections.abc import Iterator
 
@@ -19,33 +19,33 @@ from sim.render.renderer import Backend
 from .raycasters import has_embree
 
 WHITE = Finish(rgb=(255, 255, 255))
-"""Smooth, so that vertex colours are the light itself."""
+"""A finish without texture, so that vertex colours are the light itself."""
 Light = NDArray[np.float64]
 Vec = tuple[float, float, float]
 
 
 def add_box(builder: QuadBuilder, centre: Vec, size: Vec, *, yaw: float = 0.0, instance: int = 0) -> None:
-    """A white box, turned by `yaw` about its own middle."""
+    """Adds a white box, turned by `yaw` about its centre."""
     builder.add_quads(box((0, 0, 0), size).turned("y", yaw).corners + np.array(centre), WHITE, instance=instance)
 
 
 def flat(x0: float, z0: float, x1: float, z1: float, y: float = 0.0) -> list[list[tuple[float, float, float]]]:
-    """A rectangle that looks up."""
+    """A level rectangle that faces up."""
     return [[(x0, y, z0), (x0, y, z1), (x1, y, z1), (x1, y, z0)]]
 
 
 def wall_x(x: float, z0: float, z1: float, height: float = 2.5) -> NDArray[np.float64]:
-    """A wall at x that looks towards +x."""
+    """A wall at x that faces +x."""
     return np.array([[(x, 0, z1), (x, 0, z0), (x, height, z0), (x, height, z1)]], float)
 
 
 def wall_z(z: float, x0: float, x1: float, height: float = 2.5) -> NDArray[np.float64]:
-    """A wall at z that looks towards +z."""
+    """A wall at z that faces +z."""
     return np.array([[(x0, 0, z), (x1, 0, z), (x1, height, z), (x0, height, z)]], float)
 
 
 def room(builder: QuadBuilder, side: float = 4.0) -> None:
-    """A square floor with four walls that look inside, no ceiling."""
+    """Adds a square floor and four walls that face inwards, without a ceiling."""
     builder.add_quads(flat(0, 0, side, side), WHITE)
     builder.add_quads(wall_x(0, 0, side), WHITE)
     builder.add_quads(wall_x(side, 0, side)[:, ::-1], WHITE)
@@ -56,7 +56,7 @@ def room(builder: QuadBuilder, side: float = 4.0) -> None:
 def light_at(
     mesh: TriangleMesh, points: list[tuple[float, float, float]], towards: tuple[float, float, float]
 ) -> Light:
-    """(N,) mean light where rays from points (N, 3) meet the mesh, blended as the renderer does."""
+    """Mean light (N,) in [0, 1] where rays from points (N, 3) meet the mesh, blended as the renderer does."""
     assert mesh.vertex_rgb is not None
     origins = np.array(points, float)
     hits = Raycaster(mesh).cast(origins, np.tile(towards, (len(origins), 1)))
@@ -72,12 +72,12 @@ def light_at(
 
 
 def floor_light(mesh: TriangleMesh, places: list[tuple[float, float]]) -> Light:
-    """Light of the first surface below places (x, z) at a height of 0.4 m."""
+    """Light (N,) of the first surface below each place (x, z) at a height of 0.4 m."""
     return light_at(mesh, [(x, 0.4, z) for x, z in places], (0, -1, 0))
 
 
 def edges_on(mesh: TriangleMesh, x: float, *, left: bool) -> Iterator[tuple[NDArray, NDArray]]:
-    """z and light (2,) of the edges at x of faces on one side of it."""
+    """Ends z (2,) and their light (2,) in [0, 255] of each edge at x that belongs to a face on this side."""
     assert mesh.vertex_rgb is not None
     for face in mesh.faces:
         on = face[np.abs(mesh.vertices[face, 0] - x) < 1e-6]
@@ -103,7 +103,7 @@ def test_quads_of_different_sizes_have_the_same_light_along_a_shared_edge() -> N
             light[here] = np.interp(at[here], z, values)
         sides.append(light)
     assert not np.isnan(sides).any()
-    assert np.ptp(sides[0]) > 25, "the box and the wall make a difference along the edge"
+    assert np.ptp(sides[0]) > 25, "the box and the wall darken a part of the edge"
     np.testing.assert_allclose(sides[0], sides[1], atol=1.01)
 
 
@@ -118,7 +118,7 @@ def test_the_corner_of_a_room_is_darker_than_its_middle() -> None:
     assert low < high - 0.1
 
 
-def test_the_floor_under_a_table_is_darker_and_nothing_black() -> None:
+def test_the_floor_under_a_table_is_darker_and_no_surface_is_black() -> None:
     builder = QuadBuilder()
     room(builder, 5.0)
     add_box(builder, (2.5, 0.72, 2.5), (1.4, 0.06, 0.9), instance=1)
@@ -127,7 +127,7 @@ def test_the_floor_under_a_table_is_darker_and_nothing_black() -> None:
     builder = QuadBuilder()
     room(builder)
     add_box(builder, (2, 0.1, 2), (1.5, 0.16, 1.5), instance=1)
-    add_box(builder, (2, 0.18, 2), (1.5, 0.3, 1.5), instance=2)  # inside of each other
+    add_box(builder, (2, 0.18, 2), (1.5, 0.3, 1.5), instance=2)  # overlaps the first
     mesh = builder.mesh()
     assert mesh.vertex_rgb is not None
     assert mesh.vertex_rgb.min() >= int(DARKEST * 255)
@@ -143,11 +143,11 @@ def test_the_side_towards_the_sun_is_brighter() -> None:
     }
     assert sides["+x"] > sides["-x"] + 0.1
     assert sides["+z"] > sides["-z"] + 0.05
-    assert len({round(value, 2) for value in sides.values()}) >= 4, "neighbouring sides can be told apart"
+    assert len({round(value, 2) for value in sides.values()}) >= 4, "neighbouring sides differ"
 
 
 def test_a_wall_that_stands_on_a_floor_leaves_no_black_line() -> None:
-    """The lattice of the floor has points inside of the wall."""
+    """Light is computed on a lattice of the floor, and some of its points lie inside the wall."""
     for shift in (0.0, 0.05, 0.1):
         builder = QuadBuilder()
         builder.add_quads(flat(0, 0, 6, 4), WHITE)
@@ -166,10 +166,10 @@ def test_light_changes_smoothly_over_a_floor() -> None:
     room(builder)
     add_box(builder, (2, 0.4, 1.2), (0.9, 0.8, 0.5), yaw=0.3, instance=1)
     light = floor_light(builder.mesh(), [(x, 2.2) for x in np.linspace(0.1, 3.9, 381).tolist()])
-    assert np.abs(np.diff(light)).max() < 0.02, "1 cm further"
+    assert np.abs(np.diff(light)).max() < 0.02, "between places 1 cm apart"
 
 
-def test_a_lamp_brightens_what_is_near_and_faces_it() -> None:
+def test_a_lamp_brightens_near_surfaces_but_not_those_behind_a_wall() -> None:
     def lit(*lamps: tuple[float, float, float]) -> TriangleMesh:
         builder = QuadBuilder()
         room(builder)
@@ -181,13 +181,13 @@ def test_a_lamp_brightens_what_is_near_and_faces_it() -> None:
     gain = floor_light(lit((3.0, 1.4, 0.5)), places) - floor_light(lit(), places)
     assert gain[0] > 0.03
     assert gain[0] > gain[1] + 0.02
-    assert gain[2] == pytest.approx(0, abs=1e-9), "the wall between keeps its other side dark"
+    assert gain[2] == pytest.approx(0, abs=1e-9), "the wall shades its other side"
     warm = lit((3.0, 1.4, 0.5)).vertex_rgb
     assert warm is not None
     assert (warm[:, 0].astype(int) - warm[:, 2]).max() > 5
 
 
-def test_both_ways_to_trace_rays_agree(monkeypatch, tmp_path) -> None:
+def test_both_backends_for_rays_give_the_same_light(monkeypatch, tmp_path) -> None:
     if not has_embree():
         pytest.skip("Embree's packets cannot be used here")
 
@@ -208,7 +208,7 @@ def test_both_ways_to_trace_rays_agree(monkeypatch, tmp_path) -> None:
     assert (difference > 4).mean() < 0.01
 
 
-def test_light_is_made_once_and_anew_for_other_geometry(monkeypatch, tmp_path) -> None:
+def test_light_is_computed_once_and_again_for_other_geometry_or_lamps(monkeypatch, tmp_path) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path))
 
     def lit(shift: float, *lamps: tuple[float, float, float]) -> str:

@@ -1,4 +1,4 @@
-"""PLY and OBJ scenes, the choice by suffix, and files that announce or name what they must not."""
+"""PLY and OBJ scenes, the choice by suffix, and files that announce too much or name files outside their folder."""
 
 import struct
 from pathlib import Path
@@ -53,7 +53,7 @@ def obj(path: Path, *, material: str = "newmtl wall\nmap_Kd image.png\n", text: 
     return path
 
 
-def test_the_suffix_says_the_kind_of_file(tmp_path):
+def test_the_suffix_decides_the_format(tmp_path):
     glb = load_mesh(plain_square().save(tmp_path / "a.glb"), up="y")
     gltf = load_mesh(plain_square().save(tmp_path / "a.gltf"), up="y")
     assert glb.digest() == gltf.digest()
@@ -78,7 +78,7 @@ def test_a_ply_file_is_turned_upright_and_keeps_its_vertex_colours(tmp_path):
     assert mesh.faces.dtype == np.int32
 
 
-def test_face_colours_and_no_colours_of_a_ply_file(tmp_path):
+def test_a_ply_file_may_have_face_colours_or_none(tmp_path):
     plain = load_mesh(ply(tmp_path / "a.ply"))
     assert plain.face_texture.tolist() == [FLAT] * 2
     assert plain.face_rgb.tolist() == [[200, 200, 200]] * 2
@@ -88,7 +88,7 @@ def test_face_colours_and_no_colours_of_a_ply_file(tmp_path):
     assert painted.face_rgb.tolist() == [[10, 20, 30], [40, 50, 60]]
 
 
-def test_an_obj_file_shows_its_image_upright_or_its_colour_or_is_grey(tmp_path):
+def test_an_obj_file_shows_its_image_upright_or_else_its_colour_or_grey(tmp_path):
     mesh = load_mesh(obj(tmp_path / "a.obj"), up="y")
     np.testing.assert_array_equal(mesh.vertices, SQUARE)
     np.testing.assert_allclose(mesh.face_uv[0], UV[:3])
@@ -158,14 +158,14 @@ end_header
         (-3, "the last of 6 lines ends after 3 of its numbers; expected 4 of them"),
     ],
 )
-def test_a_ply_file_of_text_that_ends_early_is_refused(tmp_path, kept, expected):
+def test_a_ply_text_file_that_ends_early_is_refused(tmp_path, kept, expected):
     path = tmp_path / "a.ply"
     path.write_text(ASCII[:kept])
     assert expected in refusal(path)
 
 
 @pytest.mark.parametrize("text", [ASCII, ASCII[:-1], ASCII + "\n\n", ASCII.replace("\n", "\r\n")])
-def test_a_whole_ply_file_of_text_is_read(tmp_path, text):
+def test_a_complete_ply_text_file_is_read(tmp_path, text):
     path = tmp_path / "a.ply"
     path.write_text(text, newline="")
     assert load_mesh(path, up="y").faces.tolist() == [[0, 1, 2], [0, 2, 3]]
@@ -179,7 +179,7 @@ def test_a_whole_ply_file_of_text_is_read(tmp_path, text):
         ("BMP", "bmp", "has a texture of 12000 x 9500 texels; expected at most 16384 a side, 67108864 together"),
     ],
 )
-def test_an_obj_file_of_a_huge_image_is_refused_without_warnings(tmp_path, name, suffix, expected):
+def test_an_obj_file_with_a_huge_image_is_refused_without_warnings(tmp_path, name, suffix, expected):
     path = obj(tmp_path / "a.obj", material=f"newmtl wall\nmap_Kd image.{suffix}\n")
     Image.new("1", (12000, 9500)).save(tmp_path / f"image.{suffix}", name)
     assert expected in refusal(path)
@@ -205,7 +205,7 @@ def test_other_content_and_damaged_files_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 2e5])
-def test_a_vertex_that_is_in_no_home_is_refused(tmp_path, value):
+def test_a_vertex_too_far_away_or_not_finite_is_refused(tmp_path, value):
     path = ply(tmp_path / "a.ply")
     data = path.read_bytes()
     corner = struct.pack("<3f", 2, 3, 0)

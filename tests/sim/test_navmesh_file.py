@@ -1,4 +1,4 @@
-"""The reader of `.navmesh` files: what it reads, and that nothing damaged gets past it."""
+"""The reader of `.navmesh` files reads all their parts and refuses every damaged file."""
 
 import contextlib
 import struct
@@ -11,7 +11,7 @@ from sim.walk.navmesh import NavMesh, load_navmesh
 from sim.walk.navmesh_file import NavMeshSettings, read_navmesh
 from tests.sim.navmesh_files import l_shape, navmesh_bytes, plate, two_storeys, write_navmesh
 
-TILE = 96 + 8  # where the tile starts in a file of version 2
+TILE = 96 + 8  # the byte at which the tile starts in a file of version 2
 POLYGONS = TILE + 100 + 8 * 12  # the L has 8 corners
 
 
@@ -46,7 +46,7 @@ def test_polygons_neighbours_and_settings_are_read(path):
     assert data.vertices[data.corners[0, :4]].tolist() == plate(0, 0, 4, 2).tolist()
 
 
-def test_a_mesh_fits_the_agent_it_was_built_for_and_version_1_habitats_default(path):
+def test_a_mesh_fits_the_agent_it_was_built_for_and_one_of_version_1_fits_habitats_default_agent(path):
     mesh = load_navmesh(write_navmesh(path, l_shape(), version=1))
     assert mesh.settings == NavMeshSettings()
     assert mesh.fits(0.1, 1.5)
@@ -59,7 +59,7 @@ def test_a_mesh_fits_the_agent_it_was_built_for_and_version_1_habitats_default(p
     assert not mesh.fits(0.18, 0.89)
 
 
-def test_the_digest_is_that_of_the_file_and_every_truncation_is_refused_in_one_line(path):
+def test_the_digest_depends_on_the_content_and_every_truncation_is_refused_in_one_line(path):
     first = read_navmesh(write_navmesh(path, l_shape())).digest
     assert read_navmesh(write_navmesh(path, l_shape())).digest == first
     assert read_navmesh(write_navmesh(path, l_shape(), climb=0.1)).digest != first
@@ -111,21 +111,21 @@ def test_a_missing_file_is_named(tmp_path):
         (-4, "i", (-5,), "tree indices"),
     ],
 )
-def test_lies_in_the_file_are_refused_in_one_line(path, at, form, values, text):
+def test_false_numbers_in_the_file_are_refused_in_one_line(path, at, form, values, text):
     content = navmesh_bytes(l_shape())
     assert text in refusal(path, changed(content, at if at >= 0 else len(content) + at, form, *values))
 
 
-def test_a_mesh_larger_than_any_home_or_that_nobody_can_walk_on_is_refused(path):
+def test_a_mesh_larger_than_any_home_or_without_walkable_polygons_is_refused(path):
     content = navmesh_bytes([plate(0, 0, 3000, 3000)])
     assert "span 9000000 m2; expected a home" in refusal(path, content)
-    assert "none can be walked on" in refusal(path, navmesh_bytes(l_shape(), flags={0: 0, 1: 16, 2: 0}))
+    assert "none of them walkable" in refusal(path, navmesh_bytes(l_shape(), flags={0: 0, 1: 16, 2: 0}))
 
 
-def test_disabled_and_vanishing_polygons_and_edges_on_a_tiles_border_are_walls(path):
+def test_disabled_polygons_slivers_and_edges_on_the_border_of_a_tile_are_walls(path):
     sliver = np.array([[6, 0, 0], [6, 0, 1], [6.000001, 0, 1]])
     mesh = load_navmesh(write_navmesh(path, [*l_shape(), sliver], flags={1: 16}))
-    assert mesh.area == pytest.approx(16)  # the plates of 8 m2 at both ends of the L
+    assert mesh.area == pytest.approx(16)  # two plates of 8 m2 at the ends of the L
     assert mesh.distance(np.array([1, 0, 1]), np.array([5, 0, 5])) == np.inf
     assert mesh.snap(np.array([5.5, 0, 1])).tolist() == [5.5, 0, 2]
     content = changed(navmesh_bytes(l_shape()), POLYGONS + 16 + 4, "H", 0x8002)
@@ -150,7 +150,7 @@ def test_flipped_bytes_are_refused_or_harmless(path):
 
 
 def _ask_everything(mesh: NavMesh) -> None:
-    """No answer may be wrong in kind, however odd the mesh."""
+    """Fails if any answer on this mesh is not a number or has a wrong shape."""
     a, b = np.array([1.0, 0, 1]), np.array([5.0, 3, 12])
     assert not np.isnan(mesh.distances(np.stack([a, b]), np.stack([b, a]))).any()
     for slide in (False, True):

@@ -1,6 +1,6 @@
-"""The map of a `.navmesh` against the answers of the real habitat-sim and habitat-lab on two houses.
+"""The map of a `.navmesh`, compared with the answers of the real habitat-sim and habitat-lab on two houses.
 
-Habitat's rules are followed to the last bit, so the bounds are those of the file's rounding, on every row.
+The map follows Habitat's rules to the last bit, so every row must agree within the rounding of the stored answers.
 """
 
 import gzip
@@ -28,7 +28,7 @@ def meshes(golden_root) -> dict[str, NavMesh]:
 
 
 def metres(value: float | None) -> float:
-    """Habitat's distance; null = unreachable."""
+    """Habitat's distance in metres; its null, unreachable, becomes inf."""
     return math.inf if value is None else value
 
 
@@ -37,7 +37,7 @@ def differ(found: float, expected: float) -> bool:
 
 
 @pytest.mark.parametrize("house", HOUSES)
-def test_distances_and_paths_are_habitats_both_ways(house, meshes, golden_root):
+def test_distances_and_paths_equal_habitats_in_both_directions(house, meshes, golden_root):
     for pair in read(golden_root / f"{house}.geodesic.json.gz")["pairs"]:
         mesh, start, goal = meshes[pair["navmesh"]], np.array(pair["start"]), np.array(pair["goal"])
         assert not differ(mesh.distance(start, goal), metres(pair["distance"])), pair
@@ -49,7 +49,7 @@ def test_distances_and_paths_are_habitats_both_ways(house, meshes, golden_root):
 
 
 @pytest.mark.parametrize("house", HOUSES)
-def test_distances_to_several_goals_are_habitats(house, meshes, golden_root):
+def test_distances_to_several_goals_equal_habitats(house, meshes, golden_root):
     for query in read(golden_root / f"{house}.geodesic.json.gz")["multi_goal"]:
         mesh, start, goals = meshes[query["navmesh"]], np.array(query["start"]), np.array(query["goals"])
         assert not differ(mesh.distances(start[None], goals)[0], metres(query["distance"])), query
@@ -63,7 +63,7 @@ def test_distances_to_several_goals_are_habitats(house, meshes, golden_root):
 
 
 @pytest.mark.parametrize("house", HOUSES)
-def test_the_distance_to_a_whole_region_is_that_to_its_nearest_place(house, meshes):
+def test_the_distance_to_a_region_is_the_distance_to_its_nearest_place(house, meshes):
     mesh = meshes[f"{house}.navmesh"]
     rng = np.random.default_rng(2)
     for _ in range(4):
@@ -76,7 +76,7 @@ def test_the_distance_to_a_whole_region_is_that_to_its_nearest_place(house, mesh
 
 @pytest.mark.parametrize(("rule", "slide"), [("no_slide_le_0_3_3", False), ("slide", True)])
 @pytest.mark.parametrize("house", HOUSES)
-def test_single_steps_are_habitats(house, rule, slide, meshes, golden_root):
+def test_single_steps_equal_habitats(house, rule, slide, meshes, golden_root):
     mesh = meshes[f"{house}.navmesh"]
     rows = [row for row in read(golden_root / f"{house}.steps.json.gz")["steps"] if not row["sensitive"]]
     assert len(rows) > 900
@@ -87,7 +87,7 @@ def test_single_steps_are_habitats(house, rule, slide, meshes, golden_root):
 
 
 @pytest.mark.parametrize("house", HOUSES)
-def test_snaps_and_single_point_queries_are_habitats(house, meshes, golden_root):
+def test_snaps_and_single_point_queries_equal_habitats(house, meshes, golden_root):
     mesh = meshes[f"{house}.navmesh"]
     for row in read(golden_root / f"{house}.snap.json")["queries"]:
         point = np.array(row["point"])
@@ -102,7 +102,7 @@ def test_snaps_and_single_point_queries_are_habitats(house, meshes, golden_root)
 
 
 @pytest.mark.parametrize("house", HOUSES)
-def test_area_and_settings_are_habitats(house, meshes, golden_root):
+def test_area_and_settings_equal_habitats(house, meshes, golden_root):
     for name, info in read(golden_root / f"{house}.info.json")["navmeshes"].items():
         assert meshes[name].area == pytest.approx(info["navigable_area"], abs=1e-4)
         settings = {key: getattr(meshes[name].settings, key) for key in info["settings"]}
@@ -111,7 +111,7 @@ def test_area_and_settings_are_habitats(house, meshes, golden_root):
 
 
 @pytest.mark.parametrize("house", HOUSES)
-def test_distances_along_whole_episodes_are_habitats(house, meshes, golden_root):
+def test_distances_along_whole_episodes_equal_habitats(house, meshes, golden_root):
     rows = wrong = 0
     for episode in read(golden_root / f"{house}.episodes.json.gz")["episodes"]:
         places = np.array(episode["trajectory"])[:, :3]
@@ -125,13 +125,13 @@ def test_distances_along_whole_episodes_are_habitats(house, meshes, golden_root)
         rows, wrong = rows + len(unequal), wrong + sum(unequal)
         assert not differ(found[-1], expected[-1]), episode["id"]
         assert not differ(found[0], expected[0]), episode["id"]
-    # habitat-lab remembers bounds of the goals during an episode and so skips the best one at times (golden README).
+    # habitat-lab caches bounds of the goals during an episode, so it sometimes skips the best one (golden README).
     assert wrong <= {"dev_a": 28, "dev_b": 0}[house]
     assert rows > 4000
 
 
 def _asked_at(places: np.ndarray) -> list[int]:
-    """For each row the one at which habitat-lab last asked for the distance, which it keeps within 0.1 mm of it."""
+    """For each row, the row at which habitat-lab last asked for the distance; it asks again after 0.1 mm."""
     asked = [0]
     for i in range(1, len(places)):
         asked.append(asked[-1] if np.allclose(places[asked[-1]], places[i], atol=1e-4) else i)

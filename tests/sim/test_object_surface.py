@@ -1,4 +1,4 @@
-"""Whose surface a place on a mesh is, by faces and by id images, and points spread over one object."""
+"""The object at a place on a mesh, by faces and by id images, and points spread over one object."""
 
 from dataclasses import replace
 
@@ -11,22 +11,22 @@ from tests.sim.meshes import box, floor, mesh_of
 
 PAINTED = np.zeros((25, 60), np.uint16)
 PAINTED[6:10, 28:32] = 7
-"""Object ids laid over a wall of 6 x 2.5 m, a texel per decimetre: a picture at x = 2.8-3.2, y = 1.5-1.9."""
+"""Object ids of a wall of 6 x 2.5 m, one texel per decimetre: a picture (id 7) at x = 2.8-3.2, y = 1.5-1.9."""
 
 
 def painted_wall() -> TriangleMesh:
-    """A room whose one wall is two large triangles; the picture on it exists in the id image only."""
+    """A floor and a wall of two large triangles; the picture on the wall exists only in the id image."""
     wall = (np.array([[0, 2.5, 0], [0, 0, 0], [6, 0, 0], [6, 2.5, 0]]), (200, 200, 200), 0)
     mesh = mesh_of(wall, floor(0, 0, 6, 6))
     return replace(mesh, ids=IdImages((PAINTED,), np.array([0, 0, -1, -1], np.int16), mesh.face_uv))
 
 
-def test_ids_are_read_from_images_where_faces_have_them_and_else_from_the_face():
+def test_ids_are_read_from_the_image_of_a_face_or_from_the_face_if_it_has_none():
     mesh = painted_wall()
     places = np.array([[3.0, 1.7, 0], [3.3, 1.7, 0], [3.0, 1.45, 0], [2.85, 1.85, 0], [1, 0, 1], [0, 0, 0]])
     faces = np.array([0, 0, 0, 1, 2, -1])
     faces[:4] = np.where(places[:4, 1] < 2.5 - places[:4, 0] * 2.5 / 6, 0, 1)
-    # Which of the wall's two triangles a place is on: the first lies below the diagonal from (0, 2.5) to (6, 0).
+    # The first of the wall's two triangles lies below the diagonal from (0, 2.5) to (6, 0).
     assert object_ids_at(mesh, faces, places).tolist() == [7, 0, 0, 7, 0, 0]
     crate = mesh_of(floor(0, 0, 6, 6), *box((2.7, 0.0, 2.7), (3.3, 0.5, 3.3), instance=7))
     assert object_ids_at(crate, np.array([0, 2, -1]), np.zeros((3, 3))).tolist() == [0, 7, 0]

@@ -1,4 +1,4 @@
-"""Watching agents: it changes nothing of a run, and what goes wrong with it loses no finished episode."""
+"""Watching agents never changes a run, and a failing observer loses no finished episode."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 
 
 class Wanders:
-    """Walks by its own random numbers for 15 steps, and explains itself."""
+    """Walks at random for 15 steps and explains itself."""
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         self._rng = np.random.default_rng(seed)
@@ -44,21 +44,21 @@ class Wanders:
 
 
 class CannotExplain(Wanders):
-    """Fails when it is asked why."""
+    """Raises when it is asked for its reason."""
 
     def insight(self) -> Insight | None:
         raise ValueError("no reason")
 
 
 class ExplainsWrongly(Wanders):
-    """Returns a text where an Insight is expected."""
+    """Returns a text instead of an Insight."""
 
     def insight(self) -> Any:
         return "because"
 
 
 class Recorder:
-    """Writes down what it is told."""
+    """Notes every call that it receives."""
 
     def __init__(self, fails_at: str = "") -> None:
         self.told: list[str] = []
@@ -84,7 +84,7 @@ class Recorder:
 
 @dataclass(frozen=True)
 class Gives:
-    """A maker of an observer that exists."""
+    """Makes an observer by returning an existing one."""
 
     observer: Recorder
 
@@ -94,7 +94,7 @@ class Gives:
 
 @pytest.fixture(scope="module")
 def plain(small_home_root: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[EpisodeRun, ...]:
-    """Two episodes of Wanders that nobody watched."""
+    """Two unwatched episodes of Wanders."""
     out = tmp_path_factory.mktemp("runs") / "plain"
     run_job(small_home_root, out, agent=f"{__name__}:Wanders")
     return read_run(out).episodes
@@ -103,7 +103,7 @@ def plain(small_home_root: Path, tmp_path_factory: pytest.TempPathFactory) -> tu
 def run_job(
     root: Path, out: Path, *, agent: str, number: int = 2, make_observer: Callable[[Scene], Any] | None = None
 ) -> None:
-    """The first episodes of the home, into `out`."""
+    """Runs the first `number` episodes of the home and writes them to `out`."""
     keys = tuple(episode.key for episode in PersonalDataset(root).episodes(scenes=("Small",)))[:number]
     job = AgentJob(root, "Small", keys, scenes_dir=None, agent=agent, seed=0, make_observer=make_observer)
     info = make_run_info("a", who="a", who_kind="agent", scene_kind="invented", dataset_digest="d", seed=0)
@@ -142,7 +142,7 @@ def test_a_run_watched_in_two_processes_has_the_same_bytes(small_home_root: Path
     assert len(list((tmp_path / "live").iterdir())) == 3
 
 
-def test_an_observer_is_told_of_each_step_with_pictures_and_reasons(small_home_root: Path, tmp_path: Path) -> None:
+def test_an_observer_gets_each_step_with_its_picture_and_reason(small_home_root: Path, tmp_path: Path) -> None:
     observer = Recorder()
     run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:Wanders", number=1, make_observer=Gives(observer))
     assert observer.told[0] == "reset 0 True"
@@ -152,7 +152,7 @@ def test_an_observer_is_told_of_each_step_with_pictures_and_reasons(small_home_r
 
 
 @pytest.mark.parametrize("agent", ["random", "shortest-path"])
-def test_agents_without_eyes_are_shown_with_pictures_too(small_home_root: Path, tmp_path: Path, agent: str) -> None:
+def test_observers_get_pictures_even_if_the_agent_uses_none(small_home_root: Path, tmp_path: Path, agent: str) -> None:
     observer = Recorder()
     run_job(small_home_root, tmp_path / "a", agent=agent, number=1, make_observer=Gives(observer))
     assert observer.told[0] == "reset 0 True"
@@ -167,23 +167,23 @@ def test_an_episode_whose_observer_fails_is_still_finished_and_on_disk(
     with pytest.raises(RecordingError, match=f"no space at {moment}"):
         run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:Wanders", make_observer=Gives(observer))
     assert read_run(tmp_path / "a").episodes == plain[:1]
-    assert observer.told[-1].startswith(moment)  # it is not asked again
+    assert observer.told[-1].startswith(moment)  # it is not called again
     run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:Wanders")
     assert read_run(tmp_path / "a").episodes == plain
 
 
-def test_an_agent_that_cannot_say_its_reason_is_named(small_home_root: Path, tmp_path: Path) -> None:
+def test_an_agent_that_cannot_explain_itself_is_named(small_home_root: Path, tmp_path: Path) -> None:
     observer = Recorder()
     with pytest.raises(AgentError, match=r"CannotExplain\.insight\(\) raised ValueError: no reason"):
         run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:CannotExplain", make_observer=Gives(observer))
     assert observer.told[-1] == "close"
-    run_job(small_home_root, tmp_path / "b", agent=f"{__name__}:CannotExplain")  # unwatched, nobody asks
+    run_job(small_home_root, tmp_path / "b", agent=f"{__name__}:CannotExplain")  # unwatched, it is not asked
     assert len(read_run(tmp_path / "b").episodes) == 2
     with pytest.raises(AgentError, match=r"ExplainsWrongly\.insight\(\) returned str; expected an Insight or None"):
         run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:ExplainsWrongly", make_observer=Gives(Recorder()))
 
 
-def test_one_file_for_several_episodes_is_refused_before_any_is_run(small_home_root: Path, tmp_path: Path) -> None:
+def test_one_file_for_several_episodes_is_refused_before_any_runs(small_home_root: Path, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="found 3 episodes for one file"):
         command(small_home_root, tmp_path / "out", rerun=str(tmp_path / "a.rrd"))
     assert not (tmp_path / "out" / "a").exists()
@@ -203,7 +203,7 @@ def test_a_finished_episode_keeps_its_recording(
     assert (tmp_path / "a.rrd").stat() == before
 
 
-def test_a_watched_job_is_a_key_like_any_other(tmp_path: Path) -> None:
+def test_jobs_with_equal_observers_are_equal_and_hashable(tmp_path: Path) -> None:
     jobs = [
         AgentJob(tmp_path, "Small", (), scenes_dir=None, agent="random", seed=0, make_observer=maker)
         for maker in (ObserveRuns(LiveSink("folder", "a"), "{}"), ObserveRuns(LiveSink("folder", "a"), "{}"), None)

@@ -1,4 +1,4 @@
-"""Ownership sentences and graphs: known answers, and the constraints of the splits measured on the release."""
+"""Ownership sentences and graphs: known answers, and the constraints of the splits in the released episodes."""
 
 from pathlib import Path
 
@@ -30,7 +30,7 @@ from tests.sim.synthetic import example_episode, write_dataset
         ("Ada owns a mug that says Bo owns me in the study", "Ada", "a mug that says Bo owns me", "study"),
     ],
 )
-def test_a_sentence_is_owner_phrase_and_room(sentence: str, owner: str, phrase: str, room: str | None) -> None:
+def test_a_sentence_gives_owner_phrase_and_room(sentence: str, owner: str, phrase: str, room: str | None) -> None:
     assert parse_ownership(sentence) == OwnershipEdge(owner, phrase, room)
 
 
@@ -44,7 +44,7 @@ def test_a_sentence_without_owner_or_object_is_refused_in_one_line(sentence: str
     assert "\n" not in str(caught.value)
 
 
-def test_articles_at_the_start_case_and_punctuation_do_not_make_an_object_but_articles_inside_do() -> None:
+def test_leading_articles_case_and_punctuation_do_not_distinguish_objects_but_inner_articles_do() -> None:
     assert normalise_phrase(" The  low, OAK table.") == "low oak table"
     graph = graph_from_sentences(["Ada owns coats in the closet of the hall", "Ada owns coats in the closet of hall"])
     assert graph.objects == ("coats in closet of the hall", "coats in closet of hall")
@@ -62,7 +62,7 @@ def test_parsing_inverts_writing(owner: str, words: str) -> None:
     assert edge.phrase == f"the {words}"
 
 
-def test_a_graph_by_hand_and_an_empty_one() -> None:
+def test_a_graph_has_the_counts_computed_by_hand_and_an_empty_one_has_zeros() -> None:
     graph = graph_from_sentences(
         [
             "Ada owns a desk in the study",
@@ -86,7 +86,7 @@ def test_a_graph_by_hand_and_an_empty_one() -> None:
     assert (graph.density, graph.degree_per_person, graph.degree_per_object, graph.overlap_ratio) == (0, 0, 0, 0)
 
 
-def test_the_graph_of_an_episode_names_the_episode_when_a_sentence_is_bad(tmp_path: Path) -> None:
+def test_an_error_about_a_bad_sentence_names_the_episode(tmp_path: Path) -> None:
     write_dataset(tmp_path)
     episode = next(PersonalDataset(tmp_path).episodes())
     assert ownership_graph(episode).people == ("Ada", "Bo")
@@ -95,7 +95,7 @@ def test_the_graph_of_an_episode_names_the_episode_when_a_sentence_is_bad(tmp_pa
         ownership_graph(bad)
 
 
-def test_stories_that_differ_only_in_whole_names_are_the_same() -> None:
+def test_descriptions_that_differ_only_in_names_are_the_same_when_anonymous() -> None:
     first = EpisodeRecord.model_validate(example_episode(owner="Ada"))
     second = EpisodeRecord.model_validate(example_episode(owner="Eve"))
     assert anonymous_summary(first)[0] == anonymous_summary(second)[0]
@@ -110,7 +110,7 @@ def test_stories_that_differ_only_in_whole_names_are_the_same() -> None:
 
 
 @pytest.mark.slow
-def test_the_release_keeps_the_constraints_of_section_9_but_for_known_episodes(dataset_root: Path) -> None:
+def test_released_episodes_keep_the_constraints_of_section_9_except_for_known_ones(dataset_root: Path) -> None:
     graphs = {str(episode.key): ownership_graph(episode) for episode in PersonalDataset(dataset_root).episodes()}
     of_split = {s: {k: g for k, g in graphs.items() if k.startswith(s)} for s in ("easy", "medium", "hard")}
 

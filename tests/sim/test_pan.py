@@ -1,4 +1,4 @@
-"""PanEnv: action semantics of Habitat on worlds with known answers."""
+"""PanEnv: Habitat's action semantics in worlds with known answers."""
 
 import math
 
@@ -18,7 +18,7 @@ from .worlds import open_room, room_with
 START = Pose((3.0, 0.0, 3.0), 0.0)
 
 
-def test_forward_walks_a_quarter_metre_along_minus_z_and_after_left_towards_minus_x() -> None:
+def test_forward_moves_a_quarter_metre_along_minus_z_and_along_minus_x_after_three_lefts() -> None:
     env = PanEnv(START, open_room(), renderer=None)
     env.reset()
     observation = env.step(Action.FORWARD)
@@ -44,7 +44,7 @@ def test_without_colours_the_depth_stays_the_same() -> None:
     np.testing.assert_array_equal(bare.depth_m, whole.depth_m)
 
 
-def test_a_wall_stops_the_robot_as_a_collision_without_moving_along_it() -> None:
+def test_a_wall_stops_the_robot_with_a_collision_and_without_sliding() -> None:
     env = PanEnv(Pose((3.0, 0.0, 0.1), 0.0), open_room(), renderer=None)
     observation = env.step(Action.FORWARD)
     assert observation.collided
@@ -58,7 +58,7 @@ def test_a_wall_stops_the_robot_as_a_collision_without_moving_along_it() -> None
     assert math.dist(env.pose.position, (3.0, 0.0, 0.01)) < 0.05
 
 
-def test_looks_tilt_the_camera_only() -> None:
+def test_looking_up_only_tilts_the_camera() -> None:
     env = PanEnv(START, open_room(), renderer=None)
     up = env.step(Action.LOOK_UP)
     assert env.pose.position == START.position
@@ -86,7 +86,7 @@ def test_500_turns_end_the_episode_without_stop() -> None:
         env.step(Action.STOP)
 
 
-def test_restore_gives_the_same_future() -> None:
+def test_a_restored_environment_continues_in_the_same_way() -> None:
     first = PanEnv(START, open_room(), renderer=None)
     for action in (Action.LEFT, Action.FORWARD, Action.RIGHT, Action.FORWARD):
         first.step(action)
@@ -99,7 +99,7 @@ def test_restore_gives_the_same_future() -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(st.lists(st.sampled_from([Action.FORWARD, Action.LEFT, Action.RIGHT]), max_size=60))
-def test_the_robot_never_leaves_the_free_floor_nor_outruns_its_step(actions: list[Action]) -> None:
+def test_the_robot_never_leaves_the_free_floor_or_moves_farther_than_one_step(actions: list[Action]) -> None:
     env = PanEnv(START, _PILLAR_ROOM, renderer=None)
     for action in actions:
         env.step(action)

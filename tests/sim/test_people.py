@@ -1,4 +1,4 @@
-"""People and ownership graphs: every drawn graph keeps its split's rule, and one that cannot is an error."""
+"""Drawn ownership graphs keep the rule of their split, and a graph that cannot be drawn is an error."""
 
 import itertools
 
@@ -24,8 +24,8 @@ def test_drawn_graphs_keep_the_rule_for_many_seeds(split: Split) -> None:
         assert not any({0, 1} <= items for items in owned)
 
 
-def test_graphs_are_about_as_large_as_the_releases() -> None:
-    # people, objects, edges per episode of the release (DATA_FORMAT.md, section 10)
+def test_graphs_are_about_as_large_as_in_the_released_episodes() -> None:
+    # people, objects and edges per released episode (DATA_FORMAT.md section 10)
     sizes: dict[Split, tuple[float, float, float]] = {
         "easy": (3.94, 3.94, 3.94),
         "medium": (3.31, 5.71, 5.71),
@@ -49,7 +49,7 @@ def test_graphs_are_about_as_large_as_the_releases() -> None:
         ("hard", [Edge(0, 0), Edge(0, 1)], "no object has several owners"),
         ("hard", [Edge(0, 0), Edge(1, 0)], "nobody owns several objects"),
         ("medium", [Edge(0, k) for k in range(4)], "somebody owns more than 3 objects"),
-        ("easy", [Edge(0, 0), Edge(0, 0)], "an edge stands twice"),
+        ("easy", [Edge(0, 0), Edge(0, 0)], "an edge appears twice"),
         ("hard", [Edge(0, 0), Edge(0, 1), Edge(1, 1)], None),
     ],
 )
@@ -61,12 +61,12 @@ def test_broken_rules_are_named(split: Split, edges: list[Edge], wanted: str | N
 def test_a_graph_that_cannot_be_drawn_is_an_error(split: Split) -> None:
     with pytest.raises(DatasetError, match=f"found no graph for split '{split}' over 2 objects"):
         draw_ownership(split, np.zeros((2, 2), bool), rng=np.random.default_rng(0))
-    if split != "easy":  # all objects of one category: nobody may own two
+    if split != "easy":  # all objects have one category, so no person may own two
         with pytest.raises(DatasetError, match="found no graph"):
             draw_ownership(split, np.ones((8, 8), bool), rng=np.random.default_rng(0))
 
 
-def test_no_name_begins_another_or_is_a_word_of_an_object() -> None:
+def test_no_name_is_the_beginning_of_another_or_a_word_of_a_category() -> None:
     assert len(NAMES) == len(set(NAMES)) >= 90
     assert not any(a != b and b.startswith(a) for a, b in itertools.product(NAMES, NAMES))
     assert not {name.lower() for name in NAMES} & {word for category in CATEGORIES for word in category.split()}

@@ -1,4 +1,4 @@
-"""HomePlan on disk, and cells as runs."""
+"""HomePlan on disk, and cells stored as runs."""
 
 import math
 from pathlib import Path
@@ -32,7 +32,7 @@ PLAN = HomePlan(
 )
 
 
-def test_a_saved_plan_loads_equal_with_the_same_bytes_and_a_missing_one_is_refused(tmp_path: Path) -> None:
+def test_a_saved_plan_always_has_the_same_bytes_and_loads_equal_and_a_missing_one_is_refused(tmp_path: Path) -> None:
     save_plan(PLAN, tmp_path / "a" / "Tiny.plan.json")
     save_plan(PLAN, tmp_path / "b.plan.json")
     assert load_plan(tmp_path / "a" / "Tiny.plan.json") == PLAN
@@ -42,7 +42,7 @@ def test_a_saved_plan_loads_equal_with_the_same_bytes_and_a_missing_one_is_refus
         load_plan(tmp_path / "no.plan.json")
 
 
-def test_runs_unfold_to_cells_and_a_rectangle_touches_cells_of_the_grid() -> None:
+def test_runs_expand_to_cells_and_a_rectangle_gives_the_cells_it_touches() -> None:
     assert PLAN.cells is not None
     cells = cells_from_runs(PLAN.cells.walkable)
     assert cells.rc.tolist() == [[1, 2], [1, 3], [1, 4], [1, 5], [1, 6], [2, 0]]
@@ -59,7 +59,7 @@ def test_runs_unfold_to_cells_and_a_rectangle_touches_cells_of_the_grid() -> Non
         st.tuples(st.integers(0, 9), st.integers(0, 9), st.integers(-300, 300), st.booleans()), max_size=60, unique=True
     )
 )
-def test_cells_survive_as_runs(cells: list[tuple[int, int, int, bool]]) -> None:
+def test_cells_are_the_same_after_being_stored_as_runs(cells: list[tuple[int, int, int, bool]]) -> None:
     table = np.array(cells, np.int64).reshape(-1, 4)
     runs = runs_from_cells(Cells(table[:, :2], table[:, 2] / 100, table[:, 3].astype(bool)))
     back = cells_from_runs(runs)
@@ -71,7 +71,7 @@ def test_cells_survive_as_runs(cells: list[tuple[int, int, int, bool]]) -> None:
     ("text", "wanted"),
     [
         ("not json", "text that is not JSON"),
-        ('{"schema_version": 3}', "schema_version is 3"),
+        ('{"schema_version": 4}', "schema_version is 4"),
         (PLAN.model_dump_json().replace('"chair_1"', '"chair"'), "furniture.0.name is 'chair'"),
         (PLAN.model_dump_json().replace("[200,30,30]", "[200,30,300]"), "furniture.0.finish.rgb.2 is 300"),
         (PLAN.model_dump_json().replace('"kind":"schematic"', '"kind":"scan"'), "kind is 'scan'"),
@@ -83,7 +83,7 @@ def test_cells_survive_as_runs(cells: list[tuple[int, int, int, bool]]) -> None:
         (PLAN.model_dump_json().replace("[1,2,3,0,false]", "[1,2,-3,0,false]"), "cells.walkable.0.2 is -3"),
     ],
 )
-def test_a_damaged_plan_is_one_line_that_says_where(tmp_path: Path, text: str, wanted: str) -> None:
+def test_a_damaged_plan_is_refused_in_one_line_that_says_where(tmp_path: Path, text: str, wanted: str) -> None:
     path = tmp_path / "Tiny.plan.json"
     path.write_text(text)
     with pytest.raises(SceneError) as error:
@@ -110,7 +110,7 @@ def test_walls_and_both_ends_of_stairs_stand_on_storeys_of_the_plan(tmp_path: Pa
     assert load_plan(path) == plan
 
 
-def test_a_turned_piece_swaps_width_and_depth_and_a_shared_border_is_no_overlap() -> None:
+def test_a_turned_piece_swaps_width_and_depth_and_a_shared_border_is_not_an_overlap() -> None:
     turned = CHAIR.model_copy(update={"yaw": np.pi / 2})
     np.testing.assert_allclose(CHAIR.rect, (0.75, 1.8, 1.25, 2.2))
     np.testing.assert_allclose(turned.rect, (0.8, 1.75, 1.2, 2.25))
@@ -129,12 +129,24 @@ VERSION_1 = (
 )
 
 
-def test_a_plan_as_version_1_wrote_it_still_reads_and_a_newer_one_is_refused(tmp_path: Path) -> None:
+VERSION_2 = (
+    '{"schema_version":2,"name":"Tiny","kind":"schematic","storeys":[{"label":"ground floor","floor_y":0.0,'
+    '"ceiling":2.5}],"rooms":[{"name":"all","storey":0,"rect":null,"area":[],"floor":{"material":"wood","pattern":'
+    '"plain","rgb":[150,120,90],"rgb2":null},"wall":{"material":"plaster","pattern":"plain","rgb":[220,220,210],"rgb2":'
+    'null}}],"walls":[],"stairs":[],"furniture":[{"name":"chair_1","category":"chair","centre":[1.0,0.45,2.0],"size":'
+    '[0.5,0.9,0.4],"yaw":0.0,"finish":{"material":"plastic","pattern":"plain","rgb":[200,30,30],"rgb2":null},"caption":'
+    '"","room":"","role":"captioned"}],"cells":{"origin_xz":[0.0,0.0],"shape":[4,10],"cell":0.05,'
+    '"walkable":[[1,2,3,0,false],[1,5,2,10,true],[2,0,1,0,false]],"plinth":[]},"clutter":0}'
+)
+
+
+@pytest.mark.parametrize("text", [VERSION_1, VERSION_2])
+def test_a_plan_of_an_earlier_version_can_still_be_read_and_a_newer_one_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "Tiny.plan.json"
-    path.write_text(VERSION_1)
+    path.write_text(text)
     assert load_plan(path) == PLAN
-    path.write_text(VERSION_1.replace('"schema_version":1', '"schema_version":3'))
-    with pytest.raises(SceneError, match=r"Tiny\.plan\.json: schema_version is 3; expected"):
+    path.write_text(text.replace('"schema_version":', '"schema_version":3'))
+    with pytest.raises(SceneError, match=r"Tiny\.plan\.json: schema_version is 3\d; expected"):
         load_plan(path)
 
 
@@ -147,5 +159,5 @@ def test_a_plan_as_version_1_wrote_it_still_reads_and_a_newer_one_is_refused(tmp
         (-math.pi / 2, Rect(-0.5, 0.0, 0.0, 2.0)),
     ],
 )
-def test_the_strip_beside_a_rectangle_is_where_its_side_looks(yaw: float, strip: Rect) -> None:
+def test_the_strip_beside_a_rectangle_lies_in_the_direction_of_the_yaw(yaw: float, strip: Rect) -> None:
     assert Rect(0.0, 0.0, 1.0, 2.0).beside(yaw, 0.5) == strip

@@ -1,4 +1,4 @@
-"""Floor plans from above: corners and sizes by hand, and the free floor as one path."""
+"""Floor plans from above: corners and sizes computed by hand, and the free floor as one path."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from sim.plan_view.view import PlanView
 from sim.types import GridSpec
 
 
-def test_a_view_holds_all_places_and_a_margin_and_each_run_of_free_cells_is_one_rectangle() -> None:
+def test_a_view_includes_all_places_with_a_margin_and_each_run_of_free_cells_is_one_rectangle() -> None:
     view = PlanView.around(np.array([[0.0, 0.0], [3.0, 1.0]]), margin=0.5, longest=400)
     assert (view.low, view.scale, view.width, view.height) == ((-0.5, -0.5), 100.0, 400, 200)
     assert view.pixels((-0.5, -0.5)).tolist() == [0, 0]
@@ -41,7 +41,7 @@ def test_drawings_escape_their_texts_and_share_macros(tmp_path: Path) -> None:
     assert (more.strip(), text) == ('stroke-dasharray="5 4"/>', "<text>&lt;&amp;&gt;</text>")
 
 
-def test_heat_goes_from_dark_blue_to_yellow_whatever_the_range() -> None:
+def test_heat_colours_span_dark_blue_to_yellow_for_any_range() -> None:
     shares = heat_shares(np.array([-3.0, np.nan, 1.0, -1.0]))
     assert shares[[0, 2, 3]].tolist() == [0.0, 1.0, 0.5]
     assert np.isnan(shares[1])

@@ -1,4 +1,4 @@
-"""Figures of `personal-viz homes`: path ratios, held-out episodes and shares whose values are counted by hand."""
+"""Figures of `personal-viz homes`: path ratios, held-out episodes and shares, with values computed by hand."""
 
 import math
 from pathlib import Path
@@ -7,9 +7,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from personal_viz.bench.homes.held_out import Walk, held_out_ratios, held_out_walks, path_ratios
+from personal_viz.bench.homes.held_out import (
+    Served,
+    Walk,
+    held_out_ratios,
+    held_out_walks,
+    path_ratios,
+    served,
+    starts_on_floor,
+)
 from personal_viz.bench.homes.picture_and_walk import Count, PictureAndWalk
-from personal_viz.bench.homes.playability import HomeFacts, HomesReport, build_home, measure_home, report_of
+from personal_viz.bench.homes.playability import (
+    EditionFigures,
+    HomeFacts,
+    HomesReport,
+    build_home,
+    measure_home,
+    report_of,
+)
 from sim.authoring.findable import FindVerdict
 from sim.episodes.dataset import PersonalDataset
 from sim.types import EpisodeKey, GridSpec
@@ -47,10 +62,10 @@ LATTICE = [point(1.0 + 0.25 * i, 0.25 * j) for i in range(9) for j in range(5)]
 
 
 def three_splits(root: Path) -> PersonalDataset:
-    """A table in all splits, seen from x 1-3 and z 0-1, and a lamp that only `hard` knows.
+    """A table in all splits, seen from x = 1-3 and z = 0-1, and a lamp that only `hard` has.
 
-    Held out in `hard`: "1" starts 0.4 m and "2" 0.6 m from the nearest place of the other splits, "3" asks for the
-    lamp. Held out in `easy` and `medium`: their one episode each, whose start the others hold as well.
+    In `hard`, "1" starts 0.4 m and "2" 0.6 m from the nearest place of the other splits, and "3" asks for the lamp.
+    `easy` and `medium` have one episode each, whose start is a place of the other splits too.
     """
     table = example_goal(view_points=LATTICE)
     lamp = example_goal(object_name="lamp_9", object_id=9, object_category="lamp", view_points=[point(2.0, 0.0)])
@@ -74,7 +89,7 @@ def three_splits(root: Path) -> PersonalDataset:
     )
 
 
-def test_held_out_are_starts_near_known_places_with_known_targets(tmp_path: Path) -> None:
+def test_held_out_episodes_start_near_known_places_and_have_known_targets(tmp_path: Path) -> None:
     dataset = three_splits(tmp_path)
     assert [walk.key.episode_id for walk in held_out_walks(dataset, SCENE, "hard")] == ["1"]
     assert [walk.key.split for walk in held_out_walks(dataset, SCENE, "easy")] == ["easy"]
@@ -82,12 +97,67 @@ def test_held_out_are_starts_near_known_places_with_known_targets(tmp_path: Path
     assert only == Walk(EpisodeKey("medium", SCENE, "1"), (3.0, 0.0, 0.0), (1.0, 0.0, 0.0), 2.5)
 
 
-def test_held_out_ratios_come_from_homes_that_never_saw_the_split_and_one_split_has_none(tmp_path: Path) -> None:
-    # easy 2.0 of 2.0 m; medium 2.0 of 2.5 m; in hard the map of the others ends at 3.18 m: 2.18 of 2.4 m at most
+def test_held_out_ratios_come_from_homes_built_without_the_split_and_a_single_split_has_none(tmp_path: Path) -> None:
+    # easy: 2.0 of 2.0 m; medium: 2.0 of 2.5 m; hard: the map of the others ends at 3.18 m, so at most 2.18 of 2.4 m
     easy, medium, hard = held_out_ratios(three_splits(tmp_path), SCENE)
     assert (easy, medium) == (pytest.approx(1.0, abs=0.02), pytest.approx(0.8, abs=0.02))
     assert 0.8 < hard < 1.1
     assert held_out_ratios(PersonalDataset(write_dataset(tmp_path / "one")), SCENE).shape == (0,)
+
+
+def test_a_start_is_on_the_floor_within_25_cm_of_it_and_on_its_storey() -> None:
+    starts = [
+        (1.0, 0.0, 0.25),
+        (6.2, 0.0, 0.25),
+        (6.3, 0.0, 0.25),
+        (1.0, 1.4, 0.25),
+        (1.0, 1.6, 0.25),
+        (40.0, 0.0, 0.0),
+    ]
+    assert starts_on_floor(starts, corridor()).tolist() == [True, True, False, True, False, False]
+
+
+def test_another_edition_is_asked_for_the_episodes_that_the_home_was_not_made_from(tmp_path: Path) -> None:
+    def asks(number: int, x: float, length: float) -> dict[str, Any]:
+        info = {"geodesic_distance": length, "euclidean_distance": 2.0, "closest_goal_object_id": 7}
+        return example_episode(episode_id=str(number), start_position=[x, 0.0, 0.25], info=info)
+
+    def edition(name: str, *episodes: dict[str, Any]) -> Path:
+        goals = {f"{SCENE}.basis.glb_coffee table": [example_goal(view_points=[point(1.0, 0.25)])]}
+        content = example_content(goals_by_category=goals, episodes=list(episodes))
+        return write_dataset(tmp_path / name, {("easy", SCENE): content})
+
+    evidence = edition("evidence", asks(1, 4.0, 3.0))
+    dataset = PersonalDataset(edition("own", asks(1, 3.0, 2.0)), evidence=[evidence])
+    # the first two are known; then 4 of 3.9 m, 5.3 of 5.0 m from beyond the floor, and one beyond a gap
+    episodes = [asks(7, 3.0, 2.0), asks(8, 4.0, 3.0), asks(9, 5.0, 3.9), asks(10, 6.3, 5.0), asks(11, 7.5, 6.0)]
+    found = served(PersonalDataset(edition("other", *episodes)), dataset, SCENE, corridor())
+    assert found.ratios[0] == pytest.approx(4 / 3.9, abs=1e-3)
+    assert found.ratios[1] == pytest.approx(5.0 / 5.0, abs=0.02)
+    assert np.isinf(found.ratios[2])
+    assert found.on_floor.tolist() == [True, False, True]
+    assert served(dataset, dataset, SCENE, corridor()).ratios.shape == (0,)
+    assert served(dataset, dataset, "Elsewhere", corridor()).ratios.shape == (0,)
+
+
+def test_editions_and_their_episodes_are_pooled_over_homes() -> None:
+    def gave(starts: int, *left_out: str) -> EditionFigures:
+        return EditionFigures(folder="d", starts=starts, view_points=10, objects=2, left_out=left_out)
+
+    first = facts("a", [1.0], sources=(gave(3),), other=Served(np.array([1.0, 1.08]), np.array([True, False])))
+    second = facts("b", [1.0], sources=(gave(4, "b/lamp_1"),), other=Served(np.array([math.inf]), np.array([True])))
+    total = report_of([first, second]).total
+    assert total.sources == (EditionFigures(folder="d", starts=7, view_points=20, objects=4, left_out=("b/lamp_1",)),)
+    assert total.other is not None
+    assert total.other.model_dump() == {
+        "episodes": 3,
+        "playable": 0.6667,
+        "ratio_median": 1.04,
+        "within_5": 0.3333,
+        "within_10": 0.6667,
+        "starts_on_floor": 0.6667,
+    }
+    assert report_of([facts("a", [1.0])]).total.other is None
 
 
 def verdict(*, number: int, pixels: int, alike: tuple[str, ...]) -> FindVerdict:
@@ -117,7 +187,7 @@ def test_shares_are_pooled_over_homes() -> None:
     assert (total.phantom, total.beds) == (None, 0)
     assert (total.episodes, total.playable, total.storeys, total.area_m2) == (5, 0.8, 3, 100.0)
     assert total.ratio_median == pytest.approx(1.02)
-    assert total.ratio_p95 == pytest.approx(1.074)  # between 1.04 and 1.08, at 0.95 of three steps
+    assert total.ratio_p95 == pytest.approx(1.074)  # interpolated between 1.04 and 1.08, at 0.95 of three steps
     assert (total.within_5, total.within_10) == (0.6, 0.8)
     assert (total.heldout_split_within_10, total.heldout_n) == (0.6667, 3)
     assert (total.viewpoints_ok, total.viewpoints_n, total.guessed_area) == (0.725, 40, 0.3)
@@ -127,7 +197,7 @@ def test_shares_are_pooled_over_homes() -> None:
     assert (report.scenes["b"].build_s, report.scenes["b"].findable) == (1.23, None)
 
 
-def test_disagreements_of_picture_and_walk_are_pooled_over_homes() -> None:
+def test_disagreements_of_picture_and_navigation_are_pooled_over_homes() -> None:
     first = facts("a", [1.0], agreement=PictureAndWalk(*(Count(found, 10) for found in range(1, 10))))
     second = facts("b", [1.0], agreement=PictureAndWalk(*[Count(0, 10)] * 9))
     total = report_of([first, second]).total
@@ -136,7 +206,7 @@ def test_disagreements_of_picture_and_walk_are_pooled_over_homes() -> None:
     assert (total.on_beds, total.beds, total.clearance_starts, total.clearance_views) == (7, 20, 0.4, 0.45)
 
 
-def test_the_report_has_the_issues_keys_and_survives_json() -> None:
+def test_the_report_has_the_agreed_keys_and_is_the_same_after_json() -> None:
     report = report_of([facts("a", [1.0])])
     keys = {"episodes", "playable", "ratio_median", "within_5", "within_10", "heldout_split_within_10"}
     keys |= {"viewpoints_ok", "guessed_area", "findable", "ratio_p95", "area_m2", "storeys"}
@@ -155,7 +225,7 @@ def test_a_small_home_is_measured_from_its_files(tmp_path: Path) -> None:
     assert found.is_playable.tolist() == [True] * 5
     assert found.ratios[:2] == pytest.approx([1.0, 0.8], abs=0.02)
     assert found.view_points[1] == 46
-    # the lattice is 2 m by 1 m and the robot's radius 0.18 m; starts reach 3.6 m
+    # the lattice of places is 2 m by 1 m, the robot's radius 0.18 m, and starts reach x = 3.6 m
     assert 3.0 < found.area_m2 < 4.5
     assert found.storeys == 1
     assert found.triangles > 50
@@ -179,7 +249,7 @@ def test_a_start_off_the_map_or_a_missing_target_is_not_playable(tmp_path: Path)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", ["XB4GS9ShBRE"])
-def test_a_released_home_serves_its_episodes(dataset_root: Path, scene: str) -> None:
+def test_a_released_home_can_play_its_episodes(dataset_root: Path, scene: str) -> None:
     dataset = PersonalDataset(dataset_root)
     figures = report_of([measure_home(dataset, build_home(dataset, scene))]).total
     assert figures.playable == 1.0

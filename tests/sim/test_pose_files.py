@@ -1,4 +1,4 @@
-"""Pose files of other programs: what they may hold, what must be declared, and one clear line for everything else."""
+"""Pose files of other programs: what they may hold, what must be declared, and one clear line for every mistake."""
 
 import io
 import json
@@ -43,7 +43,7 @@ def dataset(tmp_path: Path) -> PersonalDataset:
 
 
 def runs_of(dataset: PersonalDataset, name: str, content: str | bytes, reading: PoseReading) -> list[EpisodeRun]:
-    """What the import makes of a file of this name."""
+    """The runs that the import reads from a file with this name and content."""
     path = dataset.root.parent / name
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return [found.run for found in check_file(path, dataset=dataset, reading=reading)]
@@ -75,7 +75,7 @@ def actions_of(run: EpisodeRun) -> list[str]:
     return [step.action.value for step in run.steps]
 
 
-def test_actions_are_found_from_poses_and_a_declared_or_repeated_last_row_is_the_stop(dataset: PersonalDataset) -> None:
+def test_actions_are_inferred_from_poses_and_a_declared_or_repeated_last_row_is_stop(dataset: PersonalDataset) -> None:
     run = run_of(dataset, "log.csv", csv_of(HEAD, WALK))
     assert actions_of(run) == ["forward", "left", "forward", "stop"]
     assert [step.collided for step in run.steps] == [False, False, True, False]
@@ -105,7 +105,7 @@ def test_stop_frame_and_order_of_quaternions_are_never_guessed(dataset: Personal
     assert "rolled by 180.0" in wrong or "begins" in wrong or "tilted" in wrong
 
 
-def test_named_actions_are_taken_before_or_after_the_pose_of_their_row(dataset: PersonalDataset) -> None:
+def test_a_row_may_name_the_action_before_or_after_its_pose(dataset: PersonalDataset) -> None:
     poses, header = [*WALK, WALK[-1]], HEAD + ",action"
     after = [(*pose, action) for pose, action in zip(poses, ["", *ACTIONS], strict=True)]
     before = [(*pose, action) for pose, action in zip(poses, [*ACTIONS, ""], strict=True)]
@@ -131,7 +131,7 @@ def test_a_full_action_column_needs_a_declaration(dataset: PersonalDataset) -> N
 @pytest.mark.parametrize(
     "names", [["move_forward", "turn_left", "move_forward", "stop"], [1, 2, 1, 0], [1.0, 2.0, 1.0, 0.0]]
 )
-def test_actions_have_habitats_names_and_numbers(dataset: PersonalDataset, names: list[Any]) -> None:
+def test_actions_may_have_habitats_names_or_numbers(dataset: PersonalDataset, names: list[Any]) -> None:
     rows = [(*pose, action) for pose, action in zip([*WALK, WALK[-1]], ["", *names], strict=True)]
     run = run_of(dataset, "log.csv", csv_of(HEAD + ",action", rows), replace(WORLD, stopped=None))
     assert actions_of(run) == ACTIONS
@@ -164,7 +164,7 @@ def test_onemaps_rows_are_read_with_declared_columns_and_a_tum_file_needs_no_hea
     assert run_of(dataset, "log.txt", rows) == run
 
 
-def test_several_episodes_stand_in_one_file(dataset: PersonalDataset) -> None:
+def test_one_file_may_hold_several_episodes(dataset: PersonalDataset) -> None:
     rows = [("easy", "Flat", 40, *pose, 1 if last else 0) for pose, last in zip(WALK, [0, 0, 0, 1], strict=True)]
     rows += [("easy", "Flat", 41, *START, 90.0, 0)]
     reading = replace(WORLD, episode=None, stopped=None)
@@ -176,13 +176,13 @@ def test_several_episodes_stand_in_one_file(dataset: PersonalDataset) -> None:
 
 
 @pytest.mark.parametrize("name", ["easy-Flat-40.csv", "easy-Flat-40-P03.csv"])
-def test_a_file_is_named_after_its_episode(dataset: PersonalDataset, name: str) -> None:
+def test_the_file_name_may_give_the_episode(dataset: PersonalDataset, name: str) -> None:
     reading = replace(WORLD, episode=None)
     assert run_of(dataset, name, csv_of(HEAD, WALK), reading).key == KEY
     assert "--episode SPLIT/SCENE/ID" in refusal(dataset, "log.csv", csv_of(HEAD, WALK), reading)
 
 
-def test_a_camera_gives_its_tilt_and_the_looks(dataset: PersonalDataset) -> None:
+def test_camera_poses_give_the_tilt_and_the_actions_that_look_up_and_down(dataset: PersonalDataset) -> None:
     rows = []
     for yaw, tilt in ((0, 0), (0, 30), (30, 30), (30, 0)):
         (y, x), cos, sin = np.radians([yaw, tilt]) / 2, math.cos, math.sin  # q_yaw * q_tilt
@@ -201,7 +201,7 @@ def test_a_camera_gives_its_tilt_and_the_looks(dataset: PersonalDataset) -> None
     assert "a turn about the up axis only" in refusal(dataset, "log.json", json.dumps(rows[1:]), WORLD)
 
 
-def test_five_degree_turns_are_no_actions_and_free_motion_is_named(dataset: PersonalDataset) -> None:
+def test_turns_of_five_degrees_are_refused_with_the_option_for_free_motion(dataset: PersonalDataset) -> None:
     rows = [(*START, 0.0), (*START, 5.0), (1.0, 0.2, -2.1, 10.0), (1.0, 0.2, -2.1, 10.0)]
     message = refusal(dataset, "log.csv", csv_of(HEAD, rows))
     assert "log.csv:3: moved 0.000 m, turned 5.0 and tilted 0.0 degrees" in message
@@ -218,7 +218,7 @@ def test_five_degree_turns_are_no_actions_and_free_motion_is_named(dataset: Pers
     assert "found step 3; expected at most 2" in refusal(dataset, "log.csv", csv_of(HEAD, rows), short)
 
 
-def test_rounded_positions_are_declared_and_columns_without_meaning_left_out(dataset: PersonalDataset) -> None:
+def test_rounded_positions_must_be_declared_and_unknown_columns_are_left_out(dataset: PersonalDataset) -> None:
     rows = [*WALK[:2], (1.0, 0.2, -2.505, 0)]
     assert "expected 0 to 0.25 m straight ahead" in refusal(dataset, "log.csv", csv_of(HEAD, rows))
     assert len(run_of(dataset, "log.csv", csv_of(HEAD, rows), replace(WORLD, rounding=0.01)).steps) == 3
@@ -229,7 +229,7 @@ def test_rounded_positions_are_declared_and_columns_without_meaning_left_out(dat
 
 
 def bomb(**shapes: Any) -> bytes:
-    """A .npz whose arrays announce more than they hold."""
+    """A .npz whose arrays announce more data than they hold."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, shape in shapes.items():
@@ -240,7 +240,7 @@ def bomb(**shapes: Any) -> bytes:
 
 
 def acted(*actions: Any) -> str:
-    """The first poses of the walk, each with its action."""
+    """A CSV of the first poses of the walk, each with its action."""
     return csv_of(HEAD + ",action", [(*pose, action) for pose, action in zip(WALK, actions, strict=False)])
 
 
@@ -285,14 +285,14 @@ HOSTILE: dict[str, tuple[str, str | bytes, str]] = {
     "a long quaternion": ("log.json", "[[1, 0.2, -2, 0, 0, 0, 2]]", "has length 2.0000; expected 1"),
     "no quaternion at all": ("log.json", "[[1, 0.2, -2, 0, 0, 0, 0]]", "has length 0.0000; expected 1"),
     "a roll": ("log.json", f"[[1, 0.2, -2, 0, 0, {math.sin(0.1)}, {math.cos(0.1)}]]", "rolled by 11.5 degrees"),
-    "no archive": ("log.npz", b"PK nothing", "log.npz: is no .npz file"),
+    "no archive": ("log.npz", b"PK nothing", "log.npz: is not an .npz file"),
     "pickled arrays": ("log.npz", npz_of(positions=np.array([{"a": 1}], object)),
         "it is pickled; expected plain numbers"),
     "10^8 rows announced": ("log.npz", bomb(positions=(10**8, 3), yaw=(10**8,)),
         "announces (100000000, 3) x 8 bytes and holds 240"),
     "negative rows": ("log.npz", bomb(positions=(-1, 3)), "log.npz: positions.npy"),
     "a shear": ("log.npz", npz_of(poses=np.full((2, 4, 4), 0.5)),
-        "log.npz: poses[0]: the matrix is no rigid transform"),
+        "log.npz: poses[0]: the matrix is not a rigid transform"),
     "a flat array": ("log.npz", npz_of(positions=np.zeros(6), yaw=np.zeros(6)),
         "positions[0] is 0.0; expected a list of numbers"),
     "other lengths": ("log.npz", npz_of(positions=np.zeros((3, 3)), yaw=np.zeros(2)), "yaw: has 2 rows; expected 3"),
@@ -303,13 +303,13 @@ HOSTILE: dict[str, tuple[str, str | bytes, str]] = {
 
 
 @pytest.mark.parametrize(("name", "content", "message"), HOSTILE.values(), ids=HOSTILE)
-def test_a_damaged_file_is_one_clear_line(
+def test_a_damaged_file_is_refused_in_one_clear_line(
     dataset: PersonalDataset, name: str, content: str | bytes, message: str
 ) -> None:
     assert message in refusal(dataset, name, content)
 
 
-def test_a_huge_file_is_one_clear_line(dataset: PersonalDataset, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_huge_file_is_refused_in_one_clear_line(dataset: PersonalDataset, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pose_tables, "MAX_BYTES", 1 << 20)
     for name in ("log.csv", "log.json", "log.npz"):
         assert "is larger than 1 MiB; expected pose files up to that" in refusal(dataset, name, b"1" * ((1 << 20) + 1))

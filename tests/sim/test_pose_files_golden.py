@@ -1,4 +1,4 @@
-"""The real Habitat's trajectories as pose files of every frame and order: the same runs as of habitat_writer.py."""
+"""Trajectories of the real Habitat as pose files in every frame and order give the same runs as habitat_writer.py."""
 
 import math
 from dataclasses import replace
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.release
 
 @pytest.fixture(scope="module")
 def golden(golden_root: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[PersonalDataset, list[EpisodeRun]]:
-    """(dataset, runs as the import of the JSONL gives them) of one house; 33 runs, 2,300 poses or so."""
+    """Dataset of one house and its 33 runs, about 2,300 poses, as the import reads them from JSONL."""
     root = tmp_path_factory.mktemp("golden")
     rows = golden_episodes(golden_root, "dev_a")
     dataset = golden_dataset(rows, "dev_a", root / "data")
@@ -30,7 +30,7 @@ def golden(golden_root: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple
 
 
 def assert_same(found: list[EpisodeRun], wanted: list[EpisodeRun], *, height: bool = True) -> None:
-    """Equal but for the last bits of the numbers."""
+    """Fails unless the runs are equal except for the last bits of the numbers."""
     assert [run.key for run in found] == [run.key for run in wanted]
     for ours, theirs in zip(found, wanted, strict=True):
         assert [step.action for step in ours.steps] == [step.action for step in theirs.steps]
@@ -58,7 +58,7 @@ def test_json_with_arrays_gives_the_same_runs(golden, tmp_path: Path, frame: str
 
 @pytest.mark.parametrize("camera", ["opencv", "opengl", "flu"])
 @pytest.mark.parametrize("frame", FRAMES)
-def test_camera_poses_give_the_same_runs_and_the_looks_without_any_action(
+def test_camera_poses_without_actions_give_the_same_runs_with_looks_up_and_down(
     golden, tmp_path: Path, frame: str, camera: str
 ) -> None:
     dataset, runs = golden
@@ -86,7 +86,7 @@ def test_matrices_in_npz_give_the_same_run(golden, tmp_path: Path, frame: str) -
         assert_same(imported(path, dataset, PoseReading(frame=frame)), [run])
 
 
-def test_gps_and_compass_give_the_same_run_at_the_starts_height(golden, tmp_path: Path) -> None:
+def test_gps_and_compass_give_the_same_run_at_the_height_of_the_start(golden, tmp_path: Path) -> None:
     dataset, runs = golden
     run = next(run for run in runs if not run.start.allow_sliding and len(run.steps) > 50)
     found = imported(write_gps(tmp_path / "log.json", run), dataset, PoseReading(frame="gps"))
@@ -94,7 +94,7 @@ def test_gps_and_compass_give_the_same_run_at_the_starts_height(golden, tmp_path
     assert_same(found, [run], height=False)
 
 
-def test_a_wrong_frame_is_refused_and_never_another_run(golden, tmp_path: Path) -> None:
+def test_a_wrong_frame_is_refused_and_never_gives_another_run(golden, tmp_path: Path) -> None:
     dataset, runs = golden
     run = replace_sliding(runs)[0]
     for wrote in FRAMES:
@@ -108,5 +108,5 @@ def test_a_wrong_frame_is_refused_and_never_another_run(golden, tmp_path: Path) 
 
 
 def replace_sliding(runs: list[EpisodeRun]) -> list[EpisodeRun]:
-    """Those without sliding, which are checked most strictly."""
+    """The runs without sliding, which are checked most strictly."""
     return [run for run in runs if not run.start.allow_sliding]

@@ -1,4 +1,4 @@
-"""Quads become textured triangles: where, with which image, how it lies, and how large the result is."""
+"""Quads become textured triangles: their places, images, texture coordinates and size."""
 
 from typing import Any
 
@@ -28,25 +28,25 @@ UPRIGHT = np.array([[(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]], float)
 
 
 def moved(points: ArrayLike, x: float, y: float, z: float) -> NDArray[np.float64]:
-    """Points (..., 3) elsewhere."""
+    """Points (..., 3) moved by (x, y, z)."""
     return np.asarray(points, float) + np.array([x, y, z])
 
 
 def turned(quads: NDArray[np.float64], yaw: float) -> NDArray[np.float64]:
-    """Quads turned about +y."""
+    """Quads turned about +y by `yaw`."""
     cos, sin = np.cos(yaw), np.sin(yaw)
     return quads @ np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]).T
 
 
 def built(quads: ArrayLike, finish: Finish, **more: Any) -> TriangleMesh:
-    """A mesh of one call."""
+    """The mesh of one call of `add_quads`."""
     builder = QuadBuilder()
     builder.add_quads(quads, finish, **more)
     return builder.mesh()
 
 
 def uv_at(mesh: TriangleMesh, point: tuple[float, float, float]) -> NDArray[np.float64]:
-    """(2,) texture coordinates of the face corners at a point; all must agree."""
+    """Texture coordinates (2,) of the face corners at a point; all must agree."""
     at = np.abs(mesh.vertices[mesh.faces] - np.array(point)).max(axis=2) < 1e-5
     found = mesh.face_uv[at]
     assert len(found)
@@ -100,7 +100,7 @@ def test_floors_are_cut_at_lines_that_all_quads_share() -> None:
     np.testing.assert_allclose(lines, [*np.arange(19) * FLOOR_STEP, 2.3], atol=1e-6)
 
 
-def test_one_image_per_finish() -> None:
+def test_quads_of_one_finish_share_one_image() -> None:
     builder = QuadBuilder()
     for x in range(4):
         builder.add_quads(moved(UPRIGHT, x, 0, 0), (CLOTH, WOOD, CLOTH, RED)[x], instance=x + 1)
@@ -141,7 +141,7 @@ def test_textures_stand_upright_and_are_not_mirrored_on_walls(yaw: float) -> Non
     np.testing.assert_allclose(high_left - low_left, [0, -1 / texture.metres[1]], atol=1e-5)
 
 
-def test_given_coordinates_are_metres_and_a_picture_lies_once_over_each_quad_upright() -> None:
+def test_given_texture_coordinates_are_metres_and_a_picture_covers_each_quad_once_and_upright() -> None:
     uv = [[(0.5, 0.5), (0.5, 1.5), (0.0, 1.5), (0.0, 0.5)]]
     mesh = built(UPRIGHT, CLOTH, uv=uv, instance=1)
     np.testing.assert_allclose(uv_at(mesh, (1, 1, 0)), np.array([0.0, 1.5]) / 0.48, atol=1e-5)
@@ -153,7 +153,7 @@ def test_given_coordinates_are_metres_and_a_picture_lies_once_over_each_quad_upr
             np.testing.assert_allclose(uv_at(mesh, (x + 0.6, 1.2, 0)), [1, 1], atol=1e-5)
 
 
-def test_triangles_are_quads_with_two_equal_corners_and_nothing_is_added_twice_or_lost() -> None:
+def test_a_quad_with_two_equal_corners_is_a_triangle_and_no_area_is_doubled_or_lost() -> None:
     triangle = np.array([[(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 1, 0)]], float)
     for instance in (0, 1):
         mesh = built(triangle, RED, instance=instance)
@@ -178,7 +178,7 @@ def test_rounded_solids_have_no_edges_in_their_light() -> None:
     same = (np.diff(place[order], axis=0) == 0).all(axis=1)
     assert same.any()
     assert (mesh.vertex_rgb[order][1:][same] == mesh.vertex_rgb[order][:-1][same]).all()
-    assert np.ptp(mesh.vertex_rgb[:, 0].astype(int)) > 20, "the sun's side is brighter"
+    assert np.ptp(mesh.vertex_rgb[:, 0].astype(int)) > 20, "the side towards the sun is brighter"
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""The raycaster on small meshes: depths, colours, ids and rays that are known by hand, on both ways to find hits."""
+"""The raycaster on small meshes: depths, colours, ids and rays computed by hand, with both backends."""
 
 import math
 import os
@@ -26,7 +26,7 @@ def test_depth_is_planar_and_0_where_nothing_is_hit(make_raycaster):
     frame = make_raycaster(wall).render(
         T_world_camera(Pose((0, 0, 0), 0.0), Camera(90, 60, 90.0)), Camera(90, 60, 90.0)
     )
-    # Focal length 45 px, so the wall 2 m away spans 45 columns; every hit has depth 2, also at the picture's edge.
+    # The focal length is 45 px, so the wall 2 m away spans 45 columns; every hit has depth 2.
     assert frame.depth_m.dtype == np.float32
     np.testing.assert_allclose(frame.depth_m[:, 23:67], 2.0, atol=1e-5)
     assert (frame.depth_m[:, :22] == 0).all()
@@ -62,7 +62,7 @@ def test_cast_gives_range_position_and_face_of_the_first_hit(make_raycaster):
     assert hits.positions.shape == (0, 3)
 
 
-def test_several_callers_get_the_frames_that_one_gets(make_raycaster):
+def test_several_threads_get_the_same_frames_as_one(make_raycaster):
     raycaster = make_raycaster(soup(1), threads=2)
     camera = Camera(320, 240)
     views = [T_world_camera(Pose((0, 0, 0), yaw), camera) for yaw in np.linspace(0, 6, 12)]
@@ -95,14 +95,14 @@ def test_a_batch_gives_the_single_frames_in_order(make_raycaster, count):
 
 
 @pytest.mark.parametrize("size", [(97, 61), (640, 480)])
-def test_depth_alone_is_that_of_the_frame(make_raycaster, size):
+def test_depth_alone_equals_the_depth_of_the_frame(make_raycaster, size):
     camera = Camera(*size)
     view = T_world_camera(Pose((0, 0, 0), 1.0), camera)
     raycaster = make_raycaster(soup(4), threads=2)
     np.testing.assert_array_equal(raycaster.depth(view, camera), raycaster.render(view, camera).depth_m)
 
 
-def test_a_measured_lens_shows_the_part_of_a_wider_view_that_its_middle_says(make_raycaster):
+def test_a_lens_with_an_off_centre_principal_point_shows_that_part_of_a_wider_view(make_raycaster):
     raycaster, whole = make_raycaster(soup(4)), Camera(96, 72)
     part = Camera.of_lens(40, 30, fx=whole.focal, fy=whole.focal, cx=48 - 10, cy=36 - 20)
     view = T_world_camera(Pose((0, 0, 0), 1.0), whole)
@@ -113,8 +113,8 @@ def test_a_measured_lens_shows_the_part_of_a_wider_view_that_its_middle_says(mak
     np.testing.assert_array_equal(cut.T_world_camera, view)
 
 
-def test_a_small_picture_is_the_large_one_at_fewer_pixels(make_raycaster):
-    # Every third pixel centre of a picture three times as large in all directions is a pixel centre of the small one.
+def test_a_small_picture_has_the_values_of_the_large_one_at_its_pixels(make_raycaster):
+    # Every third pixel centre of a picture three times as wide and high is a pixel centre of the small one.
     raycaster = make_raycaster(soup(5))
     small, large = Camera(7, 5), Camera(21, 15)
     view = T_world_camera(Pose((0, 0, 0), 2.0), small)
@@ -145,7 +145,7 @@ def test_ranges_are_exact_far_from_the_origin(make_raycaster):
 
 
 @pytest.mark.filterwarnings("error")
-def test_rays_that_are_no_rays_hit_nothing(make_raycaster):
+def test_rays_with_non_finite_numbers_hit_nothing(make_raycaster):
     raycaster = make_raycaster(mesh_of(floor(-5, -5, 5, 5)))
     down = (0, -1, 0)
     origins = np.array([(0, 1, 0), (0, np.nan, 0), (np.inf, 1, 0), (0, 1, 0), (0, 1, 0), (1e300, 1, 0), (0, 1, 0)])
@@ -157,7 +157,7 @@ def test_rays_that_are_no_rays_hit_nothing(make_raycaster):
     assert hits.range_m[6] == 1.0
 
 
-def test_many_rays_hit_what_each_hits_alone(make_raycaster):
+def test_many_rays_hit_the_same_faces_together_and_alone(make_raycaster):
     rng = np.random.default_rng(6)
     origins, directions = rng.uniform(-4, 4, (9001, 3)), rng.normal(size=(9001, 3))
     raycaster = make_raycaster(soup(7), threads=2)
@@ -198,10 +198,10 @@ def test_both_backends_see_the_same(seed, yaw, tilt, texture_filter, is_lit):
     casters = (Raycaster(mesh, backend=name, texture_filter=texture_filter) for name in ("embree", "open3d"))
     one, other = (raycaster.render(view, camera) for raycaster in casters)
     same = one.instance_ids == other.instance_ids
-    assert same.mean() >= 0.995  # rays through an edge may meet either side
+    assert same.mean() >= 0.995  # a ray through an edge may hit either face
     np.testing.assert_allclose(one.depth_m[same], other.depth_m[same], rtol=1e-4)
     apart = np.abs(one.rgb[same].astype(int) - other.rgb[same]).max(axis=-1)
-    assert np.mean(apart <= 2) >= 0.995  # between two levels the last bit decides
+    assert np.mean(apart <= 2) >= 0.995  # at the border of two mipmap levels the last bit decides
 
 
 @pytest.mark.skipif(not has_embree(), reason="Embree's packets cannot be used here")

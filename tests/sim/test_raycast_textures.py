@@ -1,4 +1,4 @@
-"""What the raycaster shows of textures, vertex colours and light on textures, on both ways to find hits."""
+"""How the raycaster shows textures, vertex colours and light on textures, with both backends."""
 
 import math
 from dataclasses import replace
@@ -38,8 +38,8 @@ def test_texels_are_blended_and_repeat_beyond_the_border(make_raycaster):
     row = frame.rgb[240, :, 0].astype(int)
     assert row[round(320 + f * -0.5)] == pytest.approx(0, abs=2)
     assert row[round(320 + f * 0.5)] == pytest.approx(200, abs=2)
-    assert row[320] == pytest.approx(100, abs=2)  # half way between the two texels
-    assert row[round(320 + f * 0.995)] == pytest.approx(101, abs=2)  # ... and round the repeat
+    assert row[320] == pytest.approx(100, abs=2)  # halfway between the two texels
+    assert row[round(320 + f * 0.995)] == pytest.approx(101, abs=2)  # also where the texture repeats
 
 
 def test_nearest_shows_texels_as_they_are(make_raycaster):
@@ -58,7 +58,7 @@ def test_nearest_shows_texels_as_they_are(make_raycaster):
 def test_bilinear_weighs_the_four_texels_by_area(make_raycaster):
     image = np.array([[[0, 100, 10], [80, 100, 10]], [[160, 100, 90], [240, 100, 90]]], np.uint8)
     raycaster = make_raycaster(mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0))
-    # Texel centres are at +-0.5, so x grows by 80 and z by 160 (red) or 80 (blue) over a metre.
+    # Texel centres are at +-0.5 m, so red grows by 80 per metre of x and 160 of z, blue by 80 per metre of z.
     for x, z in [(0.0, 0.0), (-0.25, 0.25), (0.4, -0.1), (-0.45, -0.45)]:
         red, green, blue = seen_from_above(raycaster, x, z, Camera(hfov_deg=120.0))[0]
         assert (red, blue) == pytest.approx((120 + 80 * x + 160 * z, 50 + 80 * z), abs=2)
@@ -67,12 +67,12 @@ def test_bilinear_weighs_the_four_texels_by_area(make_raycaster):
 
 @pytest.mark.parametrize(("cell", "smooth"), [(1, True), (2, True), (4, False)])
 @pytest.mark.parametrize("tilt", [-math.pi / 2, -1.0])
-def test_mipmaps_show_the_mean_of_what_a_pixel_covers(make_raycaster, cell, smooth, tilt):
+def test_mipmaps_show_the_mean_of_the_texels_that_a_pixel_covers(make_raycaster, cell, smooth, tilt):
     board = np.kron(np.indices((256 // cell, 256 // cell)).sum(axis=0) % 2, np.ones((cell, cell), int)) * 200
     image = np.repeat(board[..., None], 3, axis=2).astype(np.uint8)
     mesh = mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0)
-    # 0.88 m up a pixel is 3.2 cm wide and covers 4.1 x 4.1 texels; looking forward, 4.8 x 5.7 in the middle: one texel
-    # of the level that is 4 times smaller, which shows cells of 4 texels and the mean of smaller ones.
+    # From 0.88 m up, a pixel is 3.2 cm wide and covers 4.1 x 4.1 texels (4.8 x 5.7 looking forward), which is one texel
+    # of the level that is 4 times smaller: it shows cells of 4 texels, and the mean of smaller cells.
     camera = Camera(32, 24, 60.0)
     rgb = (
         make_raycaster(mesh, texture_filter="mipmap")
@@ -82,7 +82,7 @@ def test_mipmaps_show_the_mean_of_what_a_pixel_covers(make_raycaster, cell, smoo
     assert (rgb == 100).all() == smooth
 
 
-def test_mipmaps_show_the_full_texture_close_by(make_raycaster):
+def test_mipmaps_show_the_full_texture_at_close_range(make_raycaster):
     image = np.random.default_rng(0).integers(0, 256, (16, 12, 3), np.uint8)
     mesh = mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0)
     view = T_world_camera(LOOK_DOWN, Camera())  # a texel is 50 pixels wide
@@ -113,7 +113,7 @@ def test_vertex_colours_are_interpolated(make_raycaster):
         assert rgb == pytest.approx((100 + 100 * x, 50 + 50 * z, 200), abs=1.5)
 
 
-def test_textures_are_read_where_they_are(make_raycaster):
+def test_textures_are_not_copied(make_raycaster):
     image = np.full((4, 4, 3), 50, np.uint8)
     raycaster = make_raycaster(mesh_of(floor(-1, -1, 1, 1), textures=(image,), texture=0))
     assert seen_from_above(raycaster, 0.1, 0.1)[0] == (50, 50, 50)
@@ -122,7 +122,7 @@ def test_textures_are_read_where_they_are(make_raycaster):
 
 
 CORNERS = np.array([[0, 0, 255], [0, 100, 255], [200, 100, 255], [200, 0, 255]], np.uint8)
-"""Light of `floor`'s corners: red grows with x, green with z, blue is full."""
+"""Light at the corners of `floor`: red grows with x, green with z, blue is full."""
 
 
 @pytest.mark.parametrize("texture_filter", ["nearest", "bilinear", "mipmap"])
@@ -153,7 +153,7 @@ def test_full_light_leaves_every_texel_as_it_is(make_raycaster, texture_filter):
     image = np.random.default_rng(1).integers(0, 256, (40, 30, 3), np.uint8)
     plain = mesh_of(floor(-1, -1, 1, 1), floor(5, 5, 6, 6), textures=(image,), texture=0)
     light = np.full((8, 3), 255, np.uint8)
-    light[4:] = 9  # of the other rectangle, so that light is looked up at all
+    light[4:] = 9  # darkens the other rectangle, so that light is not skipped altogether
     view = T_world_camera(LOOK_DOWN, Camera())
     frames = [
         make_raycaster(replace(plain, vertex_rgb=rgb), texture_filter=texture_filter).render(view, Camera())

@@ -1,4 +1,4 @@
-"""The facts of a scene that the episode files hold."""
+"""The facts of a scene that its episode files record."""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ def content_with(start_x: float, extra_x: float, *, geodesic: float = 3.25) -> C
     )
 
 
-def test_standing_places_extra_places_and_lengths_are_told_apart(tmp_path: Path) -> None:
+def test_standing_places_extra_places_and_lengths_are_kept_apart(tmp_path: Path) -> None:
     facts = recorded_facts(PersonalDataset(write_dataset(tmp_path, {("easy", SCENE): content_with(1.5, 2.5)})), SCENE)
     assert facts.standing.tolist() == [[1.0, 0.0, 0.0], [1.5, 0.0, 3.0]]
     assert facts.extras.tolist() == [[2.5, 0.0, 2.0]]
@@ -65,7 +65,7 @@ def test_an_unknown_scene_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_release_holds_2000_lengths_and_12_of_them_are_impossible(dataset_root: Path) -> None:
+def test_released_episodes_hold_2000_lengths_and_12_of_them_are_impossible(dataset_root: Path) -> None:
     dataset = PersonalDataset(dataset_root)
     facts = [recorded_facts(dataset, scene) for scene in dataset.scenes]
     lengths = [length for fact in facts for length in fact.lengths]

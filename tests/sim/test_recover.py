@@ -1,4 +1,4 @@
-"""Schematic homes from episode files: small ones with known answers, and real ones where the release is at hand."""
+"""Schematic homes from episode files: small ones with known answers, and released ones if the dataset is present."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from .synthetic import SCENE, example_content, example_episode, example_goal, ex
 
 
 def dataset_of(root: Path, points: list[tuple[float, float, float]], **goal_changes) -> PersonalDataset:
-    """One coffee table at (2, 0.45, -1) seen from (x, y, z) points; the first one is the start as well."""
+    """One coffee table at (2, 0.45, -1) seen from (x, y, z) points; the first one is the start too."""
     table = (2.0, -1.0)
     views = [
         example_view_point(x, z, y=y, quat_xyzw=list(quat_xyzw_from_yaw(yaw_towards((x, z), table))), iou=0.5)
@@ -44,16 +44,16 @@ def walkable_of(plan: HomePlan) -> FloorGrid:
 LATTICE = [(1.0 + 0.25 * i, 0.0, 0.25 * j) for i in range(9) for j in range(5)]
 
 
-def test_cells_lie_within_the_robots_radius_of_the_lattice_in_the_room_of_the_sentence(tmp_path: Path) -> None:
+def test_cells_lie_within_the_robots_radius_of_the_lattice_in_the_room_that_the_sentence_names(tmp_path: Path) -> None:
     plan = recover_plan(dataset_of(tmp_path, LATTICE), SCENE)
     assert plan.cells is not None
     cells = cells_from_runs(plan.cells.walkable)
     xz = plan.cells.grid.xz_from_rc(cells.rc)
     away = np.linalg.norm(xz[:, None] - np.array(LATTICE)[None, :, [0, 2]], axis=2).min(axis=1)
-    assert away.max() <= 0.22  # the radius around points, and around the middle of two that are 0.25 m apart
+    assert away.max() <= 0.22  # the radius around points, and around the midpoint of two that are 0.25 m apart
     assert not cells.guessed.any()
     assert (cells.y == 0).all()
-    # a lattice of 2.0 m by 1.0 m, grown by the radius: (2.36 * 1.36) less its corners
+    # a lattice of 2.0 m by 1.0 m, grown by the radius: 2.36 m * 1.36 m less the corners
     assert len(cells.y) * 0.05**2 == pytest.approx(3.0, abs=0.2)
     assert [(room.name, room.storey) for room in plan.rooms] == [("lounge", 0)]
     assert plan.furniture[0].room == "lounge"
@@ -73,7 +73,7 @@ def test_two_storeys_get_one_ramp_of_at_most_40_degrees(tmp_path: Path) -> None:
     assert navigation.storey_heights == pytest.approx((0.0, 2.8))
 
 
-def test_the_way_to_the_object_is_open_and_walls_stand_behind(tmp_path: Path) -> None:
+def test_the_path_to_the_object_is_open_and_walls_stand_behind_it(tmp_path: Path) -> None:
     plan = recover_plan(dataset_of(tmp_path, LATTICE), SCENE)
     scene = scene_from_plan(plan)
     caster = Raycaster(scene.mesh)
@@ -115,7 +115,7 @@ def test_a_picture_keeps_a_wall_right_behind_it(tmp_path: Path) -> None:
     assert xz[np.abs(xz[:, 0] - 2.0) < 0.25, 1].min() < -0.6 - 0.2
 
 
-def test_an_object_leaves_standing_points_free_and_takes_its_captions_colour(tmp_path: Path) -> None:
+def test_an_object_leaves_standing_points_free_and_has_the_finish_of_its_caption(tmp_path: Path) -> None:
     points = [*LATTICE, (2.0, 0.0, -0.75)]
     content = dataset_of(tmp_path, points)
     piece = recover_plan(content, SCENE).furniture[0]
@@ -126,7 +126,7 @@ def test_an_object_leaves_standing_points_free_and_takes_its_captions_colour(tmp
     assert piece.caption == "low oak coffee table with a green bowl on it"
 
 
-def test_a_plan_is_kept_until_the_files_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plan_stays_in_the_cache_until_the_files_change(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
     first = recover_plan(dataset_of(tmp_path, LATTICE), SCENE)
     assert recover_plan(dataset_of(tmp_path, LATTICE), SCENE) == first
@@ -136,7 +136,7 @@ def test_a_plan_is_kept_until_the_files_change(tmp_path: Path, monkeypatch: pyte
     assert len(list(tmp_path.rglob("*.plan"))) == 3
 
 
-def test_splits_and_files_without_any_place_to_stand_are_refused(tmp_path: Path) -> None:
+def test_splits_and_files_without_any_standing_place_are_refused(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="in hard"):
         recover_plan(dataset_of(tmp_path, LATTICE), SCENE, splits=("hard",))
     content = example_content(episodes=[])
@@ -148,7 +148,7 @@ def test_splits_and_files_without_any_place_to_stand_are_refused(tmp_path: Path)
         recover_plan(PersonalDataset(root), SCENE)
 
 
-def test_a_plan_corrected_by_hand_is_what_opens(tmp_path: Path) -> None:
+def test_a_plan_corrected_by_hand_is_opened_instead_of_a_recovered_one(tmp_path: Path) -> None:
     dataset = dataset_of(tmp_path, LATTICE)
     plan = recover_plan(dataset, SCENE)
     table = plan.furniture[0].model_copy(update={"size": (0.5, 0.9, 0.3)})
@@ -173,7 +173,7 @@ def test_one_standing_point_is_enough(tmp_path: Path) -> None:
         *(pytest.param(name, marks=pytest.mark.release) for name in ("XB4GS9ShBRE", "QaLdnwvtxbs")),
     ],
 )
-def test_a_real_home_is_walkable_and_shows_its_objects(dataset_root: Path, scene: str) -> None:
+def test_a_released_home_is_walkable_and_shows_its_objects(dataset_root: Path, scene: str) -> None:
     dataset = PersonalDataset(dataset_root)
     plan = recover_plan(dataset, scene)
     assert plan_bytes(plan) == plan_bytes(recover_plan(dataset, scene))

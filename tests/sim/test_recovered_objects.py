@@ -1,4 +1,4 @@
-"""Recovered objects: where they stand, how large they are and where they look, in worlds with known answers."""
+"""Recovered objects: their places, sizes and directions, in worlds with known answers."""
 
 import math
 from pathlib import Path
@@ -27,7 +27,7 @@ SOUTH = [(0.25 * k, 0.0, 1.2) for k in range(-2, 3)]
 @pytest.mark.parametrize(
     ("side", "yaw"), [((0, 1), 0.0), ((1, 0), math.pi / 2), ((0, -1), math.pi), ((-1, 0), -math.pi / 2)]
 )
-def test_the_front_looks_at_the_view_points(side: tuple[int, int], yaw: float) -> None:
+def test_the_front_faces_the_view_points(side: tuple[int, int], yaw: float) -> None:
     across = np.array(side)[::-1]
     offsets = np.array([1.2 * np.array(side) + step * across for step in (-0.5, -0.25, 0, 0.25, 0.5)])
     found = fitted_footprint(offsets, offsets, usual=(0.9, 0.5), blocked=NO_POINTS)
@@ -35,7 +35,7 @@ def test_the_front_looks_at_the_view_points(side: tuple[int, int], yaw: float) -
     assert (found.width, found.depth) == (0.9, 0.5)
 
 
-def test_boxes_stretch_to_far_view_points_and_shrink_from_blind_places_and_the_agents_radius() -> None:
+def test_boxes_stretch_towards_far_view_points_and_shrink_away_from_blind_and_standing_places() -> None:
     row = np.array([(x, 0.9) for x in np.arange(-1.75, 1.76, 0.25)] + [(-1.75, 0.0), (1.75, 0.0)])
     found = fitted_footprint(row, row, usual=(1.2, 0.6), blocked=NO_POINTS)
     assert found.yaw == 0.0
@@ -51,7 +51,7 @@ def test_boxes_stretch_to_far_view_points_and_shrink_from_blind_places_and_the_a
     assert clipped(np.array([0.2, 0.2]), np.array([[0.5, 0.0]])).tolist() == [0.2, 0.2]
 
 
-def test_a_couch_is_twice_as_high_as_its_centre_and_a_picture_hangs_thin() -> None:
+def test_a_couch_is_twice_as_high_as_its_centre_and_a_picture_hangs_flat_on_the_wall() -> None:
     found = objects_of(recorded_of(recorded_goal("couch_4", (0.0, 0.41, 0.0), SOUTH)))["couch_4"]
     assert found.mounting == "floor"
     assert found.piece.centre == (0.0, 0.41, 0.0)
@@ -64,7 +64,7 @@ def test_a_couch_is_twice_as_high_as_its_centre_and_a_picture_hangs_thin() -> No
     assert found.piece.yaw == 0.0
 
 
-def test_a_vase_above_a_table_stands_on_it_and_one_in_the_air_gets_a_table() -> None:
+def test_a_vase_above_a_table_stands_on_it_and_a_vase_in_the_air_gets_a_table() -> None:
     table = recorded_goal("table_1", (0.0, 0.37, 0.0), SOUTH)
     vase = recorded_goal("vase_2", (0.1, 0.93, 0.05), SOUTH)
     found = objects_of(recorded_of(table, vase))
@@ -88,7 +88,7 @@ def test_a_lamp_high_up_hangs_from_the_ceiling_and_a_low_vase_stands_on_the_floo
     assert (found["vase_2"].mounting, found["vase_2"].piece.bottom_y) == ("floor", pytest.approx(0.0))
 
 
-def test_places_on_top_of_a_bed_or_tub_do_not_shrink_it_and_are_not_its_floor() -> None:
+def test_places_on_top_of_a_bed_or_tub_do_not_shrink_it_and_do_not_count_as_its_floor() -> None:
     on_top = [(0.25 * k, 0.6, 0.1) for k in range(-2, 3)]
     around = [(x, 0.0, z) for x in (-1.3, 1.3) for z in (-0.5, 0.0, 0.5)]
     bed = objects_of(recorded_of(recorded_goal("bed_1", (0.0, 0.45, 0.0), on_top + around)))["bed_1"].piece
@@ -101,7 +101,7 @@ def test_places_on_top_of_a_bed_or_tub_do_not_shrink_it_and_are_not_its_floor() 
     assert tub.centre[1] == 0.16
 
 
-def test_places_on_the_floor_keep_clear_of_every_box() -> None:
+def test_boxes_keep_clear_of_places_on_the_floor() -> None:
     near = [(0.0, 0.0, 0.45), (0.5, 0.0, 0.3), (0.75, 0.0, -0.1)]
     added = [(-0.6, 0.0, 0.1)]
     recorded = recorded_of(recorded_goal("dresser_1", (0.0, 0.4, 0.0), SOUTH + near), more=added)
@@ -111,19 +111,19 @@ def test_places_on_the_floor_keep_clear_of_every_box() -> None:
 
 
 @pytest.mark.parametrize("y", [-0.05, 0.0, 0.03])
-def test_a_rug_shows_above_the_floor_wherever_its_centre_is(y: float) -> None:
+def test_a_rug_shows_above_the_floor_at_any_height_of_its_centre(y: float) -> None:
     rug = objects_of(recorded_of(recorded_goal("rug_1", (0.0, y, 0.0), SOUTH)))["rug_1"].piece
     assert rug.centre[1] == y
     assert 0.003 < rug.top_y < 0.12
 
 
-def test_colours_come_from_the_caption() -> None:
+def test_the_colour_comes_from_the_caption() -> None:
     recorded = recorded_of(recorded_goal("couch_4", (0.0, 0.4, 0.0), SOUTH), captions={"couch_4": "a red couch"})
     finish = objects_of(recorded)["couch_4"].piece.finish
     assert finish.rgb[0] > 1.5 * max(finish.rgb[1:])
 
 
-def test_an_oven_reaches_out_of_its_cabinet_and_what_stands_in_front_shrinks_to_its_least_size() -> None:
+def test_an_oven_stands_out_of_its_cabinet_and_a_piece_in_front_shrinks_to_its_least_size() -> None:
     cabinet = piece("cabinet_1", (0.0, 1.0, 0.0), (1.0, 2.0, 0.6))
     oven, same = made_way(piece("oven_2", (0.0, 1.1, 0.05), (0.6, 0.6, 0.3)), cabinet)
     assert same == cabinet
@@ -136,7 +136,7 @@ def test_an_oven_reaches_out_of_its_cabinet_and_what_stands_in_front_shrinks_to_
     assert smaller.centre == cabinet.centre
 
 
-def test_a_hidden_object_is_seen_afterwards() -> None:
+def test_a_hidden_object_can_be_seen_after_the_hiding_one_shrinks() -> None:
     picture = recorded_goal("picture_1", (0.0, 0.95, -0.6), SOUTH)
     wardrobe = recorded_goal("wardrobe_2", (0.0, 1.0, -0.1), SOUTH)
     recorded = recorded_of(picture, wardrobe)
@@ -145,7 +145,7 @@ def test_a_hidden_object_is_seen_afterwards() -> None:
     assert set(after) == {"picture_1", "wardrobe_2"}
     assert after["wardrobe_2"].size[0] < before[1].size[0]
     line = after["wardrobe_2"].rect
-    # from the outermost place the picture's edge is past the wardrobe's near corner
+    # from the outermost place, the edge of the picture shows past the near corner of the wardrobe
     assert line.x1 < 0.5
     assert unhidden(before, recorded.goals) == unhidden(before, recorded.goals)
 
@@ -157,7 +157,7 @@ def test_a_hidden_object_is_seen_afterwards() -> None:
         *(pytest.param(name, marks=pytest.mark.release) for name in ("XB4GS9ShBRE", "QaLdnwvtxbs")),
     ],
 )
-def test_every_goal_of_a_real_home_is_at_its_recorded_centre_and_seen(dataset_root: Path, scene: str) -> None:
+def test_every_goal_of_a_released_home_is_at_its_recorded_centre_and_visible(dataset_root: Path, scene: str) -> None:
     dataset = PersonalDataset(dataset_root)
     goals, plan = dataset.goals(scene), recover_plan(dataset, scene)
     captioned = {item.name: item for item in plan.furniture if item.role == "captioned"}
@@ -165,7 +165,7 @@ def test_every_goal_of_a_real_home_is_at_its_recorded_centre_and_seen(dataset_ro
     assert [item.category for item in captioned.values()] == [goals[name].object_category for name in captioned]
     recorded = recorded_facts(dataset, scene)
     for item in captioned.values():
-        # a box is at least 8 cm thick, though the recorded centre may be nearer to a place than that allows
+        # boxes are at least 8 cm thick, even if a place is too near to the recorded centre for that
         if look_of(item.category).family == "flat" or min(item.size[0], item.size[2]) < 0.081:
             continue
         near_floor = np.abs(recorded.places[:, 1] - goals[item.name].floor_y) < 0.2

@@ -1,4 +1,4 @@
-"""Rooms of recovered homes: names from texts, and regions that follow the way on foot."""
+"""Rooms of recovered homes: names from texts, and regions that follow walking distances."""
 
 from collections import Counter
 from pathlib import Path
@@ -12,7 +12,6 @@ from sim.homes.plan import Room, Storey
 from sim.homes.recovered.names import room_name, room_texts, usual_room
 from sim.homes.recovered.plans import recover_plan
 from sim.homes.recovered.rooms import RecoveredRooms, open_cells, recovered_rooms
-from sim.types import SPLITS
 
 from .recorded_worlds import GROUND, Point, recorded_goal
 from .synthetic import SCENE, example_content, example_episode, write_dataset
@@ -41,13 +40,13 @@ def room_at(rooms: tuple[Room, ...], x: float, z: float) -> str:
 
 
 TWO_ROOMS = ((0.5, 0.5, 3.4, 4.0), (3.4, 2.0, 4.4, 2.8), (4.4, 0.5, 7.5, 4.0))
-"""Two rooms and a doorway of 0.8 m between them."""
+"""Two rooms with a doorway of 0.8 m between them."""
 
 
 def recovered(
     texts: dict[str, str], places: dict[str, tuple[Point, Point]], grid: CellGrid, storeys: tuple[Storey, ...] = GROUND
 ) -> RecoveredRooms:
-    """Rooms where `places` gives each object's centre and the one place that sees it."""
+    """The rooms that are recovered; `places` has the centre of each object and the one place that sees it."""
     goals = {name: recorded_goal(name, centre, [seen_from]) for name, (centre, seen_from) in places.items()}
     return recovered_rooms({name: Counter({text: 1}) for name, text in texts.items()}, goals, storeys, grid=grid)
 
@@ -76,26 +75,26 @@ def test_a_text_names_a_kind_of_room(text: str, kind: str, name: str) -> None:
     assert (found.kind, found.name) == (kind, name)
 
 
-def test_a_text_without_a_room_names_none_and_things_have_usual_rooms() -> None:
+def test_a_text_without_a_room_names_none_and_objects_have_usual_rooms() -> None:
     assert room_name("an unspecified area") is None
     assert (usual_room("toilet"), usual_room("kitchen cabinet"), usual_room("chair")) == ("bathroom", "kitchen", None)
     places = {"bed_1": ((1.0, 0.4, 1.0), (2.0, 0.0, 1.5)), "toilet_2": ((7.0, 0.4, 1.0), (6.0, 0.0, 1.5))}
     found = recovered({"bed_1": "bedroom"}, places, grid_of(*TWO_ROOMS))
     assert room_at(found.rooms, 7.0, 3.5) == "bathroom"
-    # beside a named object it names nothing
+    # an object beside one with a named room does not name a room
     places["toilet_2"] = ((1.2, 0.4, 1.0), (2.0, 0.0, 1.6))
     assert [room.name for room in recovered({"bed_1": "bedroom"}, places, grid_of(TWO_ROOMS[0])).rooms] == ["bedroom"]
 
 
-def test_the_room_of_a_target_comes_from_its_owners_sentence(tmp_path: Path) -> None:
+def test_the_room_of_a_target_comes_from_the_sentence_of_its_owner(tmp_path: Path) -> None:
     summary = ["Ada owns a tall lamp in the study", "Ada owns a low oak table in the lounge", "Bo owns it in the attic"]
     content = example_content(episodes=[example_episode(extracted_summary=summary)])
     dataset = PersonalDataset(write_dataset(tmp_path, {("easy", SCENE): content}))
-    assert room_texts(dataset, SCENE, splits=SPLITS) == {"coffee table_7": Counter({"lounge": 1})}
-    assert room_texts(dataset, SCENE, splits=("hard",)) == {}
+    assert room_texts(dataset.episodes()) == {"coffee table_7": Counter({"lounge": 1})}
+    assert room_texts(()) == {}
 
 
-def test_a_doorway_divides_two_rooms_and_the_way_on_foot_counts_not_the_straight_line() -> None:
+def test_a_doorway_divides_two_rooms_and_walking_distance_counts_not_the_straight_line() -> None:
     places = {"bed_1": ((1.0, 0.4, 1.0), (2.0, 0.0, 1.5)), "oven_2": ((7.0, 0.4, 1.0), (6.0, 0.0, 1.5))}
     found = recovered({"bed_1": "blue bedroom", "oven_2": "kitchen"}, places, grid_of(*TWO_ROOMS))
     assert sorted(room.name for room in found.rooms) == ["blue bedroom", "kitchen"]
@@ -103,7 +102,7 @@ def test_a_doorway_divides_two_rooms_and_the_way_on_foot_counts_not_the_straight
         "blue bedroom", "blue bedroom", "kitchen", "kitchen",
     ]  # fmt: skip
     assert found.room_of == {"bed_1": "blue bedroom", "oven_2": "kitchen"}
-    # two long rooms beside each other, joined at the far end only; the bed is near the wall between them
+    # two long rooms side by side, joined only at the far end; the bed is near the wall between them
     side_by_side = ((0.5, 0.5, 7.0, 1.5), (0.5, 2.0, 7.0, 3.0), (6.0, 1.5, 7.0, 2.0))
     places = {"bed_1": ((1.0, 0.4, 1.4), (1.5, 0.0, 1.2)), "sink_2": ((4.5, 0.8, 2.9), (4.5, 0.0, 2.5))}
     found = recovered({"bed_1": "bedroom", "sink_2": "bathroom"}, places, grid_of(*side_by_side))
@@ -111,7 +110,7 @@ def test_a_doorway_divides_two_rooms_and_the_way_on_foot_counts_not_the_straight
     assert room_at(found.rooms, 1.0, 1.2) == "bedroom"
 
 
-def test_equal_names_get_numbers_and_neighbours_other_walls() -> None:
+def test_equal_names_get_numbers_and_neighbours_have_different_finishes() -> None:
     places = {"bed_1": ((1.0, 0.4, 1.0), (2.0, 0.0, 1.5)), "bed_2": ((7.0, 0.4, 1.0), (6.0, 0.0, 1.5))}
     texts = {"bed_1": "bedroom with red sheets", "bed_2": "bedroom with carved headboard"}
     found = recovered(texts, places, grid_of(*TWO_ROOMS))
@@ -121,7 +120,7 @@ def test_equal_names_get_numbers_and_neighbours_other_walls() -> None:
     assert first.floor != second.floor
 
 
-def test_synonyms_and_things_of_one_room_are_one_room() -> None:
+def test_different_names_for_one_room_give_one_room() -> None:
     places = {
         "bed_1": ((1.0, 0.4, 1.0), (2.0, 0.0, 1.5)), "lamp_2": ((1.0, 0.4, 3.0), (2.0, 0.0, 2.8)),
         "sink_3": ((7.0, 0.8, 1.0), (6.0, 0.0, 1.5)), "towel_4": ((7.0, 1.2, 3.0), (6.0, 0.0, 2.8)),
@@ -135,7 +134,7 @@ def test_synonyms_and_things_of_one_room_are_one_room() -> None:
     assert found.room_of["bed_1"] == found.room_of["lamp_2"] != found.room_of["sink_3"] == found.room_of["towel_4"]
 
 
-def test_colours_of_floors_and_walls_in_texts_count() -> None:
+def test_floors_and_walls_have_the_colours_that_texts_name() -> None:
     places = {"sink_1": ((1.0, 0.8, 1.0), (2.0, 0.0, 1.5)), "bed_2": ((7.0, 0.4, 1.0), (6.0, 0.0, 1.5))}
     texts = {"sink_1": "bathroom with blue floor", "bed_2": "bedroom with yellow walls"}
     rooms = {room.name: room for room in recovered(texts, places, grid_of(*TWO_ROOMS)).rooms}
@@ -145,7 +144,7 @@ def test_colours_of_floors_and_walls_in_texts_count() -> None:
     assert bedroom.wall.rgb[0] > 1.3 * bedroom.wall.rgb[2]
 
 
-def test_far_corners_and_storeys_without_objects_take_the_storeys_name() -> None:
+def test_far_corners_and_storeys_without_objects_are_named_after_the_storey() -> None:
     storeys = (*GROUND, Storey(label="first floor", floor_y=3.0))
     below = grid_of((0.5, 0.5, 1.7, 5.5))
     above = grid_of((0.5, 0.5, 3.0, 3.0), y=3.0)
@@ -163,7 +162,7 @@ def test_far_corners_and_storeys_without_objects_take_the_storeys_name() -> None
         *(pytest.param(name, marks=pytest.mark.release) for name in ("XB4GS9ShBRE", "QaLdnwvtxbs")),
     ],
 )
-def test_the_rooms_of_a_real_home_cover_every_open_cell_once(dataset_root: Path, scene: str) -> None:
+def test_the_rooms_of_a_released_home_cover_every_open_cell_once(dataset_root: Path, scene: str) -> None:
     plan = recover_plan(PersonalDataset(dataset_root), scene)
     assert plan.cells is not None
     count = np.zeros((len(plan.storeys), *plan.cells.shape), np.int64)

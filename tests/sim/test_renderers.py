@@ -1,4 +1,4 @@
-"""Words on objects in pictures of schematic homes, and clicks into cut storeys."""
+"""Labels on objects in robots' pictures, and clicks on cut storeys."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -18,11 +18,11 @@ from sim.types import CUT_HEIGHT, Camera, Pose
 
 @pytest.fixture(scope="module")
 def scene(demo_root: Path) -> Scene:
-    """An invented home."""
+    """The invented home Demo."""
     return open_scene(PersonalDataset(demo_root), "Demo")
 
 
-def test_words_change_the_picture_only_on_the_objects_in_view(scene: Scene) -> None:
+def test_labels_change_the_picture_only_if_objects_are_in_view(scene: Scene) -> None:
     plain = Raycaster(scene.mesh)
     named = LabelledRenderer(plain, scene)
     camera = Camera(width=320, height=240)
@@ -43,12 +43,16 @@ def test_words_change_the_picture_only_on_the_objects_in_view(scene: Scene) -> N
     assert changed
 
 
-def test_only_schematic_homes_are_named(scene: Scene) -> None:
+def test_pictures_have_labels_only_where_the_scene_was_opened_with_them(scene: Scene, demo_root: Path) -> None:
     assert isinstance(renderer_of(scene), Raycaster)
-    assert isinstance(renderer_of(replace(scene, kind="schematic")), LabelledRenderer)
+    assert isinstance(renderer_of(replace(scene, kind="schematic")), Raycaster)
+    labelled = open_scene(PersonalDataset(demo_root), "Demo", labels=True)
+    assert isinstance(renderer_of(labelled), LabelledRenderer)
+    assert labelled.digest == scene.digest, "words change no step and no distance"
+    assert (scene.label, labelled.label) == ("Demo (invented home)", "Demo (invented home, labels)")
 
 
-def test_a_click_from_above_meets_the_floor_below_the_cut_and_one_into_the_sky_nothing(scene: Scene) -> None:
+def test_a_click_from_above_hits_the_floor_below_the_cut_and_a_click_on_the_sky_hits_nothing(scene: Scene) -> None:
     pog_scene = PogScene(scene, make_renderer=Raycaster)
     assert len(pog_scene.storeys) == 2
     for index, floor_y in enumerate(pog_scene.storeys):

@@ -1,4 +1,4 @@
-"""Run files: round trip, resume after a kill, an old version, damage."""
+"""Run files: round trip, resuming after a kill, an old version, damage."""
 
 import json
 from pathlib import Path
@@ -27,12 +27,12 @@ from .worlds import measured, run_info
 
 
 def info(**changes) -> RunInfo:
-    """A run's description."""
+    """`run.json` of a run."""
     return run_info("r1", **{"who": "random"} | changes)
 
 
 def finished(episode_id: str = "1", *, success: bool = True, **changes) -> EpisodeRun:
-    """A run of two steps; `changes` are those of its measures."""
+    """A run of two steps; `changes` are changed fields of its measures."""
     rule = RuleMeasures(success=success, spl=0.5 * success, soft_spl=0.5, dtg=0.0 if success else 2.0, start_distance=2)
     steps = (
         Step(action=Action.FORWARD, position=(0.1, 0.0, -0.25), yaw=0.1),
@@ -50,7 +50,7 @@ def written(tmp_path: Path, *runs: EpisodeRun) -> Path:
     return writer.folder
 
 
-def test_a_run_comes_back_as_it_was_written_and_without_results_leaves_no_file(tmp_path: Path) -> None:
+def test_a_run_is_equal_when_read_back_and_a_run_without_results_leaves_no_file(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path / "r1", info())
     answer = Answer(split="hard", scene="Demo", episode_id="9", candidates=((1.0, 0.0, 2.0),), scores=(0.5,))
     writer.add_episode(finished())
@@ -60,7 +60,7 @@ def test_a_run_comes_back_as_it_was_written_and_without_results_leaves_no_file(t
     assert [path.name for path in tmp_path.iterdir()] == ["r1"]
 
 
-def test_a_killed_run_goes_on_after_its_last_whole_block(tmp_path: Path) -> None:
+def test_a_killed_run_continues_after_its_last_complete_block(tmp_path: Path) -> None:
     steps = written(tmp_path, finished("1")) / "steps.jsonl"
     whole = steps.read_text()
     block = "".join(line.model_dump_json() + "\n" for line in (finished("2").start, *finished("2").steps))
@@ -77,8 +77,8 @@ def test_a_folder_of_another_run_or_a_newer_version_is_refused(tmp_path: Path) -
     with pytest.raises(RunFileError, match=r"run\.json: seed is None, this run has 3; expected the same to resume"):
         RunWriter(folder, info(seed=3))
     path = written(tmp_path, finished()) / "run.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), "schema_version": 3}))
-    with pytest.raises(RunFileError, match=r"run\.json: schema_version is 3; expected"):
+    path.write_text(json.dumps({**json.loads(path.read_text()), "schema_version": 4}))
+    with pytest.raises(RunFileError, match=r"run\.json: schema_version is 4; expected"):
         read_run(path.parent)
 
 
@@ -95,7 +95,7 @@ def test_episodes_of_another_version_of_the_home_are_refused(tmp_path: Path) -> 
     assert len(read_run(folder).episodes) == 2
 
 
-def test_a_full_disk_is_one_line_and_leaves_whole_episodes_only(tmp_path: Path) -> None:
+def test_a_full_disk_gives_one_line_and_leaves_only_complete_episodes(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path / "r1", info())
     writer.add_episode(finished("1"))
     steps = tmp_path / "r1" / "steps.jsonl"
@@ -110,7 +110,7 @@ def test_a_full_disk_is_one_line_and_leaves_whole_episodes_only(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("tail", ["5\n", "[]\n", "null\n", '"end"\n', '{"kind":["end"]}\n'])
-def test_a_tail_that_is_json_but_no_line_of_ours_is_cut_off(tmp_path: Path, tail: str) -> None:
+def test_a_tail_of_json_that_is_no_run_line_is_removed(tmp_path: Path, tail: str) -> None:
     steps = written(tmp_path, finished()) / "steps.jsonl"
     whole = steps.read_text()
     steps.write_text(whole + tail)
@@ -135,7 +135,7 @@ EPISODE = '{"kind":"episode","split":"easy","scene":"Demo","episode_id":"1","pos
         (EPISODE.rstrip(), "expected 'step'"),
     ],
 )
-def test_a_damaged_line_is_named(tmp_path: Path, line: str, message: str) -> None:
+def test_a_damaged_line_is_refused_with_its_number(tmp_path: Path, line: str, message: str) -> None:
     folder, run = written(tmp_path, finished()), finished()
     (folder / "steps.jsonl").write_text(f"{run.start.model_dump_json()}\n{line}\n{run.end.model_dump_json()}\n")
     with pytest.raises(RunFileError, match=message) as caught:
@@ -163,10 +163,10 @@ def old(tmp_path: Path) -> Run:
     return read_run(tmp_path)
 
 
-def test_a_run_measured_before_paper_strict_is_undefined_under_it_and_keeps_its_other_figures(old: Run) -> None:
+def test_a_run_from_before_paper_strict_is_undefined_under_it_and_keeps_its_other_figures(old: Run) -> None:
     assert old.episodes[0].steps[0].action is Action.STOP
     assert old.info.condition == "none"
-    assert old.info.made_for == "paper"  # the only rule that shortest-path walked for then
+    assert old.info.made_for == "paper"  # at that time, shortest-path had only this rule
     paper, strict = (metric_rows([old], rule=rule)[0] for rule in ("paper", "paper-strict"))
     assert (paper.n, paper.k, paper.sr, paper.undefined) == (1, 1, 100.0, 0)
     assert (strict.n, strict.undefined, strict.sr, strict.dtg) == (0, 1, None, None)
@@ -175,7 +175,7 @@ def test_a_run_measured_before_paper_strict_is_undefined_under_it_and_keeps_its_
     assert "by paper-strict not known, 1 trials measured before this rule" in reading_notes(metric_rows([old]))[1]
 
 
-def test_the_first_runs_without_versions_still_read_and_keep_what_they_say(old: Run, tmp_path: Path) -> None:
+def test_the_first_runs_without_versions_can_still_be_read_and_written_again(old: Run, tmp_path: Path) -> None:
     (tmp_path / "steps.jsonl").write_text(STOPPED + '{"kind":"end","reason":"stop"}\n')
     assert read_run(tmp_path).episodes[0].steps == old.episodes[0].steps
     RunWriter(tmp_path / "again", old.info).add_episode(old.episodes[0])
@@ -183,7 +183,7 @@ def test_the_first_runs_without_versions_still_read_and_keep_what_they_say(old: 
 
 
 def walked(episode_id: str, *, paper: bool, strict: bool, to_view: float | None) -> EpisodeRun:
-    """A run that ends `to_view` metres of walking from the nearest view point."""
+    """A run that ends `to_view` metres of walking from the nearest view point; None = it cannot be reached."""
     rules = {
         name: RuleMeasures(success=success, spl=0.5 * success, soft_spl=0.5, dtg=to_view, start_distance=4.0)
         for name, success in (("paper", paper), ("habitat", False), ("authors", False), ("paper-strict", strict))
@@ -191,12 +191,12 @@ def walked(episode_id: str, *, paper: bool, strict: bool, to_view: float | None)
     return finished(episode_id, rules=rules)
 
 
-def test_rows_say_what_the_strict_rule_gives_and_how_many_successes_end_far_from_every_view_point() -> None:
+def test_rows_show_the_strict_rule_and_how_many_successes_end_far_from_every_view_point() -> None:
     runs = (
         walked("1", paper=True, strict=True, to_view=0.4),
-        walked("2", paper=True, strict=True, to_view=1.0),  # the boundary is near
+        walked("2", paper=True, strict=True, to_view=1.0),  # the boundary still counts as near
         walked("3", paper=True, strict=False, to_view=1.01),
-        walked("4", paper=True, strict=False, to_view=None),  # no way at all: behind a wall
+        walked("4", paper=True, strict=False, to_view=None),  # behind a wall, without any path
         walked("5", paper=False, strict=False, to_view=3.0),  # no success
         finished("6"),  # a success without any view point that counts
     )
@@ -224,7 +224,7 @@ def test_a_table_warns_of_runs_made_for_another_rule() -> None:
     )
 
 
-def test_metrics_count_successes_and_average_distances_without_unreachable_goals() -> None:
+def test_metrics_count_successes_and_leave_unreachable_goals_out_of_mean_distances() -> None:
     runs = tuple(finished(str(number), success=success) for number, success in enumerate((True, True, False)))
     easy, total = metric_rows([Run(info=info(), episodes=runs)])
     assert (easy.split, easy.n, easy.k) == ("easy", 3, 2)
@@ -239,7 +239,7 @@ def test_metrics_count_successes_and_average_distances_without_unreachable_goals
 
 
 def broken(episode_id: str) -> EpisodeRun:
-    """A run that ended by a technical failure."""
+    """A run that ended with a technical failure."""
     run = finished(episode_id, success=False)
     return run.model_copy(update={"end": run.end.model_copy(update={"reason": "technical"})})
 
@@ -261,7 +261,7 @@ def test_technical_failures_are_left_out_of_every_row() -> None:
     assert [(row.n, row.sr, row.dtg) for row in nothing] == [(0, None, None), (0, None, None)]
 
 
-def test_two_seeds_of_an_agent_are_pooled_but_other_episode_files_are_refused() -> None:
+def test_two_seeds_of_an_agent_are_pooled_but_runs_on_other_episode_files_are_refused() -> None:
     first = Run(info=info(run_id="a", seed=0), episodes=(finished("1"),))
     second = Run(info=info(run_id="b", seed=1), episodes=(finished("1", success=False),))
     assert [(row.n, row.k) for row in metric_rows([first, second])] == [(2, 1), (2, 1)]
@@ -274,6 +274,41 @@ def test_two_seeds_of_an_agent_are_pooled_but_other_episode_files_are_refused() 
     strangers = [first.info, other.info.model_copy(update={"who": "human"})]
     with pytest.raises(RunFileError, match="expected runs on the same episode files"):
         require_comparable(strangers)
+
+
+def test_runs_with_and_without_labels_never_share_a_table() -> None:
+    plain = Run(info=info(run_id="plain"), episodes=(finished("1"),))
+    named = Run(info=info(run_id="named", labels=True, who="other"), episodes=(finished("1"),))
+    assert [row.who for row in metric_rows([named]) if row.split == "total"] == ["other"]
+    message = r"categories of objects written on them \(named\) and without \(plain\).*Give them separately.*--labels"
+    with pytest.raises(RunFileError, match=message) as caught:
+        metric_rows([plain, named])
+    assert "\n" not in str(caught.value)
+    wrong = AnswerMeasures(success=False, top3_success=False, planar_distance=None, distance_3d=None)
+    answer = Answer(split="easy", scene="Demo", episode_id="4", candidates=(), measures=wrong)
+    pointed = Run(info=info(run_id="pointed"), answers=(answer,))
+    assert {row.task for row in metric_rows([named, pointed])} == {"pan", "pog"}, "answers come without such pictures"
+
+
+@pytest.mark.parametrize(
+    ("changed", "had_labels"),
+    [
+        ({}, True),
+        ({"condition": "clutter 1"}, True),
+        ({"condition": "memory_glb", "who_kind": "human"}, True),
+        ({"schema_version": 1}, True),
+        ({"scene_kind": "invented"}, False),
+        ({"scene_kind": "scan"}, False),
+        ({"condition": "map_open", "who_kind": "human"}, False),
+        ({"condition": "explored grid, hashed, phrases dataset"}, False),
+        ({"config": {"imported": "runs.csv"}}, False),
+        ({"schema_version": 3}, False),
+    ],
+)
+def test_older_pan_runs_in_schematic_homes_had_labels(changed: dict, had_labels: bool) -> None:
+    written_then = {"schema_version": 2, "scene_kind": "schematic"} | changed
+    raw = info().model_dump(mode="json", exclude={"labels"}) | written_then
+    assert RunInfo.model_validate_json(json.dumps(raw), strict=True).labels is had_labels
 
 
 def test_metrics_refuse_runs_without_distances() -> None:

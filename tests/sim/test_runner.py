@@ -1,4 +1,4 @@
-"""Agents over episodes: each run is on disk when it is finished, and the agent that knows the goal reaches it."""
+"""Agents run episodes: each run is on disk when it is finished, and the agent that knows the goal reaches it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -46,13 +46,13 @@ def writer_in(folder: Path) -> RunWriter:
 
 
 def is_success(episode: EpisodeRun) -> bool:
-    """Under rule `paper`."""
+    """Whether the run succeeded under the rule `paper`."""
     rule = episode.end.measures.rules["paper"] if episode.end.measures else None
     return rule is not None and rule.success
 
 
 @pytest.mark.slow
-def test_episodes_before_an_agents_error_are_on_disk(demo_root: Path, tmp_path: Path) -> None:
+def test_episodes_finished_before_an_error_of_the_agent_are_on_disk(demo_root: Path, tmp_path: Path) -> None:
     work = job(demo_root, "Demo", agent=f"{__name__}:FailsAtTheThird")
     writer, on_disk = writer_in(tmp_path / "a"), []
     with pytest.raises(AgentError, match="raised ValueError: out of ideas"):
@@ -73,7 +73,7 @@ def test_the_agent_that_knows_the_goal_reaches_it_in_an_invented_home(demo_root:
 
 
 @pytest.mark.slow
-def test_shortest_path_for_habitat_walks_to_a_view_point_and_says_so(demo_root: Path, tmp_path: Path) -> None:
+def test_shortest_path_for_habitat_walks_to_a_view_point_and_is_named_so(demo_root: Path, tmp_path: Path) -> None:
     options = {**OPTIONS, "agent": "shortest-path", "dataset": demo_root, "out": tmp_path, "limit": 4}
     assert Run(**options, rule="habitat").run() == 0
     found = read_run(tmp_path / "shortest-path-habitat-invented-seed0")
@@ -84,7 +84,7 @@ def test_shortest_path_for_habitat_walks_to_a_view_point_and_says_so(demo_root: 
     assert (plain.who, plain.made_for) == ("shortest-path", "paper")
 
 
-def test_a_rule_is_for_the_agent_that_knows_the_goal_only(demo_root: Path, tmp_path: Path) -> None:
+def test_only_the_agent_that_knows_the_goal_accepts_a_rule(demo_root: Path, tmp_path: Path) -> None:
     options = {**OPTIONS, "dataset": demo_root, "out": tmp_path, "rule": "habitat"}
     with pytest.raises(AgentError, match=r"--rule: found 'habitat' for --agent random; expected it with --agent short"):
         Run(**options).run()
@@ -107,7 +107,7 @@ def test_a_rule_is_for_the_agent_that_knows_the_goal_only(demo_root: Path, tmp_p
 def test_the_agent_that_knows_the_goal_reaches_it_in_schematic_homes(
     names: tuple[str, ...], each: int | None, number: int, dataset_root: Path, tmp_path: Path
 ) -> None:
-    # measured on all 31 homes: 2000 of 2000
+    # on all 31 homes it reaches 2000 of 2000
     jobs = [job(dataset_root, name, agent="shortest-path") for name in names]
     run_agent([replace(work, keys=work.keys[:each]) for work in jobs], writer_in(tmp_path / "a"), processes=1)
     runs = read_run(tmp_path / "a").episodes
@@ -115,7 +115,7 @@ def test_the_agent_that_knows_the_goal_reaches_it_in_schematic_homes(
     assert sum(is_success(run) for run in runs) >= 0.99 * len(runs)
 
 
-def test_homes_of_several_kinds_are_not_run_together(demo_root: Path, tmp_path: Path) -> None:
+def test_homes_of_different_kinds_do_not_run_together(demo_root: Path, tmp_path: Path) -> None:
     write_dataset(tmp_path / "mixed")
     for folder in ("easy", "medium", "hard"):
         for path in (demo_root / folder / "content").glob("Demo.json.gz"):
@@ -157,7 +157,7 @@ OPTIONS = {
         ({"run_id": ".a"}, r"--run-id is '\.a'; expected"),
     ],
 )
-def test_bad_options_are_one_line_before_any_work(tmp_path: Path, change: dict, message: str) -> None:
+def test_bad_options_are_refused_in_one_line_before_any_work(tmp_path: Path, change: dict, message: str) -> None:
     nowhere = tmp_path / "nowhere"
     with pytest.raises(PersonalVizError, match=message) as caught:
         Run(**{**OPTIONS, "dataset": nowhere, "out": nowhere, **change}).run()

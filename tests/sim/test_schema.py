@@ -1,4 +1,4 @@
-"""The models of the released files: unions, resolving targets, what an agent may see."""
+"""The models of the released files: unions, how targets are found, and what an agent may see."""
 
 import copy
 import json
@@ -17,7 +17,7 @@ def scene_file(content: dict[str, Any]) -> SceneFile:
     return SceneFile.model_validate_json(json.dumps(content), strict=True)
 
 
-def test_the_example_of_the_format_loads_with_every_field_and_is_written_equal() -> None:
+def test_the_example_of_the_format_loads_with_every_field_and_is_equal_when_written() -> None:
     content = scene_file(example_content())
     record = content.episodes[0]
     assert record.episode_id == "3"
@@ -65,7 +65,7 @@ WRONG_IN_EPISODE: dict[str, list[Any]] = {
     "query": [[], [" "]],
     "scene_id": ["hm3d_v0.2/val/no name.glb"],
 }
-"""Beside those of test_dataset.py."""
+"""Further wrong values, besides those in test_dataset.py."""
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_a_wrong_type_or_an_unknown_key_is_refused(path: tuple[Any, ...], value:
     ("changes", "found"),
     [({"position": [-1e5, 0.0, 1.0]}, "-100000.0"), ({"rotation": [0.0, 2.0, 0.0, 0.0]}, "its norm is 2, not 1")],
 )
-def test_a_view_point_beyond_any_home_or_with_a_false_rotation_is_refused(changes: dict[str, Any], found: str) -> None:
+def test_a_view_point_too_far_away_or_with_an_invalid_rotation_is_refused(changes: dict[str, Any], found: str) -> None:
     goal = example_goal()
     goal["view_points"][1]["agent_state"] |= changes
     with pytest.raises(ValidationError) as caught:
@@ -112,7 +112,7 @@ def test_the_limits_themselves_and_rounded_quaternions_are_accepted() -> None:
     assert len(record.episode_id) == 64
 
 
-def test_targets_resolve_by_exact_name_and_those_of_a_list_keep_its_order() -> None:
+def test_targets_are_found_by_exact_name_and_keep_the_order_of_the_list() -> None:
     names = ["flower vase_2", "flower vase_20", "flower vase_203"]
     goals = [example_goal(object_name=name, object_category="flower vase", object_id=i) for i, name in enumerate(names)]
     episode = example_episode(object_category="flower vase", object_id="flower vase_20")
@@ -128,7 +128,7 @@ def test_targets_resolve_by_exact_name_and_those_of_a_list_keep_its_order() -> N
     assert [goal.object_name for goal in targets] == ["coffee table_9", "coffee table_7"]
 
 
-def test_an_ambiguous_or_missing_target_says_so() -> None:
+def test_an_ambiguous_or_missing_target_is_refused() -> None:
     content = scene_file(example_content(goals_by_category={goals_key(SCENE, "coffee table"): [example_goal()] * 2}))
     with pytest.raises(KeyError, match="expected each once"):
         resolve_episode("easy", SCENE, content.episodes[0], content)
@@ -149,7 +149,7 @@ def test_a_task_holds_the_paragraph_and_one_query_and_no_ground_truth() -> None:
     assert "coffee table_7" not in seen
 
 
-def test_the_start_pose_faces_plus_z_for_half_a_turn() -> None:
+def test_a_rotation_by_half_a_turn_makes_the_start_face_plus_z() -> None:
     content = scene_file(example_content())
     start = resolve_episode("easy", SCENE, content.episodes[0], content).start
     assert start.position == (2.0, 0.0, 3.0)

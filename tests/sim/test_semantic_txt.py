@@ -1,4 +1,4 @@
-"""HM3D's semantic text: what its lines say, and the line number of every mistake in it."""
+"""HM3D's semantic text file: its lines are read, and every mistake is refused with its line number."""
 
 import pytest
 from hypothesis import given
@@ -41,10 +41,10 @@ def test_lines_are_read_with_commas_in_categories_and_gaps_between_ids(tmp_path)
         (HEADER + '0,FF0000,"wall",0\n', 2, "found the id 0; expected 1 to 65535"),
         (HEADER + '65536,FF0000,"wall",0\n', 2, "found the id 65536; expected 1 to 65535"),
         (HEADER + '1,FF0000,"a",0\n1,00FF00,"b",0\n', 3, "found the id of line 2 again; expected another id"),
-        (HEADER.encode() + b'1,FF0000,"\xff",0\n', 2, "byte 36 is no UTF-8; expected UTF-8 text"),
+        (HEADER.encode() + b'1,FF0000,"\xff",0\n', 2, "byte 36 is not UTF-8; expected UTF-8 text"),
     ],
 )  # fmt: skip
-def test_a_mistake_is_named_with_its_line(tmp_path, text, line, expected):
+def test_a_mistake_is_refused_with_its_line_number(tmp_path, text, line, expected):
     path = written(tmp_path, text)
     with pytest.raises(SceneError) as caught:
         read_semantic_txt(path)

@@ -1,4 +1,4 @@
-"""HM3D-style semantics of planned homes: what is written is what hm3d.py reads."""
+"""Semantic files of planned homes in HM3D's format: hm3d.py reads back what was written."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -49,7 +49,7 @@ def read_back(folder: Path) -> Semantics:
     return load_semantics(folder / "Home.semantic.glb", folder / "Home.semantic.txt", load_mesh(folder / "Home.glb"))
 
 
-def test_objects_come_back_with_their_names_places_and_rooms(plan: HomePlan, folder: Path) -> None:
+def test_objects_keep_their_names_places_and_rooms_when_read_back(plan: HomePlan, folder: Path) -> None:
     _, wanted = mesh_from_plan(plan)
     read = read_back(folder)
     assert [(o.instance_id, o.name, o.category) for o in read.objects] == [
@@ -61,7 +61,7 @@ def test_objects_come_back_with_their_names_places_and_rooms(plan: HomePlan, fol
     assert [label.region for label in read_semantic_txt(folder / "Home.semantic.txt")] == [0, 1, 1, -1]
 
 
-def test_every_face_of_the_scan_has_the_id_that_it_had_in_the_plan(plan: HomePlan, folder: Path) -> None:
+def test_faces_of_the_scan_have_the_ids_of_the_plan(plan: HomePlan, folder: Path) -> None:
     mesh, _ = mesh_from_plan(plan)
     read = read_back(folder).mesh
     assert read.ids is not None
@@ -73,7 +73,7 @@ def test_every_face_of_the_scan_has_the_id_that_it_had_in_the_plan(plan: HomePla
     assert np.bincount(ids, minlength=5).tolist() == np.bincount(mesh.face_instance, minlength=5).tolist()
 
 
-def test_the_text_is_hm3ds_and_a_name_that_it_would_not_give_a_bug(folder: Path, plan: HomePlan) -> None:
+def test_the_text_has_hm3ds_format_and_a_name_that_does_not_match_the_id_is_a_bug(folder: Path, plan: HomePlan) -> None:
     lines = (folder / "Home.semantic.txt").read_text().splitlines()
     assert lines[:2] == ["HM3D Semantic Annotations", '1,9E3779,"chair",0']
     labels = read_semantic_txt(folder / "Home.semantic.txt")

@@ -1,4 +1,4 @@
-"""Scenes are found where they are said to be, and errors name the file looked for."""
+"""Scenes are found in the folders that are given, and errors name the file that was looked for."""
 
 import shutil
 from dataclasses import replace
@@ -30,7 +30,7 @@ def test_a_plan_beside_the_episodes_is_an_invented_home(demo_root: Path) -> None
     assert scene.digest == open_scene(PersonalDataset(demo_root), "Demo").digest
 
 
-def test_a_corrected_plan_of_a_schematic_home_does_not_make_a_scan_schematic(tmp_path: Path) -> None:
+def test_a_corrected_plan_of_a_schematic_home_does_not_hide_the_scan(tmp_path: Path) -> None:
     dataset = PersonalDataset(write_dataset(tmp_path))
     save_plan(recover_plan(dataset, SCENE), dataset.root / "scenes" / f"{SCENE}.plan.json")
     assert scene_kind(dataset, SCENE, None) == "schematic"
@@ -38,7 +38,7 @@ def test_a_corrected_plan_of_a_schematic_home_does_not_make_a_scan_schematic(tmp
 
 
 @pytest.mark.slow
-def test_clutter_is_added_to_plans_and_schematic_homes_and_the_label_says_so(demo_root: Path, tmp_path: Path) -> None:
+def test_clutter_is_added_to_invented_and_schematic_homes_and_labelled(demo_root: Path, tmp_path: Path) -> None:
     dataset = PersonalDataset(write_dataset(tmp_path))
     for opened, name, label in (
         (PersonalDataset(demo_root), "Demo", "Demo (invented home, clutter 1)"),
@@ -49,10 +49,10 @@ def test_clutter_is_added_to_plans_and_schematic_homes_and_the_label_says_so(dem
         assert len(full.objects) > len(plain.objects)
         assert full.objects[: len(plain.objects)] == plain.objects
         assert full.digest != plain.digest
-        assert full.digest == open_scene(opened, name, clutter=1).digest, "kept in the cache folder"
+        assert full.digest == open_scene(opened, name, clutter=1).digest, "the cached plan is opened again"
 
 
-def test_scans_have_a_clutter_of_their_own(demo_root: Path, tmp_path: Path) -> None:
+def test_clutter_is_refused_for_scans(demo_root: Path, tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"found clutter level 2 for the scan of 'Demo'; expected 0") as error:
         open_scene(PersonalDataset(demo_root), "Demo", scenes_dir=tmp_path, clutter=2)
     assert "\n" not in str(error.value)
@@ -62,7 +62,7 @@ def test_without_plan_the_home_is_schematic_and_says_so(tmp_path: Path) -> None:
     scene = open_scene(PersonalDataset(write_dataset(tmp_path)), SCENE)
     assert (scene.kind, scene.label) == ("schematic", f"{SCENE} (schematic, not HM3D)")
     assert [item.name for item in scene.objects] == ["coffee table_7"]
-    assert scene.digest != scene.mesh.digest(), "the walkable cells count"
+    assert scene.digest != scene.mesh.digest(), "the digest covers the walkable cells too"
     assert len(scene.digest) == 64
 
 
@@ -77,7 +77,7 @@ def test_a_scan_is_found_anywhere_below_the_folder(demo_root: Path, episodes: Pe
     assert scene.navigation.storey_heights == pytest.approx((0.0, 2.8), abs=0.05)
 
 
-def test_a_scene_that_is_not_there_is_named_with_what_was_looked_for(demo_root: Path, tmp_path: Path) -> None:
+def test_an_error_about_a_missing_scene_names_the_files_that_were_looked_for(demo_root: Path, tmp_path: Path) -> None:
     dataset = PersonalDataset(demo_root)
     with pytest.raises(SceneError) as error:
         open_scene(dataset, "Demo", scenes_dir=tmp_path)
@@ -88,7 +88,7 @@ def test_a_scene_that_is_not_there_is_named_with_what_was_looked_for(demo_root: 
 
 @pytest.fixture(scope="module")
 def episodes(demo_root: Path, tmp_path_factory: pytest.TempPathFactory) -> PersonalDataset:
-    """The invented home's episodes without its plan: only a scan can show it."""
+    """The episodes of the invented home without its plan, so that it can only be opened from a scan."""
     root = tmp_path_factory.mktemp("plain") / "episodes"
     shutil.copytree(demo_root, root, ignore=shutil.ignore_patterns("scenes"))
     return PersonalDataset(root)
@@ -123,7 +123,7 @@ def test_hm3d_folders_are_read_with_basis_textures_and_semantics(episodes: Perso
         open_scene(episodes, "Demo", scenes_dir=tmp_path)
 
 
-def test_the_plain_file_goes_before_the_basis_one_and_others_come_last(tmp_path: Path) -> None:
+def test_a_plain_glb_is_preferred_to_a_basis_one_and_both_to_other_formats(tmp_path: Path) -> None:
     names = ["Demo.glb", "Demo.basis.glb", "Demo.gltf", "Demo.ply", "Demo.obj"]
     for folder, name in zip("edcba", names, strict=True):
         (tmp_path / folder).mkdir()
@@ -138,14 +138,14 @@ def test_the_plain_file_goes_before_the_basis_one_and_others_come_last(tmp_path:
     assert find_scan("x[1]", tmp_path).name == "x[1].glb"
 
 
-def test_links_to_folders_are_followed_once_and_real_folders_go_first(tmp_path: Path) -> None:
+def test_links_to_folders_are_followed_once_and_real_folders_are_preferred(tmp_path: Path) -> None:
     elsewhere = tmp_path / "versioned" / "hm3d-0.2" / "val" / "00800-Demo"
     elsewhere.mkdir(parents=True)
     (elsewhere / "Demo.basis.glb").touch()
     scans = tmp_path / "scene_datasets"
     scans.mkdir()
     (scans / "hm3d").symlink_to(tmp_path / "versioned" / "hm3d-0.2")
-    (elsewhere / "up").symlink_to(scans)  # a circle
+    (elsewhere / "up").symlink_to(scans)  # a loop
     (scans / "gone").symlink_to(tmp_path / "gone")
     y_up(scans)
     linked = scans / "hm3d" / "val" / "00800-Demo" / "Demo.basis.glb"
@@ -160,14 +160,14 @@ def test_links_to_folders_are_followed_once_and_real_folders_go_first(tmp_path: 
 
 
 def y_up(folder: Path) -> None:
-    """What Habitat reads beside scans whose floor lies in x and z."""
+    """Writes the configuration that Habitat reads beside y-up scans."""
     text = '{"stages": {"default_attributes": {"up": [0, 1, 0], "shader_type": "flat"}}}'
     (folder / "own.scene_dataset_config.json").write_text(text)
 
 
-def test_the_up_axis_is_the_one_of_habitats_configuration(episodes: PersonalDataset, tmp_path: Path) -> None:
+def test_the_up_axis_comes_from_habitats_configuration(episodes: PersonalDataset, tmp_path: Path) -> None:
     (tmp_path / "Demo.obj").write_text("v -3 0 -3\nv -3 0 3\nv 3 0 3\nv 3 0 -3\nf 1 2 3\nf 1 3 4\n")
-    with pytest.raises(SceneError, match=r"Demo\.obj: .*stage_config\.json"):  # lying on its side there is no floor
+    with pytest.raises(SceneError, match=r"Demo\.obj: .*stage_config\.json"):  # on its side, it has no floor
         open_scene(episodes, "Demo", scenes_dir=tmp_path)
     y_up(tmp_path)
     scene = open_scene(episodes, "Demo", scenes_dir=tmp_path)
@@ -181,7 +181,7 @@ def test_a_navmesh_beside_the_scan_is_used_if_it_fits_the_robot(
     shutil.copy(golden_root / "dev_b.default.navmesh", tmp_path / "Demo.navmesh")
     y_up(tmp_path)
     own = open_scene(episodes, "Demo", scenes_dir=tmp_path)
-    assert isinstance(own.navigation, FloorGrid)  # the file is for another robot, like those of HM3D
+    assert isinstance(own.navigation, FloorGrid)  # this navmesh is for another robot, like those of HM3D
     shutil.copy(golden_root / "dev_b.navmesh", tmp_path / "Demo.basis.navmesh")
     given = open_scene(episodes, "Demo", scenes_dir=tmp_path)
     assert isinstance(given.navigation, NavMesh)
@@ -211,4 +211,4 @@ def test_a_folder_may_hold_invented_and_released_homes_and_each_has_its_own_kind
     with pytest.raises(SceneError, match=rf"found scene kinds invented \(Demo\), schematic \({SCENE}\); expected one"):
         common_kind(dataset, dataset.scenes, None)
     assert scene_kind(dataset, SCENE, tmp_path) == "scan"
-    assert scene_kind(dataset, "Demo", tmp_path) == "invented"  # its mesh on disk is no scan
+    assert scene_kind(dataset, "Demo", tmp_path) == "invented"  # its mesh on disk does not count as a scan

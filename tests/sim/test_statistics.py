@@ -1,4 +1,4 @@
-"""The paper's dataset tables: by hand on invented files, and the figures of DATA_FORMAT.md sections 10 and 11."""
+"""The dataset tables of the paper: figures computed by hand, and those of DATA_FORMAT.md sections 10 and 11."""
 
 import json
 import math
@@ -19,7 +19,7 @@ from sim.episodes.statistics import (
 from sim.errors import DatasetError
 from tests.sim.synthetic import SCENE, Contents, example_content, example_episode, example_goal, write_dataset
 
-# DATA_FORMAT.md section 10, release E / M / H / Total.
+# DATA_FORMAT.md section 10, released episodes: easy, medium, hard, total.
 NETWORK = {
     "people": (3.94, 3.31, 6.15, 4.47),
     "objects": (3.94, 5.71, 7.10, 5.58),
@@ -64,7 +64,7 @@ def captions(dataset_root: Path) -> CaptionStatistics:
 
 @pytest.mark.release
 @pytest.mark.parametrize("field", NETWORK)
-def test_the_released_network_table_is_that_of_section_10(network: NetworkStatistics, field: str) -> None:
+def test_the_released_network_table_equals_section_10(network: NetworkStatistics, field: str) -> None:
     assert [column.column for column in network.per_episode] == ["easy", "medium", "hard", "total"]
     found = [getattr(column, field) for column in network.per_episode]
     assert found == pytest.approx(NETWORK[field], abs=tolerance(field))
@@ -72,7 +72,7 @@ def test_the_released_network_table_is_that_of_section_10(network: NetworkStatis
 
 @pytest.mark.release
 @pytest.mark.parametrize("field", NETWORK_PER_SUMMARY)
-def test_the_released_network_table_per_summary_is_that_of_section_10(network: NetworkStatistics, field: str) -> None:
+def test_the_released_network_table_per_summary_equals_section_10(network: NetworkStatistics, field: str) -> None:
     found = [getattr(column, field) for column in network.per_summary[:3]]
     assert found == pytest.approx(NETWORK_PER_SUMMARY[field], abs=tolerance(field))
 
@@ -85,7 +85,7 @@ def assert_captions(metrics: CaptionMetrics, figures: tuple[int, float, float, i
 
 
 @pytest.mark.release
-def test_the_released_caption_table_is_that_of_section_11(captions: CaptionStatistics) -> None:
+def test_the_released_caption_table_equals_section_11(captions: CaptionStatistics) -> None:
     assert_captions(captions.all_targets, (884, 16.78, 6.01, 1178, 7.09))
     assert captions.all_targets.tokens == 14_834
     assert captions.all_targets.words_range == (2, 42)
@@ -97,14 +97,14 @@ def test_the_released_caption_table_is_that_of_section_11(captions: CaptionStati
 
 
 @pytest.mark.release
-def test_the_released_caption_table_per_split_is_that_of_section_11(captions: CaptionStatistics) -> None:
+def test_the_released_caption_table_per_split_equals_section_11(captions: CaptionStatistics) -> None:
     assert [metrics.source for metrics in captions.per_split] == ["easy", "medium", "hard"]
     assert_captions(captions.per_split[0], (408, 17.06, 5.81, 797, 7.01))
     assert_captions(captions.per_split[1], (497, 17.67, 6.04, 878, 6.99))
     assert_captions(captions.per_split[2], (517, 16.50, 6.10, 883, 7.03))
 
 
-def test_the_network_table_of_three_invented_episodes(tmp_path: Path) -> None:
+def test_the_network_table_of_three_invented_episodes_has_the_figures_computed_by_hand(tmp_path: Path) -> None:
     twice = [example_episode(episode_id="1", owner="Ada"), example_episode(episode_id="2", owner="Eve")]
     shared = example_episode(
         episode_id="3",
@@ -132,7 +132,7 @@ def test_the_network_table_of_three_invented_episodes(tmp_path: Path) -> None:
     assert [column.episodes for column in statistics.per_summary] == [1, 1, 2]
 
 
-def test_the_caption_metrics_of_two_captions_and_of_none_by_hand() -> None:
+def test_caption_metrics_of_two_captions_and_of_none_have_the_values_computed_by_hand() -> None:
     metrics = caption_metrics("two", [["a", "red", "a", "b"], ["a", "red"]])
     assert (metrics.captions, metrics.tokens, metrics.vocabulary, metrics.words_range) == (2, 6, 3, (2, 4))
     assert (metrics.words_mean, metrics.words_sd, metrics.type_token_ratio) == (3, 1, 0.5)

@@ -1,4 +1,4 @@
-"""One forward on the floor grid: walls stop it, sliding follows them, and the collision flag is Habitat's."""
+"""One forward step on the floor grid: walls stop it, sliding follows them, and Habitat's rule decides on collisions."""
 
 import math
 
@@ -20,11 +20,11 @@ def open_room() -> FloorGrid:
 
 @pytest.fixture(scope="module")
 def slanted() -> FloorGrid:
-    """Free below the diagonal x + z = 2 only: a wall like a staircase."""
+    """Free only below the diagonal x + z = 2, so the wall is a staircase of cells."""
     return grid_of(lambda x, z: x + z < 2, size=2.0)
 
 
-def test_a_free_step_ends_where_it_was_meant_to_and_pressing_against_a_wall_moves_nothing(open_room):
+def test_a_free_step_ends_at_the_wanted_place_and_pushing_against_a_wall_does_not_move(open_room):
     assert open_room.step(at(1, 1), at(1.2, 1.15)) == ((1.2, 0.0, 1.15), False)
     position = at(1.9, 1)
     for _ in range(3):
@@ -34,7 +34,7 @@ def test_a_free_step_ends_where_it_was_meant_to_and_pressing_against_a_wall_move
     assert position[0] == pytest.approx(2 - STOP_MARGIN, abs=1e-9)
 
 
-def test_a_wall_stops_the_step_a_tenth_of_a_millimetre_before_it_and_sliding_goes_on_along_it(open_room):
+def test_a_wall_stops_the_step_a_tenth_of_a_millimetre_before_it_and_sliding_continues_along_it(open_room):
     position, collided = open_room.step(at(1.9, 1), at(2.15, 1))
     assert position == pytest.approx((2 - STOP_MARGIN, 0, 1), abs=1e-9)
     assert collided
@@ -54,12 +54,12 @@ def test_sliding_follows_a_slanted_wall(slanted):
     assert slanted.is_navigable(np.array(position))
 
 
-def test_a_whole_step_that_ends_just_before_a_wall_is_no_collision_and_a_shortened_one_is(open_room):
+def test_a_full_step_that_ends_just_before_a_wall_is_no_collision_and_a_shortened_one_is(open_room):
     assert not open_room.step(at(1.74999 - STOP_MARGIN / 10, 1), at(1.99998, 1)).collided
     assert open_room.step(at(1.7501, 1), at(2.0001, 1)).collided  # moved 0.2498 m: 0.0624 + 1e-5 < 0.0625
 
 
-def test_a_start_off_the_map_is_snapped_and_far_from_it_or_to_another_island_nothing_moves(open_room):
+def test_a_start_just_off_the_map_is_snapped_and_a_step_from_far_off_or_to_another_island_does_not_move(open_room):
     position, collided = open_room.step(at(-0.1, 1), at(0.15, 1))
     assert position == pytest.approx((0.15, 0, 1))
     assert not collided
@@ -73,7 +73,7 @@ def test_a_start_off_the_map_is_snapped_and_far_from_it_or_to_another_island_not
     assert split.step(at(0.9, 1), at(1.15, 1), slide=True) == ((0.9, 0.0, 1.0), True)
 
 
-def test_a_step_up_a_stair_takes_the_height_of_the_tread_and_a_walk_under_a_gallery_stays():
+def test_a_step_up_a_stair_takes_the_height_of_the_tread_and_a_step_under_a_gallery_stays_below():
     spec = GridSpec((0.0, 0.0), CELL, (10, 40))
     rc = np.argwhere(np.ones(spec.shape, bool))
     stair = FloorGrid.from_cells(rc, (0.18 * (rc[:, 1] // 10)).astype(np.float64), grid=spec)
@@ -89,7 +89,7 @@ places = st.tuples(st.floats(0.001, 1.999), st.floats(0.001, 1.999)).map(lambda 
 
 @given(places, st.floats(-math.pi, math.pi), st.booleans())
 @settings(deadline=None, max_examples=150)
-def test_every_step_ends_on_the_map_and_an_unslid_one_lies_on_the_wanted_line(slanted, start, yaw, slide):
+def test_every_step_ends_on_the_map_and_without_sliding_on_the_wanted_line(slanted, start, yaw, slide):
     start = slanted.snap(start)
     forward = forward_from_yaw(yaw)
     position, collided = slanted.step(start, start + 0.25 * forward, slide=slide)

@@ -1,4 +1,4 @@
-"""Textures of finishes: colours, seams, and that patterns can be told apart."""
+"""Textures of finishes: their colours, no seams, and patterns that differ."""
 
 import hashlib
 import itertools
@@ -27,7 +27,7 @@ REPEATED = [
 
 
 def image_of(finish: Finish, *, is_floor: bool = False) -> np.ndarray:
-    """The finish's image as numbers that can be subtracted."""
+    """The image of the finish as floats, so that images can be subtracted."""
     texture = texture_of(finish, is_floor=is_floor)
     assert texture is not None
     return texture.image.astype(float)
@@ -67,7 +67,7 @@ def test_extreme_colours_keep_their_mean_and_show_their_material(material: Mater
 
 
 @pytest.mark.parametrize("material", MATERIALS)
-def test_images_are_small_and_fit_to_be_read_by_the_renderer(material: Material) -> None:
+def test_images_are_small_and_can_be_read_by_the_renderer(material: Material) -> None:
     for is_floor in (False, True):
         texture = texture_of(Finish(material=material, pattern="plaid", rgb=(100, 120, 90)), is_floor=is_floor)
         assert texture is not None
@@ -80,7 +80,7 @@ def test_images_are_small_and_fit_to_be_read_by_the_renderer(material: Material)
             texture.image[0, 0] = 0
 
 
-def test_smooth_materials_have_no_image_without_a_pattern_and_a_second_colour_is_made_up() -> None:
+def test_smooth_materials_without_a_pattern_have_no_image_and_a_missing_second_colour_is_derived() -> None:
     for material in SMOOTH:
         assert texture_of(Finish(material=material, rgb=(200, 200, 200))) is None
         assert texture_of(Finish(material=material, pattern="dotted", rgb=(200, 200, 200))) is not None
@@ -91,7 +91,7 @@ def test_smooth_materials_have_no_image_without_a_pattern_and_a_second_colour_is
     assert second_colour(fabric("plaid", (40, 60, 20), (1, 2, 3))) == (1, 2, 3)
 
 
-def test_patterns_are_unlike_each_other_and_plain_cloth() -> None:
+def test_patterns_differ_from_each_other_and_from_plain_cloth() -> None:
     images = [image_of(fabric(pattern)) - image_of(fabric(pattern)).mean(axis=(0, 1)) for pattern in PATTERNS]
     contrast = [image.std() for image in images]
     assert min(contrast[1:]) > 2.5 * contrast[0], dict(zip(PATTERNS, contrast, strict=True))
@@ -123,12 +123,12 @@ def test_wood_has_planks_on_floors_only() -> None:
     assert np.abs(np.diff(solid)).max() < 15
 
 
-def test_a_picture_is_whole_and_every_colour_has_its_own() -> None:
+def test_a_picture_covers_its_piece_once_and_differs_by_colour() -> None:
     finishes = [Finish(material="picture", rgb=(60 + 20 * k, 90, 160 - 10 * k)) for k in range(6)]
     textures = [texture_of(finish) for finish in finishes]
     images = [texture.image for texture in textures if texture is not None and texture.is_whole]
     assert len({image.tobytes() for image in images}) == 6
-    assert all(image.std(axis=(0, 1)).max() > 15 for image in images), "a picture shows something"
+    assert all(image.std(axis=(0, 1)).max() > 15 for image in images), "no picture is plain"
 
 
 def test_the_same_finish_has_the_same_image_in_another_process() -> None:

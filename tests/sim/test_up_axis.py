@@ -1,4 +1,4 @@
-"""The up axis of scans is read from Habitat's configuration files, the nearest first."""
+"""The up axis of a scan is read from Habitat's configuration files; the nearest file counts."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,7 @@ def write_config(path: Path, up: list[float] | None) -> None:
     path.write_text(json.dumps({"stages": {"paths": {}, "default_attributes": {} if up is None else {"up": up}}}))
 
 
-def test_scans_without_configuration_are_z_up_as_hm3ds(tmp_path: Path) -> None:
+def test_scans_without_configuration_are_z_up_like_hm3d(tmp_path: Path) -> None:
     assert up_axis(tmp_path / "val" / "A.glb", root=tmp_path) == "z"
     write_config(tmp_path / "a.scene_dataset_config.json", None)
     assert up_axis(tmp_path / "val" / "A.glb", root=tmp_path) == "z"
@@ -40,7 +40,7 @@ def test_the_nearest_file_counts_and_none_above_the_root(tmp_path: Path) -> None
         ("{", r"A\.stage_config\.json: .*JSON"),
     ],
 )
-def test_a_file_that_cannot_be_meant_is_named(text: str, message: str, tmp_path: Path) -> None:
+def test_a_wrong_configuration_file_is_refused_with_its_name(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "A.stage_config.json").write_text(text)
     with pytest.raises(SceneError, match=message) as error:
         up_axis(tmp_path / "A.glb", root=tmp_path)

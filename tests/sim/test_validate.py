@@ -1,4 +1,4 @@
-"""`validate`: every row of the anomaly table can fail, and damaged files do not stop it."""
+"""`validate`: every row of the anomaly table finds its anomaly, and damaged files do not stop the checks."""
 
 import gzip
 import json
@@ -96,7 +96,7 @@ def two_splits(**hard: Any) -> Contents:
     return {("easy", SCENE): example_content(), ("hard", SCENE): {**example_content(), **hard}}
 
 
-# Row, a dataset in which it finds something, and how much; the plain example finds `PLAIN.get(row, 0)`.
+# Row, a dataset with its anomaly, and the count that it finds; in the plain example the count is `PLAIN.get(row, 0)`.
 CASES: list[tuple[int, Contents, int]] = [
     (1, two_splits(), 2),
     (3, easy(object_id="coffee table_70"), 1),
@@ -157,11 +157,11 @@ PLAIN = {1: 1, 30: 1, 33: 1, 36: 1, 46: 6}
 @pytest.mark.parametrize(
     ("row", "contents", "expected"), CASES, ids=[f"row{case[0]}-{i}" for i, case in enumerate(CASES)]
 )
-def test_a_row_finds_what_it_is_for(tmp_path: Path, row: int, contents: Contents, expected: int) -> None:
+def test_a_row_finds_its_anomaly(tmp_path: Path, row: int, contents: Contents, expected: int) -> None:
     assert count_of(tmp_path, row, contents) == expected
 
 
-def test_the_plain_example_has_known_notes_only_and_one_check_per_row_of_the_table(tmp_path: Path) -> None:
+def test_the_plain_example_has_only_known_notes_and_the_report_has_one_check_per_row(tmp_path: Path) -> None:
     report = validate_dataset(write_dataset(tmp_path))
     assert report.num_errors == 0
     assert report.problems == ()
@@ -172,7 +172,7 @@ def test_the_plain_example_has_known_notes_only_and_one_check_per_row_of_the_tab
     assert all(slug == slug.lower() and " " not in slug and "_" not in slug for slug in slugs)
 
 
-def test_names_and_counts_per_split_say_where(tmp_path: Path) -> None:
+def test_names_and_counts_per_split_show_where_an_anomaly_is(tmp_path: Path) -> None:
     content = sentences("Ada owns a coffee table in the lounge.", "Cy owns a rug. it is red. in the hall.")[
         ("easy", SCENE)
     ]
@@ -183,7 +183,7 @@ def test_names_and_counts_per_split_say_where(tmp_path: Path) -> None:
     assert [(also.slug, counts(also)) for also in found.also] == [("sentence-period-inside", (0, 1, 0))]
 
 
-def test_an_object_of_two_splits_counts_once_in_all(tmp_path: Path) -> None:
+def test_an_object_in_two_splits_counts_once_in_the_total(tmp_path: Path) -> None:
     content = easy(description=["a table", "", ""])[("easy", SCENE)]
     found = check(validate_dataset(write_dataset(tmp_path, {("easy", SCENE): content, ("hard", SCENE): content})), 13)
     assert (found.measure.count, counts(found.measure)) == (1, (1, 0, 1))
@@ -193,7 +193,7 @@ def test_an_object_of_two_splits_counts_once_in_all(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "relation"), [(example_content(), "same"), (example_content(episodes=[]), "OTHER")]
 )
-def test_a_plain_twin_is_reported_with_how_it_compares(tmp_path: Path, content: Content, relation: str) -> None:
+def test_a_plain_twin_is_reported_as_same_or_other_content(tmp_path: Path, content: Content, relation: str) -> None:
     write_dataset(tmp_path)
     write_content(tmp_path, "easy", content, plain=True)
     found = check(validate_dataset(tmp_path), 45)
@@ -239,14 +239,14 @@ def test_a_damaged_file_is_an_error_and_the_rest_is_still_checked(
     assert report.num_errors == 1
 
 
-def test_a_file_whose_name_is_no_scene_name_is_an_error(tmp_path: Path) -> None:
+def test_a_file_with_a_wrong_scene_name_is_an_error(tmp_path: Path) -> None:
     write_content(tmp_path, "easy", example_content(), scene="Zz0 copy")
     report = validate_dataset(tmp_path)
     assert check(report, 2).measure.names == ("easy/content/Zz0 copy.json.gz",)
     assert "the scene's name is 'Zz0 copy'" in report.problems[0]
 
 
-def test_a_start_far_from_every_view_point_is_a_defect_whatever_its_stored_distance(tmp_path: Path) -> None:
+def test_a_start_far_from_every_view_point_is_a_defect_with_any_stored_distance(tmp_path: Path) -> None:
     contents = easy(start_position=[2.0, 0.0, 500.0], info=info(geodesic=3.9, euclidean=501.0))
     found = check(validate_dataset(write_dataset(tmp_path, contents)), 32)
     assert found.level == "defect"
@@ -257,7 +257,7 @@ def test_a_start_far_from_every_view_point_is_a_defect_whatever_its_stored_dista
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("number", [0.0, -1.0, 1e4, 1e308])
-def test_strange_numbers_raise_no_warning(tmp_path: Path, number: float) -> None:
+def test_extreme_numbers_raise_no_warning(tmp_path: Path, number: float) -> None:
     content = json.dumps(example_content())
     for value in ("0.41", "3.25", "4.0", "2.0", "-0.25", "0.45"):
         write_content(tmp_path, "easy", content.replace(value, repr(number)))
@@ -265,7 +265,7 @@ def test_strange_numbers_raise_no_warning(tmp_path: Path, number: float) -> None
         assert bool(validate_dataset(tmp_path).num_errors) == is_refused
 
 
-def test_a_false_sentence_beside_sound_ones_does_not_stop_the_checks(tmp_path: Path) -> None:
+def test_a_wrong_ownership_sentence_does_not_stop_the_checks(tmp_path: Path) -> None:
     found = validate_dataset(write_dataset(tmp_path, sentences("Ada has " + "x" * 500, "Cy owns .")))
     assert check(found, 2).measure.count == 2
     assert all(len(line) < len(str(tmp_path)) + 250 for line in found.problems)
@@ -298,7 +298,7 @@ def test_numbers_that_are_not_finite_are_counted(tmp_path: Path) -> None:
         ([example_episode(extracted_summary=["Ada has a rug"])], "episodes.0.extracted_summary.0 is 'Ada has a rug'"),
     ],
 )
-def test_what_the_schema_cannot_see_is_an_error_too(tmp_path: Path, episodes: list[Content], expected: str) -> None:
+def test_mistakes_that_the_schema_cannot_see_are_errors(tmp_path: Path, episodes: list[Content], expected: str) -> None:
     report = validate_dataset(write_dataset(tmp_path, {("easy", SCENE): example_content(episodes=episodes)}))
     assert check(report, 2).measure.count == 1
     assert expected in report.problems[0]

@@ -27,7 +27,7 @@ ALSO = {
     "goal-with-such-view-point": (251, 349, 577),
     "start-near-view-point-of-any-target": (141, 27, 13),
 }
-# Row: count over all splits, where the table gives no other.
+# Row: count over all splits, for rows without counts per split in the table.
 TOTAL = {13: 4, 40: 10, 41: 2327, 42: 92, 43: 2}
 # Row: key of anomaly_ids.json.
 IDS = {
@@ -68,7 +68,7 @@ def counts(measure: Measure) -> tuple[int, ...]:
 
 
 @pytest.mark.parametrize("row", PER_SPLIT)
-def test_counts_per_split_are_those_of_the_table(report: ValidationReport, row: int) -> None:
+def test_counts_per_split_equal_the_table(report: ValidationReport, row: int) -> None:
     found = check(report, row)
     assert found.row == row
     assert counts(found.measure) == PER_SPLIT[row]
@@ -76,24 +76,24 @@ def test_counts_per_split_are_those_of_the_table(report: ValidationReport, row: 
 
 
 @pytest.mark.parametrize("slug", ALSO)
-def test_further_counts_are_those_of_the_table(report: ValidationReport, slug: str) -> None:
+def test_further_counts_equal_the_table(report: ValidationReport, slug: str) -> None:
     (found,) = [measure for result in report.checks for measure in result.also if measure.slug == slug]
     assert counts(found) == ALSO[slug]
 
 
 @pytest.mark.parametrize("row", TOTAL)
-def test_total_counts_are_those_of_the_table(report: ValidationReport, row: int) -> None:
+def test_total_counts_equal_the_table(report: ValidationReport, row: int) -> None:
     assert check(report, row).measure.count == TOTAL[row]
 
 
 @pytest.mark.parametrize("row", IDS)
-def test_episodes_are_those_of_the_anomaly_list(
+def test_found_episodes_equal_the_anomaly_list(
     report: ValidationReport, anomaly_ids: dict[str, list[str]], row: int
 ) -> None:
     assert sorted(check(report, row).measure.names) == sorted(anomaly_ids[IDS[row]])
 
 
-def test_shares_of_view_points_are_those_of_the_table(report: ValidationReport) -> None:
+def test_shares_of_view_points_equal_the_table(report: ValidationReport) -> None:
     def percent(measure: Measure) -> list[float]:
         assert measure.population is not None
         return [round(100 * measure.per_split[split] / measure.population[split], 1) for split in SPLITS]
@@ -103,7 +103,7 @@ def test_shares_of_view_points_are_those_of_the_table(report: ValidationReport) 
     assert percent(check(report, 37).also[0]) == [69.3, 68.7, 68.2]
 
 
-def test_populations_are_those_of_the_format(report: ValidationReport) -> None:
+def test_populations_have_the_documented_sizes(report: ValidationReport) -> None:
     expected = {
         7: (473, 688, 1118),
         22: (2363, 3999, 10511),
@@ -115,7 +115,7 @@ def test_populations_are_those_of_the_format(report: ValidationReport) -> None:
         assert tuple((check(report, row).measure.population or {}).values()) == population
 
 
-def test_named_cases_are_found_and_ids_are_shared_between_splits(report: ValidationReport) -> None:
+def test_known_cases_are_found_and_ids_occur_in_several_splits(report: ValidationReport) -> None:
     assert set(check(report, 12).measure.names) == {"hard/MHPLjHsuG27/1467", "hard/q3zU7Yy5E5s/515"}
     assert check(report, 45).measure.names == ("medium/content/4ok3usBNeis.json (same content)",)
     assert "DYehNKdT76V/shower dial_118" in check(report, 13).measure.names
@@ -127,7 +127,7 @@ def test_named_cases_are_found_and_ids_are_shared_between_splits(report: Validat
     ]
 
 
-def test_the_release_has_no_error(
+def test_released_episodes_have_no_error(
     report: ValidationReport, dataset_root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert report.num_errors == 0

@@ -1,4 +1,4 @@
-"""View points in small homes with known answers: distance, real line of sight, storey, yaw and tilt."""
+"""View points in small homes with known answers: distance, line of sight, storey, yaw and tilt."""
 
 import math
 
@@ -34,7 +34,7 @@ def planar(point: SeenFrom, xz=(3.0, 3.0)) -> float:
 
 
 def steepness_deg(point: SeenFrom) -> float:
-    """Angle in degrees by which the line from the camera to the visible point rises."""
+    """Angle by which the line from the camera to the visible point rises, degrees."""
     x, y, z = np.subtract(point.visible_point, point.position)
     return math.degrees(math.atan2(y - CAMERA_HEIGHT, math.hypot(x, z)))
 
@@ -44,7 +44,7 @@ def floors(points: list[SeenFrom]) -> set[float]:
 
 
 def pixel_of(point: SeenFrom) -> tuple[float, float]:
-    """(column, row) of the visible point in the picture that the view point's pose gives."""
+    """(column, row) of the visible point in the picture from the pose of the view point."""
     camera = Camera()
     T_camera_world = np.linalg.inv(T_world_camera(Pose(point.position, point.yaw, point.tilt), camera))
     x, y, z = T_camera_world[:3, :3] @ point.visible_point + T_camera_world[:3, 3]
@@ -53,7 +53,7 @@ def pixel_of(point: SeenFrom) -> tuple[float, float]:
 
 
 def first_hit(mesh: TriangleMesh, origin: np.ndarray, target: np.ndarray) -> tuple[int, float]:
-    """(face, share of the way to the target) where a segment first meets a mesh, by Moeller and Trumbore's formula."""
+    """(face, share of the segment before it) where a segment first hits a mesh, by the Moeller-Trumbore formula."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]].astype(np.float64) for k in range(3))
     way, one, two = target - origin, b - a, c - a
     p = np.cross(way, two)
@@ -68,7 +68,7 @@ def first_hit(mesh: TriangleMesh, origin: np.ndarray, target: np.ndarray) -> tup
     return face, float(at[face])
 
 
-def test_a_crate_in_the_open_is_seen_from_all_sides_within_a_metre_the_best_first():
+def test_a_free_crate_is_seen_from_all_sides_within_a_metre_best_points_first():
     points = around(mesh_of(floor(0, 0, 6, 6), *box(*BOX, instance=7)), *BOX)
     assert len(points) >= 12
     assert max(map(planar, points)) <= 1.0
@@ -94,7 +94,7 @@ def test_the_same_scene_gives_the_same_points():
     assert around(home, *BOX) == around(home, *BOX)
 
 
-def test_a_wall_hides_an_object_but_a_thin_object_not_its_other_side():
+def test_a_wall_hides_an_object_but_a_thin_object_is_seen_from_both_sides():
     wall = box((0.0, 0.0, 2.5), (6.0, 2.5, 2.6), instance=0)
     points = around(mesh_of(floor(0, 0, 6, 6), *box(*BOX, instance=7), *wall), *BOX)
     assert points
@@ -105,7 +105,7 @@ def test_a_wall_hides_an_object_but_a_thin_object_not_its_other_side():
     assert max(point.visible_share for point in points) == 1.0
 
 
-def test_where_a_wall_hides_a_half_the_camera_turns_to_the_half_that_is_seen():
+def test_if_a_wall_hides_half_an_object_the_camera_turns_to_the_visible_half():
     sofa = ((2.0, 0.0, 1.0), (4.0, 0.8, 1.5))
     screen = box((2.9, 0.0, 1.52), (3.0, 2.5, 6.0))
     points = around(mesh_of(floor(0, 0, 6, 6), *box(*sofa, instance=7), *screen), *sofa)
@@ -114,15 +114,15 @@ def test_where_a_wall_hides_a_half_the_camera_turns_to_the_half_that_is_seen():
     assert all(point.visible_point[0] < 3.0 for point in left)
 
 
-def test_the_radius_is_relaxed_only_where_nothing_within_a_metre_sees_the_object():
-    bed = box((2.1, 0.0, 2.1), (3.9, 0.5, 3.9), instance=3)  # leaves no floor within 0.9 m of its middle
+def test_the_radius_is_relaxed_only_if_no_place_within_a_metre_sees_the_object():
+    bed = box((2.1, 0.0, 2.1), (3.9, 0.5, 3.9), instance=3)  # leaves no floor within 0.9 m of its centre
     cup = ((2.95, 0.5, 2.95), (3.05, 0.6, 3.05))
     home = mesh_of(floor(0, 0, 6, 6), *bed, *box(*cup, instance=7))
     points = around(home, *cup)
     assert len(points) >= 5
     assert min(map(planar, points)) > 1.0
     assert max(map(planar, points)) <= 1.5
-    assert floors(points) == {0.0}, "nobody stands on the bed"
+    assert floors(points) == {0.0}, "no view point is on the bed"
     points = around(mesh_of(floor(0, 0, 6, 6), *box(*BOX, instance=7), *box((2.0, 0, 0), (2.1, 2.5, 6))), *BOX)
     assert points
     assert max(map(planar, points)) <= 1.0
@@ -139,24 +139,24 @@ def test_a_picture_at_170_cm_is_seen_from_the_floor_below_it():
         assert steepness_deg(point) < 61.8
 
 
-def test_an_object_that_can_be_seen_from_close_by_only_with_the_camera_tilted_says_so():
+def test_an_object_that_needs_a_tilted_camera_from_nearby_has_view_points_with_that_tilt():
     coin = ((2.95, 0.0, 2.95), (3.05, 0.02, 3.05))
     points = around(mesh_of(floor(0, 0, 6, 6), *box(*coin, instance=7)), *coin)
     assert {point.tilt for point in points} == {-math.radians(30)}
-    assert all(-61.8 < steepness_deg(point) < -31.7 for point in points), "half the picture's height is 31.7 degrees"
+    assert all(-61.8 < steepness_deg(point) < -31.7 for point in points), "half the field of view is 31.7 degrees"
 
 
 def test_a_cup_on_a_large_table_is_seen_from_the_floor_and_not_from_the_table():
     table = box((2.0, 0.7, 2.0), (4.2, 0.75, 4.2))
     cup = ((2.25, 0.75, 3.0), (2.35, 0.85, 3.1))
     home = mesh_of(floor(0, 0, 6, 6), *table, *box(*cup, instance=7))
-    assert floor_grid_from_mesh(home).is_navigable(np.array([3.2, 0.75, 3.2])), "the table top is an island"
+    assert floor_grid_from_mesh(home).is_navigable(np.array([3.2, 0.75, 3.2])), "the table top is a walkable island"
     points = around(home, *cup)
     assert points
     assert floors(points) == {0.0}
 
 
-def test_objects_in_a_closed_box_not_in_the_mesh_or_far_from_any_floor_have_no_view_points():
+def test_objects_in_a_closed_box_missing_from_the_mesh_or_far_from_any_floor_have_no_view_points():
     closet = box((2.4, 0.0, 2.4), (3.6, 2.0, 3.6))
     assert around(mesh_of(floor(0, 0, 6, 6), *closet, *box(*BOX, instance=7)), *BOX) == []
     assert around(mesh_of(floor(0, 0, 6, 6), *box(*BOX, instance=3)), *BOX) == []
@@ -164,7 +164,7 @@ def test_objects_in_a_closed_box_not_in_the_mesh_or_far_from_any_floor_have_no_v
     assert around(mesh_of(floor(0, 0, 6, 6), *box(*far, instance=7)), *far) == []
 
 
-def test_objects_lamps_and_pictures_beside_a_stair_are_seen_from_their_own_storey_only():
+def test_objects_lamps_and_pictures_beside_a_stair_are_seen_only_from_their_own_storey():
     upper = box((0, 2.8, 0), (6, 3.0, 6))
     low, high = (2.7, 3.0, 2.7), (3.3, 3.5, 3.3)
     home = mesh_of(floor(0, 0, 6, 6), *upper, *box((0, 5.6, 0), (6, 5.8, 6)), *box(low, high, instance=7))
@@ -177,7 +177,7 @@ def test_objects_lamps_and_pictures_beside_a_stair_are_seen_from_their_own_store
     assert all(point.tilt > 0 for point in points)
     steps = [quad for k in range(14) for quad in box((3 + 0.28 * k, 0.0, 0.0), (3.28 + 0.28 * k, 0.2 * (k + 1), 1.2))]
     upper = [*box((6.92, 2.6, 0), (10, 2.8, 6)), *box((0, 2.6, 1.4), (6.92, 2.8, 6)), *box((0, 5.6, 0), (10, 5.7, 6))]
-    low = ((5.0, 1.5, 1.2), (5.3, 1.8, 1.22))  # on the stair's open side, over the lower floor
+    low = ((5.0, 1.5, 1.2), (5.3, 1.8, 1.22))  # on the open side of the stair, above the lower floor
     home = mesh_of(floor(0, 0, 10, 6), *steps, *upper, *box(*low, instance=7))
     points = around(home, *low)
     assert points
@@ -195,7 +195,7 @@ def test_a_rug_in_a_sunken_room_above_a_cellar_is_seen_from_that_room():
     assert floors(points) <= {-0.4, -0.38}
 
 
-def test_an_object_that_only_an_id_image_knows_is_seen_where_it_is_painted():
+def test_an_object_that_exists_only_in_an_id_image_is_seen_where_it_is_painted():
     picture = ((2.8, 1.5, -0.01), (3.2, 1.9, 0.01))
     points = around(painted_wall(), *picture)
     assert len(points) >= 5
@@ -207,7 +207,7 @@ def test_an_object_that_only_an_id_image_knows_is_seen_where_it_is_painted():
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_every_point_is_on_the_storey_near_the_object_turned_to_it_and_truly_sees_it(seed):
+def test_every_view_point_is_on_the_storey_near_the_object_faces_it_and_sees_it(seed):
     rng = np.random.default_rng(seed)
     clutter = []
     for low_x, low_z, side, top in rng.uniform((0, 0, 0.2, 0.3), (5.5, 5.5, 1.2, 2.0), (8, 4)):
@@ -235,7 +235,7 @@ def test_every_point_is_on_the_storey_near_the_object_turned_to_it_and_truly_see
     assert found >= 5
 
 
-def test_nearly_every_piece_of_an_invented_home_is_in_the_picture_from_each_of_its_view_points():
+def test_nearly_every_piece_of_an_invented_home_has_view_points_and_is_in_their_pictures():
     scene = scene_from_plan(invent_plan("Demo", seed=3))
     renderer = Raycaster(scene.mesh)
     with_points = 0

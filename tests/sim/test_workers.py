@@ -1,4 +1,4 @@
-"""Worker processes: the same results in the same order for any number of them, nothing finished is lost."""
+"""Worker processes: any number of them gives the same results in the same order, and no finished result is lost."""
 
 import os
 import select
@@ -24,7 +24,7 @@ def job(scene: str, *, episodes: int) -> SceneJob:
 
 
 def open_names(job: SceneJob) -> Callable[[EpisodeKey], tuple[str, int]]:
-    """Gives each episode's name, and how many the opened scene has done before."""
+    """Gives the name of each episode, and how many episodes the opened scene has done so far."""
     done: list[EpisodeKey] = []
 
     def name(key: EpisodeKey) -> tuple[str, int]:
@@ -51,23 +51,23 @@ def test_results_come_in_the_order_of_the_jobs(processes: int) -> None:
     assert [name for name, _ in found] == [str(key) for job in jobs for key in job.keys]
 
 
-def test_a_worker_opens_a_scene_once_for_several_batches_and_leaves_out_what_is_done() -> None:
+def test_a_worker_opens_a_scene_once_for_several_batches_and_finished_episodes_are_left_out() -> None:
     (only,) = [job("A", episodes=7)]
     found = [count for _, count in results(open_names, [only], processes=2, batch=1)]
-    assert max(found) > 1  # seven batches on two processes: one of them had at least four, on one opened scene
+    assert max(found) > 1  # seven batches on two processes: one process did at least four on one opened scene
     (left,) = without([job("A", episodes=3)], {EpisodeKey("easy", "A", "1")})
     assert [key.episode_id for key in left.keys] == ["0", "2"]
 
 
 @pytest.mark.parametrize("processes", [1, 2])
-def test_what_was_finished_before_an_error_is_handed_over(processes: int) -> None:
+def test_results_finished_before_an_error_are_handed_over(processes: int) -> None:
     handed_over: list[str] = []
     with pytest.raises(AgentError, match="B/4: no"):
         collect([job("A", episodes=2), job("B", episodes=9)], handed_over, processes=processes)
     assert handed_over == ["easy/A/0", "easy/A/1", "easy/B/0", "easy/B/1", "easy/B/2", "easy/B/3"]
 
 
-def test_a_worker_that_is_ended_from_outside_is_one_line() -> None:
+def test_a_worker_that_is_ended_from_outside_gives_a_one_line_error() -> None:
     handed_over: list[str] = []
     with pytest.raises(PersonalVizError, match=r"--jobs 2: a worker process was ended from outside.*fewer --jobs"):
         collect([job("A", episodes=3), job("C", episodes=3)], handed_over, processes=2)
@@ -75,7 +75,7 @@ def test_a_worker_that_is_ended_from_outside_is_one_line() -> None:
 
 
 def open_forever(job: SceneJob) -> Callable[[EpisodeKey], int]:
-    """Gives the process's id first, then works without end."""
+    """Gives the process id for the first episode, then never ends."""
 
     def pid(key: EpisodeKey) -> int:
         if key.episode_id != "0":

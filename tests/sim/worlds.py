@@ -19,12 +19,12 @@ def open_room() -> FloorGrid:
 
 
 def room_with(free) -> FloorGrid:
-    """The part of the open room where `free(xz (N, 2)) -> (N,) bool`."""
+    """The part of the open room where `free` is true: xz (N, 2) -> (N,) bool."""
     return grid_of(lambda x, z: free(np.stack([x, z], axis=1)), size=6.0)
 
 
 def view_point(position: tuple[float, float, float], *, iou: float | None = 0.5) -> ViewPoint:
-    """A view point that looks along -z."""
+    """A view point that faces -z."""
     return ViewPoint(agent_state=AgentState(position=position, rotation=quat_xyzw_from_yaw(0.0)), iou=iou)
 
 
@@ -43,7 +43,7 @@ def goal(position: tuple[float, float, float], view_points: tuple[ViewPoint, ...
 def episode(
     *targets: Goal, start: tuple[float, float, float] = (1.0, 0.0, 1.0), yaw: float = 0.0, geodesic: float = 3.0
 ) -> Episode:
-    """An episode of scene Demo whose right objects are `targets`."""
+    """An episode of scene Demo with these targets."""
     record = EpisodeRecord(
         episode_id="1",
         scene_id="invented/Demo/Demo.basis.glb",
@@ -77,7 +77,7 @@ def run_info(run_id: str, /, **changes: object) -> RunInfo:
 
 
 def measured(rule: RuleMeasures, **changes: Any) -> Measures:
-    """Measures of a run of two steps: `rule` under all rules but `habitat`, which is undefined."""
+    """Measures of a run of two steps: `rule` under every rule except `habitat`, which is undefined."""
     values = {
         "rules": {"paper": rule, "habitat": None, "authors": rule, "paper-strict": rule},
         "centre_distance": 0.5,

@@ -60,7 +60,7 @@ class Further(BaseModel):
     island_radius: float | None
     obstacle_distance: float | None
     grid_mean_signed_rel_error: float | None
-    """Positive = our ways are longer."""
+    """Positive = our paths are longer."""
     grid_off_mesh_mean_rel_error: float | None
     """Pairs with an end off the navmesh, where Detour counts heights above the floor."""
     grid_off_mesh_reachability: float | None
@@ -79,9 +79,9 @@ class Figures(BaseModel):
 
     model_config = ConfigDict(frozen=True)
     geodesic_within_1e_4: float | None = Field(serialization_alias="geodesic_within_1e-4")
-    """Share of the pairs for which Habitat finds a way whose distance differs by at most 1e-4 m."""
+    """Share of pairs whose distance differs by at most 1e-4 m, over the pairs for which Habitat finds a path."""
     reachability: float | None
-    """Share of queries for which both find a way, or neither does."""
+    """Share of queries for which both find a path, or neither does."""
     steps_within_1mm: float | None
     """Share of forwards under the old no-sliding rule, without sensitive ones."""
     snap: float | None

@@ -39,7 +39,7 @@ FLOATS = ("distance_to_goal", "spl", "soft_spl")
 """Measures that are compared as numbers."""
 
 Rows = Iterator[tuple[str, float]]
-"""Results one by one: the name of a figure, and whether a row agrees or what its error is."""
+"""Results one by one: the name of a figure, and whether a row agrees, or its error."""
 Samples = dict[str, NDArray]
 """Results of each row, by name of a figure: booleans (agrees or not) or errors; `depth_*` are counts per bin."""
 
@@ -137,13 +137,13 @@ def _scene(path: Path, house: House) -> TriangleMesh:
     if apart[best] > BOUNDS_TOLERANCE:
         raise SceneError(
             f"{path}: its bounds are {apart[best]:.2f} m away from those in {house.name}.info.json; expected at most "
-            f"{BOUNDS_TOLERANCE} m. Put the scan there that the answers were made with."
+            f"{BOUNDS_TOLERANCE} m. Replace it with the scan from which the answers were made."
         )
     return mesh if best == "y" else load_glb(path, up="z")
 
 
 def _geodesic(part: Geodesic, maps: dict[str, NavMesh]) -> Rows:
-    """Whether ours is as long in rows where Habitat finds a way, and, in all rows, whether both find one."""
+    """Whether our path is as long, in rows where Habitat finds one, and, in all rows, whether both find one."""
     ways = [("geodesic_within_1e_4", row.navmesh, row.start, [row.goal], row.distance) for row in part.pairs]
     ways += [
         ("reverse_within_1e_4", row.navmesh, row.goal, [row.start], row.reverse_distance)

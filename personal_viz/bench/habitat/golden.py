@@ -281,7 +281,8 @@ class House:
                         raise ValueError("scale_m is not one number")
                     images, scale_m = _array(archive, "depth_u16"), float(_array(archive, "scale_m").item())
             except _NO_ARCHIVE as error:
-                raise SceneError(f"{path}: found a file that is no depth archive ({error}). {_ADVICE}") from None
+                wanted = "expected an .npz file with depth_u16 and scale_m"
+                raise SceneError(f"{path}: found no depth archive ({error}); {wanted}. {_ADVICE}") from None
             if not 0 < scale_m < math.inf:
                 raise SceneError(f"{path}: scale_m is {scale_m}; expected metres per unit, above 0. {_ADVICE}")
             return images, scale_m
@@ -298,7 +299,7 @@ def read_houses(root: Path) -> list[House]:
         SceneError: The folder is missing or holds no house, or an info file is damaged.
     """
     if not root.is_dir():
-        raise SceneError(f"{root}: found no folder; expected one with NAME{_SUFFIX} and what belongs to it. {_ADVICE}")
+        raise SceneError(f"{root}: found no folder; expected one with NAME{_SUFFIX} and its parts. {_ADVICE}")
     paths = sorted(root.glob(f"*{_SUFFIX}"))
     if not paths:
         raise SceneError(f"{root}: found no NAME{_SUFFIX}; expected one per house. {_ADVICE}")

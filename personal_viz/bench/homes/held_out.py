@@ -1,9 +1,10 @@
-"""Measures whether recovery does more than memorise: a home from two splits must give path lengths of the third.
+"""Measures whether recovery does more than memorise: a home from two splits must give the path lengths of the third,
+and a home from one edition of the dataset must serve the episodes of another.
 
-Episode files -> path length ratios of places that the two splits never connected. Reported by `personal-viz homes`.
+Episode files -> path length ratios of places that the home's files never connected. Reported by `personal-viz homes`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,13 +15,26 @@ from sim.episodes.schema import Episode
 from sim.homes.cells import cells_from_runs
 from sim.homes.plan import HomePlan
 from sim.homes.recovered.plans import recover_plan
+from sim.homes.recovered.recorded import asked
 from sim.homes.recovered.walkable import PLAN_CLIMB
-from sim.types import SPLITS, EpisodeKey, Split
+from sim.types import FORWARD_STEP, SPLITS, EpisodeKey, Split
 from sim.walk.floor_grid import FloorGrid
 from sim.walk.navigation_map import NavigationMap
+from sim.walk.storeys import same_storey
 
+SNAP_TOLERANCE = FORWARD_STEP
+"""Largest distance of a start from the map (planar metres); farther off it would be another place."""
 NEAR_TRAINING = 0.5
 """A start within this distance of a place that the two splits know can be judged (metres; issue 4)."""
+
+
+class Served(NamedTuple):
+    """How a home serves the episodes of an edition that it was not made from, one value per episode."""
+
+    ratios: NDArray[np.float64]
+    """(N,) `path_ratios`."""
+    on_floor: NDArray[np.bool_]
+    """(N,) `starts_on_floor`."""
 
 
 class Walk(NamedTuple):
@@ -57,12 +71,38 @@ def path_ratios(walks: Iterable[Walk], navigation: NavigationMap) -> NDArray[np.
     return np.where(recorded > 0, lengths / np.where(recorded > 0, recorded, 1.0), np.inf)
 
 
+def starts_on_floor(starts: Sequence[tuple[float, float, float]], navigation: NavigationMap) -> NDArray[np.bool_]:
+    """(N,) whether a place of the map is within SNAP_TOLERANCE of each start, on its storey."""
+    found = np.zeros(len(starts), bool)
+    for index, start in enumerate(np.array(starts, float).reshape(-1, 3)):
+        snapped = navigation.snap(start)
+        if snapped is not None:
+            away = np.hypot(*(snapped - start)[[0, 2]])
+            found[index] = away <= SNAP_TOLERANCE and same_storey(float(snapped[1]), float(start[1]))
+    return found
+
+
+def served(edition: PersonalDataset, dataset: PersonalDataset, scene: str, navigation: NavigationMap) -> Served:
+    """How a home of `dataset` and its evidence serves another edition's episodes in the scene, except those that they
+    hold too.
+
+    Raises:
+        DatasetError: A file is damaged.
+    """
+    known = {
+        asked(episode) for made_from in (dataset, *dataset.evidence) for episode in _all_episodes(made_from, scene)
+    }
+    episodes = [episode for episode in _all_episodes(edition, scene) if asked(episode) not in known]
+    starts = [episode.record.start_position for episode in episodes]
+    return Served(path_ratios(map(recorded_walk, episodes), navigation), starts_on_floor(starts, navigation))
+
+
 def held_out_ratios(dataset: PersonalDataset, scene: str) -> NDArray[np.float64]:
     """(N,) `path_ratios` of held-out episodes, over every fold of two splits against the third.
 
     The held-out episodes are those of the third split whose start is within NEAR_TRAINING (3-D) of a place where the
     robot stood in the other two, and whose target is among the goals of those two. Splits without the scene give no
-    fold.
+    fold. Of the evidence, the home gets the same two splits, and the held-out episodes are the same without it.
 
     Raises:
         DatasetError: A file is damaged.
@@ -114,3 +154,7 @@ def _others(dataset: PersonalDataset, scene: str, held_out: Split) -> tuple[Spli
 
 def _episodes(dataset: PersonalDataset, scene: str, splits: tuple[Split, ...]) -> Iterable[Episode]:
     return dataset.episodes(splits=splits, scenes=(scene,))
+
+
+def _all_episodes(edition: PersonalDataset, scene: str) -> Iterable[Episode]:
+    return edition.episodes(scenes=(scene,)) if scene in edition.scenes else ()

@@ -1,4 +1,4 @@
-"""Measures whether the picture of a home and the walk in it agree, by walking and by casting rays into its mesh.
+"""Measures whether the pictures of a home and its navigation map agree, by walking and by casting rays into its mesh.
 
 Scene and the places of its episodes -> `PictureAndWalk` (counts), for `personal-viz homes`. Nothing here reads a plan
 or shares code with `floor_grid_from_mesh`, which is judged here.
@@ -58,7 +58,7 @@ Points = NDArray[np.float64]
 
 
 class Count(NamedTuple):
-    """A number of things, and of all things of their kind."""
+    """The number of things with some property, and the number of all such things."""
 
     found: int
     of: int
@@ -70,7 +70,7 @@ class PictureAndWalk(NamedTuple):
     phantom: Count
     """Forwards that collide although every depth pixel inside the body's width and height is out of reach; of all."""
     free_ahead: Count
-    """Collisions with at least 0.5 m of visibly free way ahead; of all collisions."""
+    """Collisions with at least 0.5 m of visibly free space ahead; of all collisions."""
     standing: Count
     """Cells where a body fits on the drawn floor that episodes start from; cells of the map's floor there."""
     storey_pairs: Count
@@ -113,7 +113,7 @@ def picture_and_walk(scene: Scene, *, starts: Points, views: Points, caster: Ray
 
 
 def forwards(scene: Scene, caster: Raycaster, *, num: int = POSES) -> tuple[Count, Count]:
-    """Tries a forward at `num` seeded poses and compares it with the depth picture before it: phantom, free ahead."""
+    """Tries a forward at `num` seeded poses, each compared with the depth picture before it: phantom, free ahead."""
     rng = np.random.default_rng(0)
     rows, cols = np.indices((_CAMERA.height, _CAMERA.width)) + 0.5
     right = (cols - _CAMERA.width / 2) / _CAMERA.focal
@@ -164,7 +164,7 @@ def standing_places(scene: Scene, caster: Raycaster) -> Standing:
 
 
 def _floors(scene: Scene, caster: Raycaster, columns: NDArray[np.float64], *, top: float) -> Points:
-    """(N, 3) every upward surface with headroom on the columns (K, 2)."""
+    """(N, 3) places on all upward surfaces with headroom, below the columns (K, 2) of x and z."""
     up = _normals(scene.mesh.vertices, scene.mesh.faces)[:, 1]
     start, ceiling = np.full(len(columns), top), np.full(len(columns), math.inf)
     left = np.arange(len(columns))

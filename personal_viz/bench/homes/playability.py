@@ -24,13 +24,11 @@ from sim.homes.recovered.plans import recover_plan
 from sim.homes.recovered.recorded import original_places
 from sim.mesh import Scene
 from sim.render.raycast import Raycaster
-from sim.types import FORWARD_STEP, SceneKind
+from sim.types import SceneKind
 
-from .held_out import held_out_ratios, path_ratios, recorded_walk
+from .held_out import Served, held_out_ratios, path_ratios, recorded_walk, served, starts_on_floor
 from .picture_and_walk import Count, PictureAndWalk, picture_and_walk
 
-SNAP_TOLERANCE = FORWARD_STEP
-"""Largest distance of a start from the map (planar metres); farther off it would be another place."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
@@ -44,6 +42,20 @@ class BuiltHome:
     """False if its plan lies beside the episodes: invented, or corrected by hand."""
     build_s: float
     """Wall-clock seconds."""
+
+
+class EditionFigures(BaseModel):
+    """What one edition of the dataset gave to recovered homes; what several editions hold counts for the first."""
+
+    model_config = _MODEL
+    folder: str
+    starts: int
+    """Places where episodes start."""
+    view_points: int
+    """Places of view points."""
+    objects: int
+    left_out: tuple[str, ...] = ()
+    """SCENE/NAME of each object that contradicts an earlier edition."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +73,7 @@ class HomeFacts:
     view_points: tuple[int, int]
     """Number of original view points that are standable and see their object, and of all original view points."""
     cells: tuple[int, int]
-    """Number of walkable cells whose place is guessed, and of all walkable cells; (0, 0) for a home without cells."""
+    """Number of walkable cells that are guessed, and of all walkable cells; (0, 0) for a home without cells."""
     verdicts: tuple[FindVerdict, ...]
     agreement: PictureAndWalk
     area_m2: float
@@ -73,6 +85,26 @@ class HomeFacts:
     """Number of triangles of the whole home."""
     glb_mb: float
     """Size of the whole home as one GLB file, 10^6 bytes."""
+    sources: tuple[EditionFigures, ...] = ()
+    """Editions that a recovered home was made from."""
+    other: Served | None = None
+    """Episodes of an edition that it was not made from; None = not asked."""
+
+
+class OtherFigures(BaseModel):
+    """Episodes of an edition that the homes were not made from; what these hold too is left out."""
+
+    model_config = _MODEL
+    episodes: int
+    playable: float | None
+    """Share of episodes with a path from the start to `view_points[0]` of the target."""
+    ratio_median: float | None
+    """Median of our path length over the recorded one, over episodes with a path."""
+    within_5: float | None
+    """Share of all episodes whose path length is within 5 % of the recorded one."""
+    within_10: float | None
+    starts_on_floor: float | None
+    """Share of episodes that start within 25 cm of our floor (planar, on the same storey)."""
 
 
 class Figures(BaseModel):
@@ -96,13 +128,13 @@ class Figures(BaseModel):
     """Share of original view points that are standable and see their object."""
     viewpoints_n: int
     guessed_area: float | None
-    """Share of the walkable area whose place is guessed."""
+    """Share of the walkable area that is guessed."""
     findable: float | None
     """Share of episodes whose target can be told from similar objects; see sim/authoring/findable.py."""
     phantom: float | None
     """Share of forwards that collide although the picture shows nothing within reach."""
     phantom_free_ahead: float | None
-    """Share of collisions with at least 0.5 m of visibly free way ahead."""
+    """Share of collisions with at least 0.5 m of visibly free space ahead."""
     mesh_over_map: float | None
     """Floor area on which a body fits in the drawn mesh, over the navigation map's."""
     storey_pairs_joined: float | None
@@ -120,6 +152,10 @@ class Figures(BaseModel):
     """The same share of view points."""
     area_m2: float
     storeys: int
+    sources: tuple[EditionFigures, ...]
+    """What recovered homes were made from: the dataset, then each edition of its evidence."""
+    other: OtherFigures | None
+    """Episodes of the edition of `--test-on`; null without it."""
 
 
 class HomeFigures(Figures):
@@ -167,7 +203,9 @@ def build_home(dataset: PersonalDataset, name: str) -> BuiltHome:
     return BuiltHome(plan, scene, is_recovered=given is None, build_s=time.perf_counter() - began)
 
 
-def measure_home(dataset: PersonalDataset, home: BuiltHome, *, folds: bool = True) -> HomeFacts:
+def measure_home(
+    dataset: PersonalDataset, home: BuiltHome, *, folds: bool = True, test_on: PersonalDataset | None = None
+) -> HomeFacts:
     """All facts of one home; its scan is not needed.
 
     Args:
@@ -175,6 +213,7 @@ def measure_home(dataset: PersonalDataset, home: BuiltHome, *, folds: bool = Tru
         home: From `build_home`.
         folds: Whether to recover the home three more times, each from two splits. Homes whose plan lies beside the
             episodes have no folds.
+        test_on: Another edition, for whose episodes the home is asked.
 
     Raises:
         DatasetError: The files are damaged.
@@ -205,6 +244,8 @@ def measure_home(dataset: PersonalDataset, home: BuiltHome, *, folds: bool = Tru
         build_s=home.build_s,
         triangles=len(scene.mesh.faces),
         glb_mb=len(glb_from_mesh(scene.mesh)) / 1e6,
+        sources=_sources(dataset, plan) if home.is_recovered else (),
+        other=None if test_on is None else served(test_on, dataset, plan.name, scene.navigation),
     )
 
 
@@ -216,13 +257,23 @@ def report_of(homes: Sequence[HomeFacts]) -> HomesReport:
 def _starts_and_targets_exist(episodes: Sequence[Episode], scene: Scene) -> NDArray[np.bool_]:
     """(N,) whether the start is on the map and the home holds every right object."""
     names = {item.name for item in scene.objects}
-    found = np.zeros(len(episodes), bool)
-    for index, episode in enumerate(episodes):
-        start = np.array(episode.start.position)
-        snapped = scene.navigation.snap(start)
-        is_near = snapped is not None and np.hypot(*(snapped - start)[[0, 2]]) <= SNAP_TOLERANCE
-        found[index] = is_near and names.issuperset(episode.record.object_names)
-    return found
+    has_targets = [names.issuperset(episode.record.object_names) for episode in episodes]
+    is_near = starts_on_floor([episode.record.start_position for episode in episodes], scene.navigation)
+    return is_near & np.array(has_targets, bool)
+
+
+def _sources(dataset: PersonalDataset, plan: HomePlan) -> tuple[EditionFigures, ...]:
+    """The editions of a recovered plan, with their folders."""
+    return tuple(
+        EditionFigures(
+            folder=str(edition.root),
+            starts=source.starts,
+            view_points=source.view_points,
+            objects=source.objects,
+            left_out=tuple(f"{plan.name}/{name}" for name in source.left_out),
+        )
+        for edition, source in zip((dataset, *dataset.evidence), plan.sources, strict=True)
+    )
 
 
 def _area(scene: Scene, plan: HomePlan) -> float:
@@ -287,6 +338,38 @@ def _figures(homes: Sequence[HomeFacts]) -> Figures:
         clearance_views=_share(*pooled.close_views),
         area_m2=round(sum(home.area_m2 for home in homes), 1),
         storeys=sum(home.storeys for home in homes),
+        sources=_summed([home.sources for home in homes if home.sources]),
+        other=_other_figures([home.other for home in homes if home.other is not None]),
+    )
+
+
+def _summed(homes: Sequence[tuple[EditionFigures, ...]]) -> tuple[EditionFigures, ...]:
+    """The same editions' figures over several homes."""
+    return tuple(
+        EditionFigures(
+            folder=editions[0].folder,
+            starts=sum(edition.starts for edition in editions),
+            view_points=sum(edition.view_points for edition in editions),
+            objects=sum(edition.objects for edition in editions),
+            left_out=tuple(name for edition in editions for name in edition.left_out),
+        )
+        for editions in zip(*homes, strict=True)
+    )
+
+
+def _other_figures(homes: Sequence[Served]) -> OtherFigures | None:
+    if not homes:
+        return None
+    ratios = np.concatenate([home.ratios for home in homes])
+    on_floor = np.concatenate([home.on_floor for home in homes])
+    finite = ratios[np.isfinite(ratios)]
+    return OtherFigures(
+        episodes=len(ratios),
+        playable=_share(len(finite), len(ratios)),
+        ratio_median=_rounded(float(np.median(finite))) if len(finite) else None,
+        within_5=_share_within(ratios, 0.05),
+        within_10=_share_within(ratios, 0.10),
+        starts_on_floor=_share(int(on_floor.sum()), len(on_floor)),
     )
 
 

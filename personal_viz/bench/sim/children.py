@@ -1,4 +1,4 @@
-"""Runs parts of the benchmark in fresh processes, to measure a fresh start, and to be able to end a part in time.
+"""Runs parts of the benchmark in fresh processes, to measure a fresh start and to end a part that takes too long.
 
 `python -m personal_viz.bench.sim.children NAME ARGUMENTS` prints a part's figures as JSON; PARTS names them.
 """
@@ -94,7 +94,7 @@ def measured_loads(
         before = time.perf_counter()
         ours, theirs = (in_child(part, path, timeout_s=_LOAD_TIMEOUT_S) for part in ("load", "trimesh"))
         if ours is None or theirs is None:
-            raise SceneError(f"{path}: is not loaded within {_LOAD_TIMEOUT_S:g} s; expected seconds. Free the machine.")
+            raise SceneError(f"{path}: not loaded in {_LOAD_TIMEOUT_S:g} s; expected seconds. Stop other programs.")
         runs.append(ours | theirs)
         need_s = time.perf_counter() - before
     return {name: float(np.median([run[name] for run in runs])) for name in runs[0]}

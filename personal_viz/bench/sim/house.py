@@ -69,7 +69,7 @@ def house_solids(rng: np.random.Generator) -> list[Solid]:
 
 
 def rooms() -> list[Room]:
-    """All six rooms of both storeys; the middle one in the south holds the stair."""
+    """The six rooms of each storey; the middle ones in the south hold the stair and the opening over it."""
     ends = (_WALL, *_CROSS_X, LENGTH - _WALL)
     sides = ((_WALL, _CORRIDOR_Z[0]), (_CORRIDOR_Z[1], WIDTH - _WALL))
     return [
@@ -173,7 +173,7 @@ def _stair() -> list[Solid]:
 
 
 def _furnished(room: Room, rng: np.random.Generator) -> list[list[Solid]]:
-    """Furniture of one room, each piece a list of solids; the way from the door stays free."""
+    """Furniture of one room, each piece a list of solids; the path from the door stays free."""
     (x0, x1), (z0, z1) = room.x, room.z
     back_z, door_z, facing = (z0 + 0.1, z1 - 0.8, 1.0) if room.is_north else (z1 - 0.1, z0 + 0.8, -1.0)
     small = _cupboard(depth=0.5, width=0.7)

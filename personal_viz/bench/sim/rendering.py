@@ -64,9 +64,8 @@ def render_figures(
 class RawTrace:
     """Prefilled rays of some cameras over one search tree; tracing neither makes rays nor reads hits.
 
-    Directions are kept packet by packet (4 MB for a 640 x 480 camera) and copied into one packet before it is traced;
-    whole prefilled packets (30 MB) take 1 % longer. Fetching rays takes 3-5 % longer than making them in the kernel
-    (measured at 1M triangles), so a renderer of depth alone may be faster than this bound by that much.
+    Directions are kept packet by packet and copied into one packet before it is traced. Fetching rays takes 3-5 %
+    longer than making them in the kernel, so a renderer of depth alone may be faster than this bound by that much.
     """
 
     def __init__(self, scene: EmbreeScene, Ts_world_camera: NDArray[np.float64], camera: Camera, *, width: int) -> None:

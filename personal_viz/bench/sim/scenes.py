@@ -1,4 +1,4 @@
-"""The benchmark's scenes: a house divided into as many triangles as wanted, uneven and textured like a scan.
+"""The benchmark's scenes: a house divided into any number of triangles, uneven and textured like a scan.
 
 Also writes such a mesh as a GLB file in HM3D's form: z-up, one primitive per texture, JPEG.
 """
@@ -52,7 +52,7 @@ def bench_mesh(
         num_textures: Number of textures, at least 1.
 
     Returns:
-        As `like_scan`; floors at y = 0 and 2.88.
+        A mesh like those of `like_scan`, with floors at y = 0 and 2.88.
     """
     rng = np.random.default_rng(seed)
     solids = house_solids(rng)
@@ -85,7 +85,7 @@ def like_scan(
     texture_size: int = 2048,
     num_textures: int = 28,
 ) -> TriangleMesh:
-    """A surface divided into at least `num_faces` triangles, uneven, and textured with noise in islands.
+    """A surface divided into about `num_faces` triangles, uneven, and textured with noise in islands.
 
     Args:
         points: (V, 3) world metres.

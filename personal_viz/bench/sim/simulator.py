@@ -59,16 +59,16 @@ PLAN = Plan(
 """Targets of SIM.md, section 5; most are for a million triangles."""
 NOTES = (
     "Milliseconds of rendering: CPU time of all threads per 640 x 480 frame, one thread at work, medians over the same "
-    "poses in rooms, the contestants measured in turn; two frames of each before are not counted. Nothing is cached "
+    "poses in rooms, the renderers measured in turn, each after two frames that are not counted. Nothing is cached "
     "between frames.",
-    "Raw bound: Embree's coherent packets over the same tiles on rays that were filled before, on a tree made in the "
-    "same way; it makes no rays and reads no hits. (Fetching rays takes 3-5 % longer than making "
-    "them, so depth can come out below.) Open3D: `cast_rays` alone on rays that were filled before.",
+    "Raw bound: Embree's coherent packets over the same tiles on prefilled rays, on a tree made in the same way; it "
+    "makes no rays and reads no hits. (Fetching rays takes 3-5 % longer than making them, so depth alone may be faster "
+    "than this bound.) Open3D: `cast_rays` alone on prefilled rays.",
     "Loading: fresh processes in turn, CPU time, the file in the page cache; imports (those of the JPEG decoders too, "
     "for both) and compiled code ready, nothing decoded before. Ours: GLB file to first frame. trimesh: `load_scene` "
     "and every texture decoded, no search tree, no frame.",
-    "Navigation: CPU time, the map built warm; path = `shortest_path` through Python with the goal's field at hand, "
-    "field = the first question to a goal. Steps per second are elapsed time, one thread.",
+    "Navigation: CPU time, compiled code ready; path = one `shortest_path` call from Python with the goal's field "
+    "ready, field = the first query for a goal. Steps per second are elapsed time, one thread.",
 )
 _LOAD_FIGURES = ("load_s", "load_wall_s", "rss_mb", "trimesh_s", "trimesh_wall_s", "trimesh_rss_mb")
 """Figures of `measured_loads`; None if loading is left out."""
@@ -109,7 +109,7 @@ class BenchSettings:
     num_textures: int = 28
     seed: int = 0
     budget_s: float | None = None
-    """Seconds from the process's start to the end of the last part; parts that do not fit are left out. None = any."""
+    """Seconds from the process's start to the last part's end; parts that do not fit are left out. None = no limit."""
 
 
 FULL = BenchSettings(
@@ -179,7 +179,7 @@ def measure(settings: BenchSettings, progress: Progress) -> Findings:
 
     Args:
         settings: What to measure.
-        progress: Gets a line about the present work.
+        progress: Gets a line about the current work.
 
     Returns:
         Values: `sizes` by name (`1M cluttered`), and `browser` copies by the size's name.

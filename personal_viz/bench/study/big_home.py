@@ -1,4 +1,4 @@
-"""Measures how long the others' keys take while one participant opens a home of a million triangles."""
+"""Measures how long other participants' keys take while one participant opens a home of a million triangles."""
 
 import shutil
 import time
@@ -41,7 +41,7 @@ class BigHomeSettings(CrewSettings):
 
 
 def measure_big_home(settings: BigHomeSettings, *, folder: Path, dataset: Path, progress: Progress) -> Values:
-    """Lets bots walk while one participant opens the big home, and then a second one.
+    """Lets bots walk while one participant opens the big home, and then while a second participant does.
 
     Returns:
         `participants`, the number of the others; `faces` and `scan_mb` of the home on disk, `browser_mb` of its largest
@@ -109,7 +109,7 @@ def _write_scan(path: Path, dataset: Path, *, num_faces: int, seed: int) -> int:
 
 
 def _opening(site: Site, person: Person, settings: BigHomeSettings) -> tuple[float, float]:
-    """When a participant came in, and when they stood in the home, after a look at it in 3-D; `time.perf_counter()`."""
+    """`time.perf_counter()` when a participant came in, and when they stood in the home after a look at it in 3-D."""
     with settings.crowd(site, [person]) as opener:
         began_s = time.perf_counter()
         opener.arrive()

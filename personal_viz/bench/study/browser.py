@@ -1,4 +1,4 @@
-"""Times the way from a key to its picture on the screen in a real Chromium, inside the page by the page's own clock.
+"""Times how long a key takes to show its picture in a real Chromium, inside the page and by the page's own clock.
 
 Three cases: alone, beside bots, and far away, through a TCP proxy that forwards every byte with a delay.
 """

@@ -24,7 +24,7 @@ class LoadSettings(CrewSettings):
     def words(self) -> str:
         """A description of the work, for the report."""
         return (
-            f"{self.bots} bots ({', '.join(self.kinds)}), {self.rate:g} keys a second asked of each, for "
+            f"{self.bots} bots ({', '.join(self.kinds)}), each asked for {self.rate:g} keys a second, for "
             f"{self.seconds:g} s; random ones press on when a picture is late (these keys have no effect), the others "
             "wait."
         )

@@ -99,7 +99,7 @@ def measure(settings: Mapping[str, PartSettings], progress: Progress, *, parts: 
 
     Args:
         settings: FULL or QUICK, or others by the parts' names.
-        progress: Gets a line about the present work.
+        progress: Gets a line about the current work.
         parts: Names in PARTS, which are measured in its order; () = all.
 
     Returns:

@@ -93,7 +93,7 @@ def _settled(server: Server, people: int) -> dict[str, float]:
 
 
 def _people_here(dashboard: str) -> int:
-    """Number of participants present, according to the researcher's page: those whose leases do not run."""
+    """Number of participants that the researcher's page shows as present."""
     origin, _, token = dashboard.partition("/#")
     cookie = ask(origin, "/enter", body=token).cookie
     people = json.loads(ask(origin, "/progress", cookie=cookie).text)["people"]

@@ -19,13 +19,13 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
 from sim.files import write_whole
 from sim.homes.kind import common_kind
-from sim.tasks.provenance import make_run_info
+from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo
 from sim.tasks.workers import run_jobs
 from sim.types import Camera, SceneKind
 
 from ...progress import counted
-from ..options import Jobs, Json, Scenes, ScenesDir, WithPixels
+from ..options import Evidence, Jobs, Json, Scenes, ScenesDir, WithPixels
 from ..output import print_json, print_table, recorded
 from ..refusals import check_options
 
@@ -37,6 +37,7 @@ class Explore:
     """Explore homes with a frontier policy; write the explorations, their figures, and coverage over steps."""
 
     dataset: Annotated[Path | None, arg(help="Folder of episodes whose homes are explored; or give --homes.")] = None
+    evidence: Evidence = ()
     homes: Annotated[int | None, arg(help="Number of invented homes, from the seeds 0, 1, ...")] = None
     scene: Scenes = ()
     scenes_dir: ScenesDir = None
@@ -101,7 +102,7 @@ class Explore:
                     "numbered from 0. Leave them out, or give --dataset."
                 )
             return [invented_name(number) for number in range(self.homes)], "invented"
-        episodes = PersonalDataset(self.dataset)
+        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         names = sorted(set(self.scene) or {name for _, name in episodes.files})
         for name in names:
             episodes.require_scene(name)
@@ -119,6 +120,7 @@ class Explore:
                 storeys=self.storeys,
                 out=self.out,
                 dataset_root=self.dataset,
+                evidence=self.evidence,
                 scenes_dir=self.scenes_dir,
             )
             for name in names
@@ -126,14 +128,20 @@ class Explore:
 
     def _info(self, kind: SceneKind) -> RunInfo:
         """The facts that `run.json` would hold about these explorations."""
+        episodes = PersonalDataset(self.dataset, evidence=self.evidence) if self.dataset else None
         return make_run_info(
             "explore",
             who="frontier",
             who_kind="agent",
             scene_kind=kind,
-            dataset_digest=PersonalDataset(self.dataset).digest() if self.dataset else "",
+            dataset_digest=episodes.digest() if episodes else "",
             seed=self.seed,
-            config={"max_steps": self.max_steps, "storeys": self.storeys, "homes": self.homes},
+            config={
+                "max_steps": self.max_steps,
+                "storeys": self.storeys,
+                "homes": self.homes,
+                **(evidence_config(episodes) if episodes else {}),
+            },
         )
 
 

@@ -32,7 +32,7 @@ from sim.homes.kind import common_kind
 from sim.homes.plan import HOMES_VERSION
 from sim.plugins import is_plugin, own_name, plugin_digest
 from sim.tasks.metrics import metric_rows
-from sim.tasks.provenance import make_run_info
+from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id, read_run
 from sim.tasks.run_writer import RunWriter
 from sim.types import SPLITS
@@ -41,6 +41,7 @@ from ...progress import counted
 from ..options import (
     Clutter,
     Dataset,
+    Evidence,
     Jobs,
     Json,
     Label,
@@ -126,6 +127,7 @@ class Ground:
     autocast: ModelAutocast = "off"
     batch: ModelBatch = 8
     sweep: Annotated[str | None, arg(help="NAME=V1,V2,...: one run per value, e.g. object-noise=0,0.1,0.2.")] = None
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
     out: Path = Path("runs")
     scene: Scenes = ()
@@ -140,7 +142,7 @@ class Ground:
 
     def run(self) -> int:
         _require_names(self.encoder, self.method, self.phrases)
-        episodes = PersonalDataset(self.dataset)
+        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         settings = self.settings(episodes)
         check_options(self)
         if not is_model(self.encoder):
@@ -240,6 +242,8 @@ class Ground:
             config["method"] = settings.method
         if settings.map != "oracle":
             kind = common_kind(episodes, self.scene or episodes.scenes, self.scenes_dir)
+            if self._folder is None:
+                config |= evidence_config(episodes)
             config["maps"] = str(self._folder or f"{map_name(settings, digest, kind)}/maps")
         cell = cell_of_maps(self._folder, episodes, scenes=self.scene) if self._folder else None
         if cell is not None and cell not in CELLS.values():

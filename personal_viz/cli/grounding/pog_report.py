@@ -15,7 +15,7 @@ from sim.tasks.run_files import Run
 from sim.words.english import how_many
 
 from ...pog_report.gallery import Gallery, failure_gallery
-from ..options import Json
+from ..options import Evidence, Json
 from ..output import print_json, write_report
 from ..refusals import check_options, require_same_dataset
 
@@ -29,6 +29,7 @@ class PogReport:
     dataset: Annotated[
         tuple[Path, ...], arg(help="Folders of episodes: shows failures of the runs on them, with the episodes' texts.")
     ] = ()
+    evidence: Evidence = ()
     failures: Annotated[int, arg(help="How many failures of each method are drawn.")] = 8
     seed: Annotated[int, arg(help="Seed of the bootstrap and of the sample of failures.")] = 0
     json: Json = False
@@ -62,7 +63,7 @@ class PogReport:
         beside = [folder.resolve().parent for folder in run_folders(self.runs)]
         parts = []
         for path in self.dataset:
-            episodes = PersonalDataset(path)
+            episodes = PersonalDataset(path, evidence=self.evidence)
             on_it = [run for run in runs if run.info.dataset_digest == episodes.digest()]
             if not on_it:
                 require_same_dataset(episodes, {run.info.dataset_digest for run in runs}, whose="the runs'")

@@ -37,7 +37,7 @@ def open_same_home(
         found.append(scene.digest[:12])
     raise RecordingError(
         f"{where}: was made in {name} with scene_digest {digest[:12]!r}, the home opened now has {' or '.join(found)}; "
-        "expected the same version of the home. Give its --dataset or --scenes-dir."
+        "expected the same version of the home. Give its --dataset and --evidence, or --scenes-dir."
     )
 
 

@@ -10,7 +10,8 @@ from grounding.agents.exploration import load_exploration
 from recordings.viewer.window import open_file
 from sim.episodes.dataset import PersonalDataset
 
-from ..options import OpenIt, ScenesDir, WithPixels
+from ..options import Evidence, OpenIt, ScenesDir, WithPixels
+from ..refusals import check_options
 from .same_home import open_same_home
 
 
@@ -23,6 +24,7 @@ class ShowExploration:
     dataset: Annotated[Path | None, arg(help="Folder of the home's episodes; homes of explore --homes need none.")] = (
         None
     )
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
     with_pixels: WithPixels = False
     open: OpenIt = False
@@ -32,9 +34,10 @@ class ShowExploration:
         from recordings.replay import require_rrd
         from recordings.sinks import LiveSink
 
+        check_options(self)
         require_rrd(self.out)
         found = load_exploration(self.file)
-        episodes = None if self.dataset is None else PersonalDataset(self.dataset)
+        episodes = None if self.dataset is None else PersonalDataset(self.dataset, evidence=self.evidence)
         scene = open_same_home(
             episodes, found.scene, digest=found.scene_digest, scenes_dir=self.scenes_dir, where=str(self.file)
         )

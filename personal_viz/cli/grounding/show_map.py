@@ -11,7 +11,8 @@ from recordings.viewer.window import open_file
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
 
-from ..options import OpenIt, ScenesDir, WithPixels
+from ..options import Evidence, OpenIt, ScenesDir, WithPixels
+from ..refusals import check_options
 from .same_home import open_same_home
 
 
@@ -22,6 +23,7 @@ class ShowMap:
     file: Annotated[Positional[Path], arg(help="A map, FILE.npz.")]
     out: Annotated[Path, arg(help="An .rrd file.")]
     dataset: Annotated[Path | None, arg(help="Folder of the episodes; without it the map is shown alone.")] = None
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
     with_pixels: WithPixels = False
     open: OpenIt = False
@@ -29,6 +31,7 @@ class ShowMap:
     def run(self) -> int:
         from recordings.replay import record_memory, require_rrd
 
+        check_options(self)
         require_rrd(self.out)
         source = read_map_header(self.file).source
         if source.kind == "scan" and not self.with_pixels:
@@ -42,7 +45,7 @@ class ShowMap:
             )
         scene = None
         if self.dataset is not None:
-            digest, episodes = source.digest, PersonalDataset(self.dataset)
+            digest, episodes = source.digest, PersonalDataset(self.dataset, evidence=self.evidence)
             scene = open_same_home(
                 episodes, source.scene, digest=digest, scenes_dir=self.scenes_dir, where=str(self.file)
             )

@@ -17,8 +17,9 @@ from personal_viz.bots.site import Site, copy_plan, make_bot_study, running
 from sim.errors import StudyError
 from sim.types import TaskKind
 
-from ..options import ScenesDir
+from ..options import Evidence, ScenesDir
 from ..output import say
+from ..refusals import check_options
 
 BotKind = Literal["shortest", "random", "slow", "impatient", "disconnecting"]
 
@@ -30,6 +31,7 @@ class StudyBots:
     study: Positional[Path | None] = None
     """A planned study, of which a copy is served; an invented one without."""
     dataset: Annotated[Path | None, arg(help="Folder of the study's episodes.")] = None
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
     participants: int = 10
     seconds: float = 60.0
@@ -70,20 +72,25 @@ class StudyBots:
         """Yields the server that is already running, or our own until the end of the block."""
         dataset = self.dataset
         if self.url is not None and self.study is not None and dataset is not None:
-            yield running(self.study, dataset, self.scenes_dir, self.url)
+            yield running(self.study, dataset, self.scenes_dir, self.url, evidence=self.evidence)
             return
         with tempfile.TemporaryDirectory(prefix="personal-bots-") as name:
             folder = Path(name)
             if self.study is None:
                 say("making a study")
                 dataset = make_bot_study(
-                    folder, participants=self.participants, seed=self.seed, dataset=dataset, task=tasks
+                    folder,
+                    participants=self.participants,
+                    seed=self.seed,
+                    dataset=dataset,
+                    evidence=self.evidence,
+                    task=tasks,
                 )
             else:
                 copy_plan(self.study, folder / "study")
             assert dataset is not None
             say("starting to serve")
-            with Server(folder / "study", dataset, scenes_dir=self.scenes_dir) as server:
+            with Server(folder / "study", dataset, evidence=self.evidence, scenes_dir=self.scenes_dir) as server:
                 yield server.start()
 
     def _tasks(self) -> tuple[TaskKind, ...]:
@@ -92,6 +99,7 @@ class StudyBots:
         return ("pan", "pog") if self.task == "both" else (self.task,)
 
     def _require_possible(self) -> None:
+        check_options(self)
         if self.participants < 1 or not self.seconds > 0 or not 0 < self.rate <= 3:
             raise StudyError(
                 f"--participants {self.participants} --seconds {self.seconds:g} --rate {self.rate:g}: expected "

@@ -10,9 +10,10 @@ from human_study.export.import_check import import_check as check
 from human_study.export.manifest import read_manifest, require_unchanged
 from human_study.export.verify import TrialHome
 from personal_viz.study_app.home.trial_homes import open_trial_home
+from personal_viz.study_app.study_files import require_same_homes
 from sim.episodes.dataset import PersonalDataset
 
-from ..options import Dataset, ScenesDir
+from ..options import Dataset, Evidence, ScenesDir
 from ..refusals import require_same_dataset
 
 
@@ -22,17 +23,21 @@ class StudyImportCheck:
 
     export: Positional[Path]
     dataset: Dataset
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
 
     def run(self) -> int:
         manifest = read_manifest(self.export)
         require_unchanged(self.export, manifest)
-        require_same_dataset(PersonalDataset(self.dataset), {manifest.dataset_digest}, whose="the study's")
+        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
+        require_same_dataset(episodes, {manifest.dataset_digest}, whose="the study's")
 
         def open_home(scene: StudyScene) -> TrialHome:
-            if scene in manifest.practice_scenes:
-                return open_trial_home(PersonalDataset(self.export / PRACTICE_FOLDER), scene, None)
-            return open_trial_home(PersonalDataset(self.dataset), scene, self.scenes_dir)
+            is_practice = scene in manifest.practice_scenes
+            dataset = PersonalDataset(self.export / PRACTICE_FOLDER) if is_practice else episodes
+            scans = None if is_practice else self.scenes_dir
+            require_same_homes(manifest, [scene], dataset, scans)
+            return open_trial_home(dataset, scene, scans)
 
         report = check(self.export, open_home)
         for problem in report.problems:

@@ -16,7 +16,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.types import SPLITS, Split
 
-from ..options import Dataset
+from ..options import Dataset, Evidence, dataset_options
 
 CODES_TEMPLATE = """# Codes that the recruiting platform gave for this study; uncomment with
 # recruit.kind: prolific. Never share this file.
@@ -33,6 +33,7 @@ class StudyInit:
 
     study: Positional[Path]
     dataset: Dataset
+    evidence: Evidence = ()
     name: Annotated[str | None, arg(help="Public name of the study; that of the folder by default.")] = None
     task: Annotated[tuple[Literal["pan", "pog"], ...], arg(help="Both: each participant does one of them.")] = ("pan",)
     design: Literal["house-once", "crossed"] = "house-once"
@@ -40,7 +41,7 @@ class StudyInit:
     seed: int = 0
 
     def run(self) -> int:
-        episodes = PersonalDataset(self.dataset)
+        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         found = {episode.key.split for episode in episodes.episodes()}
         splits: dict[Split, int | Literal["all"]] = {split: self.per_split for split in SPLITS if split in found}
         if (self.study / STUDY_FILE).exists():
@@ -59,7 +60,7 @@ class StudyInit:
         print(f"Written to {self.study}: {STUDY_FILE}, {', '.join(TEXT_FILES)}, {CODES_FILE}")
         left = [field for field in empty_fields(config) if field != "ethics.duration_min"]  # the plan estimates it
         print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
-        print(f"Next: personal-viz study plan {self.study} --dataset {self.dataset}")
+        print(f"Next: personal-viz study plan {self.study} {dataset_options(self.dataset, self.evidence)}")
         return 0
 
 

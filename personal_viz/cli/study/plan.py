@@ -15,7 +15,7 @@ from sim.errors import StudyError, line_from_validation_error
 from sim.words.english import how_many
 
 from ...study_app.study_files import plan_study
-from ..options import ScenesDir
+from ..options import Evidence, ScenesDir, dataset_options
 
 _OPTIONS = {"agent_gap": "gap", "person_sds": "person_sd", "num_simulations": "simulations"}
 """Names of options whose name differs from their field in the assumptions."""
@@ -27,10 +27,11 @@ class StudyPlanVerb:
 
     study: Positional[Path | None] = None
     dataset: Annotated[Path | None, arg(help="Folder of the PersONAL episodes; not needed for --power.")] = None
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
-    pilot: Annotated[bool, arg(help="May be served without an ethics id; all its records say so.")] = False
-    power: Annotated[bool, arg(help="Only simulate: width of intervals, power, and designs that do better.")] = False
-    people: Annotated[int, arg(help="--power without a study: people in all.")] = 25
+    pilot: Annotated[bool, arg(help="May be served without an ethics id; all records say that it is a pilot.")] = False
+    power: Annotated[bool, arg(help="Only simulate: width of intervals, power, and better designs.")] = False
+    people: Annotated[int, arg(help="--power without a study: total number of people.")] = 25
     episodes: Annotated[int, arg(help="--power without a study: episodes of each split.")] = 50
     raters: Annotated[int, arg(help="--power without a study: people per episode and condition.")] = 5
     conditions: Annotated[
@@ -40,9 +41,9 @@ class StudyPlanVerb:
     gap: Annotated[float, arg(help="--power: how much worse an agent is than people.")] = 0.15
     split_gap: Annotated[float, arg(help="--power: difference between two splits.")] = 0.10
     memory_gap: Annotated[float, arg(help="--power: how much better people are with memory.")] = 0.10
-    person_sd: Annotated[tuple[float, ...], arg(help="--power: spreads of people (logit), a table each.")] = (0.3, 0.9)
-    episode_sd: Annotated[float, arg(help="--power: spread of episodes (logit).")] = 1.3
-    simulations: Annotated[int, arg(help="--power: studies drawn per number.")] = 150
+    person_sd: Annotated[tuple[float, ...], arg(help="--power: SDs between people (logit), a table each.")] = (0.3, 0.9)
+    episode_sd: Annotated[float, arg(help="--power: standard deviation (SD) between episodes (logit).")] = 1.3
+    simulations: Annotated[int, arg(help="--power: number of simulated studies per figure.")] = 150
     seed: Annotated[int, arg(help="--power: seed of the draws.")] = 0
     json: bool = False
 
@@ -56,12 +57,12 @@ class StudyPlanVerb:
             )
         if (self.study / DATABASE_FILE).exists():
             raise StudyError(
-                f"{self.study / DATABASE_FILE}: the study has begun; expected one without records. A plan never "
+                f"{self.study / DATABASE_FILE}: found records, so the study has begun; expected none. A plan never "
                 "changes after that: give a new study another folder."
             )
-        made = plan_study(self.study, self.dataset, self.scenes_dir, pilot=self.pilot)
+        made = plan_study(self.study, self.dataset, self.scenes_dir, evidence=self.evidence, pilot=self.pilot)
         _print_plan(made, load_study(self.study))
-        next_verb = f"personal-viz study serve {self.study} --dataset {self.dataset}"
+        next_verb = f"personal-viz study serve {self.study} {dataset_options(self.dataset, self.evidence)}"
         print(f"Written to {self.study / PLAN_FILE}. Next: {next_verb}")
         return 0
 
@@ -101,7 +102,7 @@ class StudyPlanVerb:
         except ValidationError as error:
             field = str(error.errors()[0]["loc"][0])
             where = f"study plan --power, --{_OPTIONS.get(field, field).replace('_', '-')}"
-            raise StudyError(line_from_validation_error(where, error, advice="Change it.")) from None
+            raise StudyError(line_from_validation_error(where, error, advice="Change this option.")) from None
         found = power_report(design, assumptions=assumptions)
         print(found.model_dump_json(indent=2) if self.json else power_markdown(found), end="\n" if self.json else "")
         return 0
@@ -119,7 +120,7 @@ def _print_plan(made: StudyPlan, config: StudyConfig) -> None:
     print(f"  {len(counted)} counted trials: {sizes}" + (f"; {spare} spare people" if spare else ""))
     for change in made.changes:
         print(f"  Other than asked: {change}.")
-    print(f"  most meetings of one person with one home: {max(visits.values(), default=0)}")
+    print(f"  most trials of one person in one home: {max(visits.values(), default=0)}")
     print("  homes: " + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())))
     if set(kinds) != {"scan"}:
         print("  Not a human baseline for PersONAL: that is claimed on scans only.")

@@ -16,14 +16,15 @@ from human_study.report.source import read_source
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.homes.open_home import open_scene
+from sim.homes.plan import HOMES_VERSION
 from sim.plan_view.storey import StoreyMap, storey_map
 from sim.tasks.run_files import Run
 from sim.types import EpisodeKey, SuccessRule, TaskKind
 from sim.walk.storeys import nearest_storey
 
-from ..options import ScenesDir
-from ..output import write_report
-from ..refusals import require_same_dataset
+from ..options import Evidence, ScenesDir
+from ..output import say, write_report
+from ..refusals import check_options, require_same_dataset
 
 CHOSEN_OVERLAYS = 4
 """Number of episodes of each task to draw from above unless all are asked for."""
@@ -40,11 +41,13 @@ class StudyReportVerb:
     dataset: Annotated[
         Path | None, arg(help="For floors under overlays, chosen objects, and dataset_weighted totals.")
     ] = None
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
     overlays: Annotated[bool, arg(help="Draw the ways and clicks of all episodes, not of a few.")] = False
     json: bool = False
 
     def run(self) -> int:
+        check_options(self)
         if self.scenes_dir is not None and self.dataset is None:
             raise StudyError(
                 f"--scenes-dir: found {str(self.scenes_dir)!r} without --dataset; expected both. Give --dataset."
@@ -52,13 +55,25 @@ class StudyReportVerb:
         source = read_source(self.runs)
         episodes, split_sizes, objects = None, None, None
         if self.dataset is not None:
-            episodes = PersonalDataset(self.dataset)
+            episodes = PersonalDataset(self.dataset, evidence=self.evidence)
             require_same_dataset(episodes, {run.info.dataset_digest for run in source.runs}, whose="the runs'")
             split_sizes = dict(Counter(episode.key.split for episode in episodes.episodes()))
             objects = _objects(episodes, _scenes_of(source.runs))
         groups = report_groups(source, rule=self.rule)
         found = report_of(source, groups, split_sizes=split_sizes, objects=objects)
-        pictures = _pictures(found, groups) | _overlays(groups, episodes, self.scenes_dir, draws_all=self.overlays)
+        if (
+            episodes is not None
+            and self.scenes_dir is None
+            and source.records.homes_version not in (None, HOMES_VERSION)
+        ):
+            say(
+                f"The study was done in homes of version {source.records.homes_version}, this program makes version "
+                f"{HOMES_VERSION}: no floor is drawn under the overlays."
+            )
+            episodes = None
+        pictures = _pictures(found, groups) | _overlays(
+            groups, episodes, self.scenes_dir, _digests(source.runs), draws_all=self.overlays
+        )
         document = found.model_dump_json(indent=2) + "\n"
         files = _texts(found, groups, pictures) | {"report.json": document} | pictures
         write_report(self.out, files, earlier=("overlay-*.svg",))
@@ -104,7 +119,12 @@ def _pictures(found: StudyReport, groups: ReportGroups) -> dict[str, str]:
 
 
 def _overlays(
-    groups: ReportGroups, episodes: PersonalDataset | None, scenes_dir: Path | None, *, draws_all: bool
+    groups: ReportGroups,
+    episodes: PersonalDataset | None,
+    scenes_dir: Path | None,
+    digests: Mapping[str, set[str]],
+    *,
+    draws_all: bool,
 ) -> dict[str, str]:
     """Drawings of paths and marks from above, by file name; over the free floor if the dataset is given."""
     shown = (*groups.people, *groups.agents)
@@ -115,7 +135,7 @@ def _overlays(
         keys = overlay_keys(of_task, task, most=10**6 if draws_all else CHOSEN_OVERLAYS)
         storeys, targets = {}, {}
         if episodes is not None:
-            storeys = _storeys(episodes, floors_needed(of_task, keys), scenes_dir)
+            storeys = _storeys(episodes, floors_needed(of_task, keys), scenes_dir, digests)
             targets = {
                 key: [(goal.position[0], goal.position[2]) for goal in episodes.episode(key).targets] for key in storeys
             }
@@ -126,14 +146,30 @@ def _overlays(
 
 
 def _storeys(
-    episodes: PersonalDataset, heights: Mapping[EpisodeKey, float], scenes_dir: Path | None
+    episodes: PersonalDataset,
+    heights: Mapping[EpisodeKey, float],
+    scenes_dir: Path | None,
+    digests: Mapping[str, set[str]],
 ) -> dict[EpisodeKey, StoreyMap]:
-    """The storey at each episode's height; each home is opened only once."""
+    """The storey at each episode's height; each home is opened only once, and left out if no run was made in it."""
     found = {}
     for scene in sorted({key.scene for key in heights}):
-        navigation = open_scene(episodes, scene, scenes_dir=scenes_dir).navigation
+        home = open_scene(episodes, scene, scenes_dir=scenes_dir)
+        if home.digest not in digests.get(scene, {home.digest}):
+            say(f"Home {scene} is another version now than that of the runs: no floor is drawn under its overlays.")
+            continue
         for key in (key for key in heights if key.scene == scene):
-            found[key] = storey_map(navigation, int(nearest_storey(heights[key], navigation.storey_heights)))
+            index = int(nearest_storey(heights[key], home.navigation.storey_heights))
+            found[key] = storey_map(home.navigation, index)
+    return found
+
+
+def _digests(runs: Sequence[Run]) -> dict[str, set[str]]:
+    """The versions of each home in which PAN runs were made."""
+    found: dict[str, set[str]] = {}
+    for item in (item for run in runs for item in run.episodes):
+        if item.end.measures is not None:
+            found.setdefault(item.key.scene, set()).add(item.end.measures.scene_digest)
     return found
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from human_study.design.plan import PLAN_FILE, StudyPlan, StudyScene, load_plan, save_plan
+from human_study.design.plan import PLAN_FILE, PRACTICE_FOLDER, StudyPlan, StudyScene, load_plan, save_plan
 from human_study.design.planning import make_plan
 from human_study.design.secrets import StudySecrets, make_secrets, token_hash
 from human_study.design.study import STUDY_FILE, StudyConfig, load_study, save_study
@@ -16,13 +16,13 @@ from human_study.store.database import require_free_space
 from human_study.store.store import StudyStore, open_store
 from personal_viz.study_app.gateway.http import listen
 from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
-from personal_viz.study_app.study_files import require_texts
+from personal_viz.study_app.study_files import require_same_homes, require_texts, study_scene
 from sim.episodes.dataset import PersonalDataset, sample_keys
 from sim.errors import StudyError
 from sim.homes.kind import scene_kind
 from sim.types import SPLITS, EpisodeKey
 
-from ..options import Clutter, Dataset, Limit, Rerun, ScenesDir, Splits, WithPixels
+from ..options import Clutter, Dataset, Evidence, Labels, Limit, Rerun, ScenesDir, Splits, WithPixels
 from ..refusals import check_options, require_folder, require_no_scan, require_same_dataset
 
 
@@ -34,6 +34,7 @@ class StudyServe:
     study: Positional[Path | None] = None
     """Folder that `study plan` has planned."""
     scene: Annotated[str | None, arg(help="Without a study: one POG and one PAN participant on this home.")] = None
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
     out: Annotated[Path | None, arg(help="With --scene: the folder; runs/study-<scene> by default.")] = None
     split: Splits = ()
@@ -41,6 +42,7 @@ class StudyServe:
     seed: int = 0
     actions: Literal["paper4", "paper6"] = "paper4"
     clutter: Clutter = 0
+    labels: Labels = "off"
     rerun: Rerun = None
     with_pixels: WithPixels = False
     serving: ServeOptions = field(default_factory=ServeOptions)
@@ -71,6 +73,7 @@ class StudyServe:
                 store,
                 folder=folder,
                 dataset=self.dataset,
+                evidence=self.evidence,
                 scenes_dir=self.scenes_dir,
                 platform_key=secrets.key_bytes,
                 links=[(person.task.upper(), person.code, secrets.tokens[person.code]) for person in plan.participants],
@@ -83,21 +86,25 @@ class StudyServe:
 
     def _planned(self, folder: Path) -> tuple[Path, StudyConfig, StudyPlan]:
         """A study that `study plan` has planned."""
-        for name in ("out", "split", "limit", "seed", "clutter"):
-            if getattr(self, name):
+        for name in ("out", "split", "limit", "seed", "clutter", "labels"):
+            if getattr(self, name) not in (None, (), 0, "off"):
                 raise StudyError(
                     f"--{name}: is for --scene; expected it in {STUDY_FILE} of a planned study. Leave it out."
                 )
         config = load_study(folder)
         plan = load_plan(folder, config)
         require_texts(folder, config, plan)
-        require_same_dataset(PersonalDataset(self.dataset), {config.dataset.sha256}, whose="the study's")
+        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
+        require_same_dataset(episodes, {config.dataset.sha256}, whose="the study's")
+        require_same_homes(plan, plan.scenes, episodes, self.scenes_dir)
+        if plan.practice_scenes:
+            require_same_homes(plan, plan.practice_scenes, PersonalDataset(folder / PRACTICE_FOLDER), None)
         return folder, config, plan
 
     def _of_scene(self, scene: str) -> tuple[Path, StudyConfig, StudyPlan]:
         """The episodes of one home for a POG and a PAN participant, without pages before; always a pilot."""
         check_options(self)
-        episodes = PersonalDataset(self.dataset)
+        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         episodes.require_scene(scene)
         folder = self.out or Path("runs") / f"study-{scene}"
         listen(self.serving.bind, self.serving.port).close()  # a taken port is reported before anything is written
@@ -110,8 +117,10 @@ class StudyServe:
             raise StudyError(
                 f"{self.dataset}: scene {scene!r} has no episode in {self.split}; expected one. Leave --split out."
             )
-        home = StudyScene(name=scene, kind=kind, clutter=self.clutter)
-        return folder, config, self._kept_plan(folder, config, home, keys)
+        home = study_scene(config, episodes, scene, self.scenes_dir)
+        plan = self._kept_plan(folder, config, home, keys)
+        require_same_homes(plan, plan.scenes, episodes, self.scenes_dir)
+        return folder, config, plan
 
     def _config(self, episodes: PersonalDataset, scene: str) -> StudyConfig:
         """The settings of a study in one home."""
@@ -135,6 +144,7 @@ class StudyServe:
                 "checks": {"every": None},
                 "breaks": {"every": None, "sitting_max": None},
                 "clutter": self.clutter,
+                "labels": self.labels == "on",
             }
         )
 
@@ -151,7 +161,7 @@ class StudyServe:
             save_plan(folder, plan)
             return plan
         found = load_plan(folder, config)
-        if found != plan and (self.split or self.limit is not None):
+        if found.participants != plan.participants and (self.split or self.limit is not None):
             raise StudyError(
                 f"{folder / PLAN_FILE}: was made with another --split or --limit; expected the same. "
                 "Leave both out to go on with it, or give another --out."

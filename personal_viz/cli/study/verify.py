@@ -17,13 +17,14 @@ from human_study.store.database import take_lock
 from human_study.store.records import StoredTrial, VerificationEntry, read_study
 from human_study.store.store import open_store
 from personal_viz.study_app.home.trial_homes import open_trial_home, sim_hash
+from personal_viz.study_app.study_files import require_same_homes
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.tasks.workers import SceneJob, results
 from sim.types import EpisodeKey
 
 from ...progress import counted
-from ..options import Dataset, ScenesDir
+from ..options import Dataset, Evidence, ScenesDir
 from ..refusals import check_options, require_same_dataset
 
 BATCH = 20
@@ -48,6 +49,7 @@ class StudyVerify:
 
     study: Positional[Path]
     dataset: Dataset
+    evidence: Evidence = ()
     scenes_dir: ScenesDir = None
     jobs: Annotated[int, arg(help="Worker processes, each with homes of its own.")] = 1
     store: Annotated[bool, arg(help="Write the result into the study, unless it is being served.")] = True
@@ -61,8 +63,14 @@ class StudyVerify:
             plan, digest = reader.plan, reader.config.dataset.sha256
         finished = [status for trials in people for status in trials if status.outcome is not None]
         num_deleted = sum(bool(trials) and trials[0].is_shredded for trials in people)
+        names = {status.key.scene for status in finished}
         if any(status.phase == "main" for status in finished):
-            require_same_dataset(PersonalDataset(self.dataset), {digest}, whose="the study's")
+            episodes = PersonalDataset(self.dataset, evidence=self.evidence)
+            require_same_dataset(episodes, {digest}, whose="the study's")
+            require_same_homes(plan, [scene for scene in plan.scenes if scene.name in names], episodes, self.scenes_dir)
+        practice = [scene for scene in plan.practice_scenes if scene.name in names]
+        if practice:
+            require_same_homes(plan, practice, PersonalDataset(self.study / PRACTICE_FOLDER), None)
         work = self._jobs(plan, finished, run_id)
         found: list[VerificationEntry] = []
         with counted("verify", len(finished)) as progress:
@@ -90,6 +98,7 @@ class StudyVerify:
                 study_scene=plan.scene(name),
                 scenes_dir=None if name in practice else self.scenes_dir,
                 trials=tuple(trials),
+                evidence=() if name in practice else self.evidence,
                 run_id=run_id,
             )
             for name, trials in sorted(by_scene.items())
@@ -98,7 +107,8 @@ class StudyVerify:
 
 def _open_home(job: VerifyJob) -> Callable[[EpisodeKey], tuple[VerificationEntry, ...]]:
     """Opens the job's home; returns a function that replays the trials of one episode by all its people."""
-    home = open_trial_home(PersonalDataset(job.dataset_root), job.study_scene, job.scenes_dir)
+    dataset = PersonalDataset(job.dataset_root, evidence=job.evidence)
+    home = open_trial_home(dataset, job.study_scene, job.scenes_dir)
     simulator = sim_hash(home)
 
     def do_again(key: EpisodeKey) -> tuple[VerificationEntry, ...]:

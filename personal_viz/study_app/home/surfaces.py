@@ -135,7 +135,7 @@ class SceneView(Surface):
         self._client.flush()
 
     def _mark_at(self, position: Vector3) -> list[Any]:
-        ball = self._client.scene.add_icosphere("/mark", radius=0.12, color=MARK_COLOR, position=position)
+        ball = add_ball(self._client, "/mark", 0.12, position)
         self._client.scene.add_label("/mark/label", "your mark", position=(0.0, 0.3, 0.0))  # goes with its parent
         return [ball]
 
@@ -201,9 +201,16 @@ class MapView(Surface):
         segments = np.stack([ring[:-1], ring[1:]], axis=1) + np.array([x, y + _ABOVE, z])
         return [
             self._client.scene.add_line_segments("/mark/ring", segments, MARK_COLOR, thickness=0.05),
-            self._client.scene.add_icosphere("/mark/dot", radius=0.06, color=MARK_COLOR, position=(x, y + _ABOVE, z)),
+            add_ball(self._client, "/mark/dot", 0.06, (x, y + _ABOVE, z)),
             self._client.scene.add_label("/mark/label", "your mark", position=(x, y + 0.05, z - 0.45)),
         ]
+
+
+def add_ball(client: viser.ClientHandle, name: str, radius: float, position: Vector3) -> Any:
+    """A ball of a mark's colour. viser's standard material keeps a computer without GPU busy for five seconds."""
+    return client.scene.add_icosphere(
+        name, radius, MARK_COLOR, material="toon5", cast_shadow=False, receive_shadow=False, position=position
+    )
 
 
 def place_camera(

@@ -110,7 +110,13 @@ class ServedStudy:
 
 
 def serve_command(
-    folder: Path, dataset: Path, *more: str, port: int = 0, workers: int | None = None, scenes_dir: Path | None = None
+    folder: Path,
+    dataset: Path,
+    *more: str,
+    port: int = 0,
+    workers: int | None = None,
+    evidence: tuple[Path, ...] = (),
+    scenes_dir: Path | None = None,
 ) -> list[str]:
     """The command line of `study serve` for a planned pilot, for `ServedStudy`.
 
@@ -120,10 +126,12 @@ def serve_command(
         more: Further options.
         port: Port to listen on; 0 takes a free one.
         workers: Number of viser workers; None = the usual number.
+        evidence: Folders of the dataset's evidence.
         scenes_dir: The folder of scans.
     """
     command = ["study", "serve", str(folder), "--dataset", str(dataset), "--port", str(port), "--pilot", *more]
     command += [] if workers is None else ["--workers", str(workers)]
+    command += ["--evidence", *map(str, evidence)] if evidence else []
     return command + ([] if scenes_dir is None else ["--scenes-dir", str(scenes_dir)])
 
 

@@ -37,6 +37,7 @@ def serve_study(
     *,
     folder: Path,
     dataset: Path,
+    evidence: tuple[Path, ...] = (),
     scenes_dir: Path | None,
     links: Sequence[tuple[str, str, str]],
     platform_key: bytes,
@@ -50,6 +51,7 @@ def serve_study(
         store: The open store, with all participants registered.
         folder: The study's folder.
         dataset: The dataset of the counted trials.
+        evidence: Folders of the dataset's evidence.
         scenes_dir: The folder of licensed scans.
         links: (label such as PAN, participant's code, personal token) of everybody.
         platform_key: The study's own key for the ids of recruiting platforms.
@@ -61,15 +63,12 @@ def serve_study(
         StudyError: The port is taken, a worker cannot start, or all workers ended.
     """
     require_may_serve(options, store.config, [scene.kind for scene in store.plan.scenes])
-    codes = _codes(folder, store.config)
-    tickets, keeper = Tickets(folder), LeaseKeeper(store, tell=_tell)
+    codes, tickets, keeper = _codes(folder, store.config), Tickets(folder), LeaseKeeper(store, tell=_tell)
+    tokens = {code: token for _, code, token in links}
     admission = Admission(
-        store,
-        store.config,
-        token_of_code={code: token for _, code, token in links},
-        platform_key=platform_key,
-        pay_file=PayFile(store.folder),
+        store, store.config, token_of_code=tokens, platform_key=platform_key, pay_file=PayFile(store.folder)
     )
+    scans = str(scenes_dir) if scenes_dir else None
     print(_opening(store.plan, options.num_workers), flush=True)
     with (
         listen(options.bind, options.port) as listening,
@@ -77,13 +76,7 @@ def serve_study(
         ended_by_sigterm(),
         WorkerPool(
             store,
-            WorkerTask(
-                study=str(folder),
-                dataset=str(dataset),
-                scenes_dir=str(scenes_dir) if scenes_dir else None,
-                rerun=where,
-                with_pixels=with_pixels,
-            ).command,
+            WorkerTask(str(folder), str(dataset), scans, tuple(map(str, evidence)), where, with_pixels).command,
             num_workers=options.num_workers,
             tickets=tickets,
             tell=_tell,
@@ -93,31 +86,11 @@ def serve_study(
         upkeep(store, keeper, tell=_tell),
         dashboard(folder, options.dashboard_port, serving=functools.partial(serving_of, pool, keeper)) as page,
     ):
-        pages = Pages(
-            store,
-            texts=told_texts(store.folder, store.plan),
-            client_profile=tickets.client_profile,
-            end_code=functools.partial(end_code, codes, platform_key),
-            warm=pool.warm,
-        )
-        gateway = Gateway(
-            admission,
-            pool,
-            tickets=tickets,
-            options=options,
-            pages=pages,
-            present=keeper.present,
-            screen_out_code=codes.prolific and codes.prolific.screen_out,
-            tell=_tell,
-            note_error=store.note_error,
+        gateway = _gateway(
+            store, admission, pool, tickets=tickets, keeper=keeper, codes=codes, key=platform_key, options=options
         )
         address = options.address(listening.getsockname()[1])
-        for label, code, token in links:
-            print(f"  {label}  {code}  {address}/#{token}")
-        if admission.has_open_link:
-            print(f"  Open link for everybody else: {address}/join")
-        print(f"  Progress of participants, for you only: {page}")
-        print(f"Everything is written to {folder}. Ctrl-C ends the study.", flush=True)
+        _print_links(links, address, has_open_link=admission.has_open_link, dashboard_link=page, folder=folder)
         _serve_until_told(uvicorn_server(gateway.app(), options), listening, pool)
 
 
@@ -182,6 +155,50 @@ def _opening(plan: StudyPlan, num_workers: int) -> str:
     if all(scene.kind != "scan" for scene in plan.scenes):
         return line
     return f"{line} A large scan takes a minute or more the first time; what is made of it is kept in {cache_dir()}."
+
+
+def _gateway(
+    store: StudyStore,
+    admission: Admission,
+    pool: WorkerPool,
+    *,
+    tickets: Tickets,
+    keeper: LeaseKeeper,
+    codes: RecruitCodes,
+    key: bytes,
+    options: ServeOptions,
+) -> Gateway:
+    """The web server that participants reach: their pages, and the way to the workers."""
+    pages = Pages(
+        store,
+        texts=told_texts(store.folder, store.plan),
+        client_profile=tickets.client_profile,
+        end_code=functools.partial(end_code, codes, key),
+        warm=pool.warm,
+    )
+    return Gateway(
+        admission,
+        pool,
+        tickets=tickets,
+        options=options,
+        pages=pages,
+        present=keeper.present,
+        screen_out_code=codes.prolific and codes.prolific.screen_out,
+        tell=_tell,
+        note_error=store.note_error,
+    )
+
+
+def _print_links(
+    links: Sequence[tuple[str, str, str]], address: str, *, has_open_link: bool, dashboard_link: str, folder: Path
+) -> None:
+    """Tells the person at the terminal that people can come, and by which links."""
+    for label, code, token in links:
+        print(f"  {label}  {code}  {address}/#{token}")
+    if has_open_link:
+        print(f"  Open link for everybody else: {address}/join")
+    print(f"  Progress of participants, for you only: {dashboard_link}")
+    print(f"Everything is written to {folder}. Ctrl-C ends the study.", flush=True)
 
 
 def _codes(folder: Path, config: StudyConfig) -> RecruitCodes:

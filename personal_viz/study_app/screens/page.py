@@ -16,7 +16,7 @@ from typing import Any
 import viser
 
 from human_study.trial.commands import Measure, Move, PageChanged, PressStop, Resize
-from sim.types import Task
+from sim.types import Action, Task
 
 from ..page_script import (
     Device,
@@ -44,7 +44,7 @@ MAX_WAITING = 200
 PAGE_COMMANDS = (PageChanged, Resize, Measure)
 """Messages of the page itself that a trial's screen receives."""
 PRESS_WITHIN_S = 0.5
-"""Longest time from a key's own message to its command; an older message belongs to a key without command."""
+"""Longest time from a key's own message to its command; an older message belongs to a press that never arrived."""
 WITHDRAW = "withdraw"
 """Name of the button by which somebody leaves the study for good, in messages of the page's script."""
 _LAST = 1e6
@@ -312,7 +312,8 @@ class Page:
         if pressed is None or not isinstance(content, Move | PressStop) or content.code.startswith("button"):
             return content
         said, at_s = pressed
-        if time.monotonic() - at_s > PRESS_WITHIN_S:
+        action = content.action if isinstance(content, Move) else Action.STOP
+        if said.action != action.value or time.monotonic() - at_s > PRESS_WITHIN_S:
             return content
         return dataclasses.replace(content, code=said.code, t_cli_ms=said.t_cli_ms)
 

@@ -60,8 +60,9 @@
     if (!state.timer || state.pending.length === 1) send();
   };
   const tellPress = (code, t) => {  // unacknowledged: it must not keep the key that follows it waiting
-    if (state.seat && now() - state.sentAt > 55 && !state.isDown)
-      type(JSON.stringify({ seat: state.seat, said: [{ n: 0, kind: 'press', code: code, t_cli_ms: t }] }));
+    const action = actionOf(code);
+    if (action && state.seat && now() - state.sentAt > 55 && !state.isDown)
+      type(JSON.stringify({ seat: state.seat, said: [{ n: 0, kind: 'press', action: action, code: code, t_cli_ms: t }] }));
   };
   const acknowledge = (number) => {
     const round = now() - state.waitingSince;

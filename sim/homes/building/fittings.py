@@ -49,7 +49,7 @@ def add_window(builder: QuadBuilder, spot: Spot, size: tuple[float, float], *, d
         builder: Takes the quads.
         spot: The middle of the window's lower edge, on the face of the wall that the room sees.
         size: Width and height, metres.
-        depth: Distance of the pane behind the wall's face, metres; 0 = the window is set upon the wall.
+        depth: Distance of the pane behind the wall's face, metres; 0 = the window lies on the wall.
     """
     width, height = size
     pane_z = 0.006 - depth

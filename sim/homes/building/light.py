@@ -1,8 +1,8 @@
 """Bakes soft light on a home: sky and sun by direction, darker where something is near, warmer near lamps.
 
 No shadow has an edge: the farther a thing is, the less of the sky it hides, up to a reach. Light is kept in the cache
-folder. Embree's packets are traced in a compiled loop that adds up their hits. Where packets cannot be used, the
-Raycaster is, which is several times slower.
+folder. A compiled loop traces Embree's packets and adds up their hits. Where packets cannot be used, the Raycaster
+replaces them, several times slower.
 """
 
 import hashlib

@@ -41,7 +41,7 @@ def detail_of(material: Material, shape: Shape, metres: Metres, *, is_floor: boo
 
 
 def noise(rng: np.random.Generator, shape: Shape, size: tuple[float, float]) -> NDArray[np.float64]:
-    """Smooth noise of this shape that repeats; mean 0, deviation 1.
+    """Smooth noise of this shape that repeats; mean 0, standard deviation 1.
 
     `size` has the standard deviations of the blur down and across, in texels.
     """

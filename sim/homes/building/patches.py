@@ -164,7 +164,7 @@ def _distinct(points: NDArray[np.float64], normals: NDArray[np.float64]) -> tupl
 
 
 def _lattice_part(quads: Quads, chosen: NDArray[np.int64]) -> _Part:
-    """Quads cut at lattice lines; a patch's samples are the four lattice points round it."""
+    """Quads cut at lattice lines; a patch's samples are the four lattice points around it."""
     corners = quads.corners[chosen]
     edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 1]], axis=1)  # (Q, 2, 3)
     axes = np.abs(edges).argmax(axis=2)  # (Q, 2)
@@ -213,7 +213,7 @@ def _lattice_points(
     cell: NDArray[np.int64],
     lines: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Places (P, 4, 2), along the quad's two edges, of the samples for the four lattice points round each patch.
+    """Places (P, 4, 2), along the quad's two edges, of the samples for the four lattice points around each patch.
 
     A lattice point outside the surface moves to the nearest place inside one of the quads that use it; all of them use
     the same place.

@@ -89,7 +89,7 @@ def _dotted(y: NDArray, x: NDArray, texel: float) -> Weights:
 
 
 def _floral(y: NDArray, x: NDArray, texel: float) -> Weights:
-    """Flowers with a heart, and leaves beside them."""
+    """Flowers with a pale centre, and leaves beside them."""
     weights = np.zeros_like(y)
     for cx, cy, radius, petals, turn in _FLOWERS:
         dy, dx = (y - cy + 0.5) % 1 - 0.5, (x - cx + 0.5) % 1 - 0.5
@@ -107,7 +107,7 @@ def _floral(y: NDArray, x: NDArray, texel: float) -> Weights:
 
 
 def _patterned(y: NDArray, x: NDArray, texel: float) -> Weights:
-    """Diamonds inside each other with a cross between."""
+    """Nested diamonds with crosses between them."""
     at_y, at_x = y * 2 % 1 - 0.5, x * 2 % 1 - 0.5
     diamond = np.abs(at_x) + np.abs(at_y)
     rings = np.maximum(_inside(0.14 - diamond, 2 * texel), _inside(0.07 - np.abs(diamond - 0.33), 2 * texel))

@@ -111,7 +111,7 @@ class QuadBuilder:
 
 
 class Spot(NamedTuple):
-    """The place of a thing, a right-handed frame: on a wall, x runs along the wall, y up, and z out of the wall."""
+    """A right-handed frame at the place of a thing; on a wall, x runs along the wall, y up, and z out of the wall."""
 
     origin: NDArray[np.float64]
     """(3,) world metres."""

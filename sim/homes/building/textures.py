@@ -61,7 +61,7 @@ class Texture:
     rgb: tuple[float, float, float]
     """Mean colour of the image."""
     is_whole: bool = False
-    """Whether the image lies once over each face of any size, as a painting does."""
+    """Whether the image covers each face once, whatever the face's size, as a painting does."""
 
 
 def texture_of(finish: Finish, *, is_floor: bool = False) -> Texture | None:

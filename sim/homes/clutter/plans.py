@@ -1,4 +1,4 @@
-"""Fills a planned home with things without a caption, as real homes are, and blocks no way.
+"""Fills a planned home with things without a caption, as in real homes, and blocks no path.
 
 HomePlan -> HomePlan; household.py knows the usual things of each room, space.py finds space for them.
 """
@@ -75,8 +75,8 @@ class _Goals(NamedTuple):
 def with_clutter(plan: HomePlan, level: ClutterLevel, *, seed: int) -> HomePlan:
     """A home with added furniture and small things without captions, and decoys of the captioned things.
 
-    No way becomes longer, and every captioned object stays visible from the same places. Added pieces of a captioned
-    category have role `decoy` and a finish that no captioned piece has; the rest has role `clutter`.
+    No path becomes longer, and every captioned object stays visible from the same places. Added pieces of a captioned
+    category have role `decoy` and a finish that no captioned piece has; all others have role `clutter`.
 
     Args:
         plan: A home without clutter.
@@ -91,7 +91,7 @@ def with_clutter(plan: HomePlan, level: ClutterLevel, *, seed: int) -> HomePlan:
     if plan.clutter or level not in DENSITY:
         raise SceneError(
             f"plan {plan.name!r}: found clutter level {plan.clutter} where {level!r} was asked for; expected a plan "
-            "without clutter, and 0, 1 or 2. Take the plan without clutter."
+            "without clutter, and level 0, 1 or 2. Give the plan without clutter."
         )
     rng = np.random.default_rng([seed, level, zlib.crc32(plan.name.encode())])
     home = _Home(plan, rng)

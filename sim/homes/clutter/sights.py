@@ -65,7 +65,7 @@ class Sights:
 def _lines_to(
     box: NDArray[np.float64], places: NDArray[np.float64], is_open: NDArray[np.bool_], grid: GridSpec
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Lines (L, 7) to one object (eye, way to its box, length), and the index (L,) of each line's place, in order."""
+    """Lines (L, 7) to one object (eye, vector to a target, share up to the box), and the index (L,) of their places."""
     centre, half = (box[:3] + box[3:]) / 2, (box[3:] - box[:3]) / 2
     targets = centre + np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)]) * half * 0.7
     near = places[np.hypot(*(places[:, [0, 2]] - centre[[0, 2]]).T) <= REACH]
@@ -80,7 +80,7 @@ def _lines_to(
 
 @njit(cache=True, nogil=True)
 def _ends(eyes, ways, box, is_open, origin, cell):
-    """Share (N,) of each way at which it reaches the box; 0 where a closed cell comes first."""
+    """Share (N,) of each line at which it reaches the box; 0 where a closed cell comes first."""
     ends = np.zeros(len(eyes))
     for i in range(len(eyes)):
         enter, _ = _span(eyes[i], ways[i], box)
@@ -113,7 +113,7 @@ def _met(lines, is_cut, box):
 
 @njit(cache=True, nogil=True)
 def _span(eye, way, box):
-    """The two shares of a way between which it is inside a box; the first is larger if the way misses the box."""
+    """The two shares of a line between which it is inside a box; the first is larger if the line misses the box."""
     enter, leave = -np.inf, np.inf
     for axis in range(3):
         step = way[axis] if abs(way[axis]) > 1e-9 else 1e-9

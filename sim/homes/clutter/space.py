@@ -44,7 +44,7 @@ class WallFace(NamedTuple):
 
     start: tuple[float, float]
     end: tuple[float, float]
-    """End of the face, world (x, z)."""
+    """Ends of the face, world (x, z)."""
     out: tuple[float, float]
     """Unit vector into the room."""
 
@@ -112,11 +112,11 @@ class SpareStorey:
             self._occupy(piece)
 
     def take(self, piece: Furniture, *, on: Furniture | None = None, stands: bool = False) -> bool:
-        """Takes the space of a piece if it fits, off other pieces, paths and lines of sight; returns whether it does.
+        """Takes the space of a piece if it blocks no piece, path or view; returns whether it does.
 
         Args:
             piece: The piece with its place, in front of a wall of its room or on another piece.
-            on: The piece on which it lies; it may reach into the box of this one.
+            on: The piece on which it lies; the two boxes may overlap.
             stands: Whether it stands on the floor.
         """
         box = piece.box
@@ -143,7 +143,7 @@ class SpareStorey:
             self.num_changes += 1
 
     def _is_inside(self, rect: Rect) -> bool:
-        """Whether a rectangle is in its room; its rim may reach the unstraightened places of walls."""
+        """Whether a rectangle is in its room; its rim may overlap a wall, because drawn walls are straightened."""
         width = min(rect.x1 - rect.x0, rect.z1 - rect.z0)
         cells = self._cells(rect.grown(-min(_RIM, 0.3 * width)))
         return cells is not None and bool(self.storey.inside[cells].all())
@@ -263,7 +263,7 @@ def _of_cells(plan: HomePlan) -> list[EmptyStorey]:
 
 
 def _walls_across(storey: StoreyCells) -> Image:
-    """Cells beside walls within the inside."""
+    """Cells beside the walls between rooms."""
     ways = np.asarray(storey.space.walls.ways().any(axis=2))
     edges = np.asarray(ways[:-1, :-1] & ways[1:, 1:] | ways[1:, :-1] & ways[:-1, 1:], bool)
     inner = ndimage.binary_erosion(storey.space.inside, iterations=2)
@@ -284,11 +284,11 @@ def _faces(wall: StoreyLine) -> list[WallFace]:
 
 
 def _of_rooms(plan: HomePlan) -> list[EmptyStorey]:
-    """Storeys of an invented home: things may stand only where the robot cannot go, so that all ways stay unchanged."""
+    """Storeys of an invented home: things may stand only where the robot cannot go, so that no path changes."""
     floors = walkable_floor(plan)
     if floors is None:
         raise SceneError(
-            f"plan {plan.name!r}: found rooms or stairs that cannot be walked to; expected a way to all of them. "
+            f"plan {plan.name!r}: found rooms or stairs that cannot be reached; expected a path to all of them. "
             "Make the plan again with personal-viz invent."
         )
     return [_storey_of_rooms(plan, k, floor) for k, floor in enumerate(floors)]

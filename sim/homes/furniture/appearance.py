@@ -106,7 +106,7 @@ def finish_from_text(text: str, category: str) -> Finish:
         category: The object's category; its words count where the text names no material or colour.
     """
     family = look_of(category).family
-    digest = zlib.crc32(f"{category}|{text}|".encode())  # the colours of made homes hang on it
+    digest = zlib.crc32(f"{category}|{text}|".encode())  # a different digest would change the colours of all homes
     usual = usual_finish(family, digest // 7)
     said = own_words(text, category)
     if family in ("picture", "calendar"):

@@ -53,7 +53,7 @@ def tub(piece: Draft, w: float, h: float, d: float) -> None:
 
 
 def sink(piece: Draft, w: float, h: float, d: float) -> None:
-    """A wash basin on the wall with a tap and a siphon; on a pedestal if it is high, of steel in kitchens."""
+    """A wash basin on the wall with a tap and a drain trap; on a pedestal if it is high, of steel in kitchens."""
     finish, bowl, tap_h = piece.finish, min(0.17, h * 0.55), min(0.16, h * 0.4)
     top, z = h - tap_h, d * 0.06
     below = top - bowl
@@ -76,7 +76,7 @@ def sink(piece: Draft, w: float, h: float, d: float) -> None:
 
 
 def _shower_head(low: float, high: float) -> Shape:
-    """A riser on the wall with a head that looks down, a hose and a mixer."""
+    """A riser on the wall with a head that points down, a hose and a mixer."""
     riser = [(0.0, low, 0.03), (0.0, high - 0.06, 0.03), (0.0, high, 0.12), (0.0, high - 0.01, 0.3)]
     hose = [(0.0, low + 0.02, 0.05), (0.09, low - 0.18, 0.06), (0.13, low + 0.1, 0.06), (0.1, low + 0.35, 0.06)]
     mixer = tube([(-0.1, low, 0.05), (0.1, low, 0.05)], 0.024)

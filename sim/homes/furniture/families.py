@@ -1,6 +1,6 @@
 """The family, usual size and mounting of each category of objects.
 
-Recovered, invented and cluttered homes place pieces by these; parts.py builds the pieces. README.md lists the table.
+Recovered, invented and cluttered homes place pieces by these; parts.py builds the pieces. README.md shows the table.
 """
 
 from functools import lru_cache

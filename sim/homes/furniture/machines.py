@@ -10,7 +10,7 @@ from .shapes import Draft, both, box, rounded_box, slab
 
 
 def piano(piece: Draft, w: float, h: float, d: float) -> None:
-    """An upright piano: case, keys in white and black, a stand with notes, legs and pedals."""
+    """An upright piano: case, white and black keys, sheet music on a stand, legs and pedals."""
     finish, keys_y, keys_d = piece.finish, min(0.72, h * 0.66), d * 0.42
     back_d = d - keys_d
     front, zk, back = -d / 2 + back_d, d / 2 - keys_d / 2, -d / 2 + back_d / 2

@@ -29,7 +29,7 @@ _TURN = 2.39996
 
 
 def plant(piece: Draft, w: float, h: float, d: float) -> None:
-    """Long leaves out of a pot, a small tree with a round crown, or a christmas tree."""
+    """Long leaves out of a pot, a small tree with a round crown, or a Christmas tree."""
     pot_h, share = min(0.34, h * 0.36), 0.6 if h > 0.7 else 0.66
     pot_r = w * share / 2
     piece.add(piece.finish, lathe(_POT, scale=(pot_r, pot_h), sides=14, depth=d / w, caps="start"))

@@ -241,7 +241,7 @@ def prism(outline: Sequence[tuple[float, float]], *, low: float, high: float, ax
 
     Args:
         outline: Points counter-clockwise as seen from the axis' positive end: (x, y) for z, (z, x) for y, (y, z) for x.
-        low: Begin of the prism on the axis, metres.
+        low: Start of the prism on the axis, metres.
         high: End of the prism on the axis, metres.
         axis: "x", "y" or "z".
     """

@@ -81,7 +81,7 @@ def bowl(piece: Draft, w: float, h: float, d: float) -> None:
 
 
 def kettle(piece: Draft, w: float, h: float, d: float) -> None:
-    """A round can with a spout, an arched handle and a lid."""
+    """A round pot with a spout, an arched handle and a lid."""
     r, tall = min(d / 2, w * 0.38), h * 0.7
     x = -w / 2 + r + w * 0.06
     profile = [(0.95, 0.0), (1.0, 0.2), (0.86, 0.7), (0.5, 0.95), (0.46, 1.0)]
@@ -94,7 +94,7 @@ def kettle(piece: Draft, w: float, h: float, d: float) -> None:
 
 
 def speaker(piece: Draft, w: float, h: float, d: float) -> None:
-    """A case with two round membranes."""
+    """A case with two round cones."""
     z = d / 2 - 0.02
     piece.add(piece.finish, rounded_box((0, h / 2, -0.01), (w, h, d - 0.02), 0.012))
     piece.add(BLACK, slab((0, h / 2, z - 0.008), (w * 0.92, h * 0.94, 0.018), faces="+z"))

@@ -1,4 +1,4 @@
-"""Finds free space in an invented home before it has a mesh: for more pieces, the robot's way, and its view.
+"""Finds free space in an invented home before it has a mesh: for more pieces, the robot's path, and its view.
 
 arrange.py asks `FreeSpace` for each group of pieces; plans.py checks the finished home with `walkable_floor` and
 `unseen_pieces`.
@@ -230,7 +230,7 @@ def _wall_rects(wall: Wall) -> list[Rect]:
 
 
 def _is_seen(box: NDArray, others: NDArray, places: NDArray, eye_y: float) -> bool:
-    """Whether any place as near as in `view_points_around` has a free line to a point of its surface."""
+    """Whether a place as near as those of `view_points_around` has a free line to a point of the box's surface."""
     low, high = box[:3], box[3:]
     overlapping = ((others[:, :3] < high - 1e-6) & (others[:, 3:] > low + 1e-6)).all(axis=1)
     others = others[~overlapping]  # a couch does not hide its cushion
@@ -249,7 +249,7 @@ def _is_seen(box: NDArray, others: NDArray, places: NDArray, eye_y: float) -> bo
 
 
 def _surface_points(low: NDArray, high: NDArray) -> NDArray[np.float64]:
-    """Points (14, 3): the middles of five faces and of the quarters of the top, and points near the upper edges."""
+    """Points (9, 3) just outside a box: five above its top, and one beside each side at 0.6 of the height."""
     shares = np.array(
         [(0.5, 1, 0.5), (0.2, 1, 0.2), (0.8, 1, 0.2), (0.2, 1, 0.8), (0.8, 1, 0.8), (0.5, 0.6, 0), (0.5, 0.6, 1),
          (0, 0.6, 0.5), (1, 0.6, 0.5)]

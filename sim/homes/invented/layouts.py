@@ -32,9 +32,9 @@ class Layout(NamedTuple):
 
     rects: tuple[Rect, ...]
     hubs: tuple[int, ...]
-    """Rooms from which adjoining rooms are entered; the first ones are joined to each other."""
+    """Rooms from which adjoining rooms are entered; doors are drawn from the first one outwards."""
     names: tuple[str, ...]
-    """Names of rooms from the kind of layout; "" = the room is named later."""
+    """Names of rooms that the kind of layout gives; "" = the room is named later."""
     open_pairs: tuple[tuple[int, int], ...] = ()
     """Pairs of rooms without a wall between them."""
     is_winding: bool = False

@@ -45,7 +45,7 @@ def borders_of(rects: Sequence[Rect]) -> list[Border]:
     """All wall lines between rooms and around them, sorted, and cut where another room begins."""
     found: list[Border] = []
     for is_along_x in (True, False):
-        # of each room: coordinates of its two sides along the lines, then its range along their direction
+        # for each room: the coordinates of its two sides along the lines, then its range in their direction
         sides = [(r.z0, r.z1, r.x0, r.x1) if is_along_x else (r.x0, r.x1, r.z0, r.z1) for r in rects]
         for at in sorted({edge for low, high, _, _ in sides for edge in (low, high)}):
             touching = [k for k, side in enumerate(sides) if at in side[:2]]
@@ -87,7 +87,7 @@ def draw_doors(layout: Layout, stair: Stair | None, rng: np.random.Generator) ->
         step = choices[int(rng.integers(len(choices)))]
         doors.append(step)
         joined.add(step[1])
-    if layout.is_winding and rng.random() < 0.5:  # a second way
+    if layout.is_winding and rng.random() < 0.5:  # a second path
         doors += _loop(doors, pairs, layout, rng)
     return doors
 

@@ -43,7 +43,7 @@ def draw_names(
     given: Sequence[str], rects: Sequence[Rect], degrees: Sequence[int], *, storey: tuple[int, int],
     rng: np.random.Generator,
 ) -> list[str] | None:  # fmt: skip
-    """Different names for all rooms of a storey; None where no bathroom is possible.
+    """Different names for all rooms of a storey; None if they do not fit, such as when no room can be a bathroom.
 
     Args:
         given: Names from the layout: "hall" becomes the storey's hall, "" is a room without name.

@@ -1,8 +1,8 @@
 """Guessed corridors of a schematic home, chosen so that its paths are as long as the recorded ones.
 
-A recorded length is an upper and a lower bound. Where our path is too long, a corridor is missing: the cheapest way
-over unknown floor with a fitting length is opened. Where our path is too short, a corridor that was opened for other
-records leads through a wall: it is closed, and those records get another corridor. Known floor is never closed.
+A recorded length is an upper and a lower bound. If our path is too long, a corridor is missing: the cheapest path of
+fitting length over unknown floor is opened. If our path is too short, a corridor that was opened for other records
+leads through a wall: it is closed, and those records get another corridor. Known floor is never closed.
 """
 
 import math
@@ -23,7 +23,7 @@ PLAN_CLIMB = 0.3
 """Largest height difference of neighbouring cells of a schematic home (metres): recorded heights are noisy."""
 CORRIDOR_RADIUS = 0.1
 """Half the width of a corridor for the robot's centre (metres)."""
-_RELUCTANCES = (50.0, 12.0, 4.0, 1.5, 0.6, 0.25, 0.1)
+_RELUCTANCES = (50.0, 12.0, 4.0, 1.5, 0.6, 0.25, 0.1)  # prices of unknown floor, tried in turn
 _TOO_SHORT, _TOO_LONG = 0.975, 1.025
 _WRONG = 0.955  # for a path shorter than this share of the record, we look for a corridor to close
 _CUT = 1.25  # paths longer than this many times the record are not measured
@@ -134,7 +134,7 @@ class _Search:
                     self._ratios[j], self._paths[j] = ratio, path
 
     def _candidates(self, i: int) -> list[Nodes]:
-        """The ways over unknown floor whose lengths fit a record best."""
+        """The paths over unknown floor whose lengths fit a record best."""
         found: dict[float, Nodes] = {}
         path = np.empty((0, 3))
         for reluctance in _RELUCTANCES:
@@ -157,7 +157,7 @@ class _Search:
         return ratio
 
     def _add_detours(self, i: int, path: Polyline, found: dict[float, Nodes]) -> None:
-        """Adds longer and longer ways around the unknown floor of a path that is too short."""
+        """Adds longer and longer paths around the unknown floor of a path that is too short."""
         price = self.ground.price.copy()
         for radius in _DETOUR_RADII:
             nodes = self._near([path], radius)
@@ -244,7 +244,7 @@ def _is_usable(record: PathLength, floor: FloorGrid) -> bool:
 
 
 def _misfit(ratio: float) -> float:
-    """Badness of a path ratio: its error, and a penalty above 5 % and above 10 %."""
+    """Cost of a path ratio: its error, plus one penalty above 5 % and another above 10 %."""
     error = min(abs(ratio - 1), 0.3) if math.isfinite(ratio) else _UNREACHED
     fines = [min(max((error - limit + 0.02) / 0.04, 0.0), 1.0) for limit in (0.05, 0.1)]
     return error + 0.1 * sum(fines)

@@ -1,12 +1,12 @@
-"""Finds the names of recorded objects' rooms in texts, and the kind of room of a name; for rooms.py."""
+"""Finds the rooms of recorded objects in texts, and the kind of each room; for rooms.py."""
 
 import re
 from collections import Counter
+from collections.abc import Iterable
 from typing import NamedTuple
 
-from sim.episodes.dataset import PersonalDataset
 from sim.episodes.ownership import normalise_phrase, parse_ownership
-from sim.types import Split
+from sim.episodes.schema import Episode
 from sim.words.places import ROOM_WORDS, RoomKind
 
 _TURNS = re.compile(r"\b(?:of|near|next to|close to|with|without|before|between|from|front|on|connected|where)\b|[(,]")
@@ -39,17 +39,16 @@ class RoomName(NamedTuple):
     """The whole text, normalised: rooms with equal texts are one room if they are near."""
 
 
-def room_texts(dataset: PersonalDataset, scene: str, *, splits: tuple[Split, ...]) -> dict[str, Counter[str]]:
-    """Counts of the rooms that ownership sentences give each target of a scene, by `object_name`.
+def room_texts(episodes: Iterable[Episode]) -> dict[str, Counter[str]]:
+    """Counts of the rooms that ownership sentences give each target of a scene's episodes, by `object_name`.
 
-    Of the owner's sentences, the one most similar to the target's caption and category counts.
+    If the owner has several sentences, the one most similar to the target's caption and category counts.
 
     Raises:
-        DatasetError: The scene is unknown, its files are damaged, or a sentence cannot be parsed.
+        DatasetError: A sentence cannot be parsed.
     """
     found: dict[str, Counter[str]] = {}
-    named: tuple[Split, ...] = tuple(split for split in splits if (split, scene) in dataset.files)
-    for episode in dataset.episodes(splits=named, scenes=(scene,)):
+    for episode in episodes:
         record = episode.record
         edges = [parse_ownership(sentence) for sentence in record.extracted_summary]
         theirs = [edge for edge in edges if edge.owner == record.owner and edge.room]

@@ -23,7 +23,7 @@ _LOW = 0.1
 """Share of an object's view points that may be below its assumed floor."""
 _TALLEST = 3.2
 _TALLER = 1.7
-"""Largest height of a standing thing, in usual heights; a higher thing must hang or lie on something."""
+"""Largest height of a standing thing, as a multiple of the usual one; a higher thing must hang or lie on something."""
 _FLAT_MARGIN = 0.006
 _LEAST_TOP = 0.3
 _NEAR = 3.0
@@ -49,7 +49,7 @@ _SOFT: tuple[Family, ...] = ("pillow", "blanket")
 _SOFT_GAP = 0.42
 """Pillows lean and blankets hang: their centres may be this far above their support (metres)."""
 _STRETCH = 2.4
-"""Largest height of a thing that reaches down to its support, in usual heights."""
+"""Largest height of a thing that reaches down to its support, as a multiple of the usual one."""
 _ON_CABINET: tuple[Family, ...] = ("tv", "monitor", "stove", "microwave", "coffee machine", "speaker")
 _ON_WALL = 1.2
 """A microwave above this height without anything below hangs on a wall (metres)."""
@@ -258,6 +258,6 @@ def _new_support(fact: _Facts, piece: Furniture, recorded: Recorded, *, number: 
 
 
 def _blocked(offsets: Points, *, bottom: float, top: float) -> Points:
-    """The places (B, 2), along x and z, of those (N, 3) around an object at which a robot would meet it."""
+    """The x and z (B, 2) of the nearby `offsets` (N, 3) at which a robot's body would meet the object."""
     near = np.abs(offsets[:, [0, 2]]).max(axis=1) <= _NEAR
     return offsets[near & in_the_way(offsets, bottom=bottom, top=top)][:, [0, 2]]

@@ -1,4 +1,4 @@
-"""Makes the open space of a schematic home that is not walkable: low steps along lines of sight and below objects.
+"""Finds the space of a schematic home that is open but not walkable: low steps along lines of sight and below objects.
 
 Recorded view points and recovered objects -> `CellGrid.plinth`, for `recover`. All other space is wall.
 """

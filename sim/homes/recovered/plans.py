@@ -3,7 +3,6 @@
 Episode files -> HomePlan, kept on disk. Floor: walkable.py; objects: objects.py; rooms: rooms.py.
 """
 
-import hashlib
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -11,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.episodes.dataset import PersonalDataset, read_bytes
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
 from sim.types import SPLITS, STOREY_GAP, Split
 from sim.walk.storeys import same_storey
@@ -40,28 +39,19 @@ _FLOOR_LABELS = {"0": "ground floor", "1": "first floor", "2": "second floor", "
 
 
 def recover_plan(dataset: PersonalDataset, scene: str, *, splits: tuple[Split, ...] = SPLITS) -> HomePlan:
-    """The schematic home of a scene, from its episodes in the named splits.
+    """The schematic home of a scene, from its episodes in the named splits of the dataset and of its evidence.
 
     The first call takes seconds, later ones milliseconds: plans are kept in the cache folder, by the content of the
-    scene's files and `HOMES_VERSION`.
+    scene's files, those of the evidence too, and `HOMES_VERSION`.
 
     Raises:
-        DatasetError: The scene is unknown or its files are damaged.
+        DatasetError: The scene is unknown, its files are damaged, or the evidence is of another home.
         SceneError: The files hold no place to stand.
     """
     dataset.require_scene(scene)
     named: tuple[Split, ...] = tuple(split for split in SPLITS if split in splits)
-    key = f"{scene} {','.join(named)} {_content_digest(dataset, scene, named)}"
-    return stored_plan(key, lambda: _recovered(dataset, scene, named))
-
-
-def _content_digest(dataset: PersonalDataset, scene: str, splits: tuple[Split, ...]) -> str:
-    """sha256 of the scene's decompressed files in these splits."""
-    total = hashlib.sha256()
-    for split in splits:
-        if (split, scene) in dataset.files:
-            total.update(f"{split}\n".encode() + read_bytes(dataset.files[split, scene]))
-    return total.hexdigest()
+    digests = [edition.scene_digest(scene, splits=named) for edition in (dataset, *dataset.evidence)]
+    return stored_plan(f"{scene} {','.join(named)} {' '.join(digests)}", lambda: _recovered(dataset, scene, named))
 
 
 def _recovered(dataset: PersonalDataset, scene: str, splits: tuple[Split, ...]) -> HomePlan:
@@ -79,12 +69,19 @@ def _recovered(dataset: PersonalDataset, scene: str, splits: tuple[Split, ...]) 
     grid = grid.model_copy(update={"walkable": runs_from_cells(walkable_cells(recorded, storeys, grid=grid))})
     steps = step_cells(recorded, pieces, mountings, storeys, grid=grid)
     grid = grid.model_copy(update={"plinth": runs_from_cells(steps)})
-    texts = room_texts(dataset, scene, splits=splits)
-    found = recovered_rooms(texts, recorded.goals, storeys, grid=grid)
+    found = recovered_rooms(room_texts(recorded.episodes), recorded.goals, storeys, grid=grid)
     furniture = tuple(
         piece.model_copy(update={"room": found.room_of[_nearest_goal(piece, pieces)]}) for piece in pieces
     )
-    return HomePlan(name=scene, kind="schematic", storeys=storeys, rooms=found.rooms, furniture=furniture, cells=grid)
+    return HomePlan(
+        name=scene,
+        kind="schematic",
+        storeys=storeys,
+        rooms=found.rooms,
+        furniture=furniture,
+        cells=grid,
+        sources=recorded.sources,
+    )
 
 
 def _nearest_goal(piece: Furniture, pieces: Sequence[Furniture]) -> str:
@@ -113,7 +110,7 @@ def _storeys(recorded: Recorded) -> tuple[Storey, ...]:
 
 
 def _with_ceilings(storeys: tuple[Storey, ...], standing: Sequence[Furniture]) -> tuple[Storey, ...]:
-    """The storeys, with walls as high as the pieces that stand there but below the next storey."""
+    """The storeys with ceilings above the pieces that stand there, but below the next storey."""
     found = []
     for k, storey in enumerate(storeys):
         tops = [piece.top_y - storey.floor_y for piece in standing if abs(piece.bottom_y - storey.floor_y) < 0.5]

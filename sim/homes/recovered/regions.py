@@ -1,6 +1,6 @@
 """Assigns the open cells of a storey to seeds (objects of known rooms), and groups seeds of one room.
 
-Cells and seeds -> labels, for rooms.py. Ways are weighted: they count as longer near walls, and so in doors.
+Cells and seeds -> labels, for rooms.py. Path lengths are weighted: a path counts as longer near walls and in doorways.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from .names import RoomName
 from .recorded import original_places
 
 _CLEAR, _NARROW = 0.5, 4.0
-"""Cells nearer than _CLEAR to a wall (metres) count up to 1 + _NARROW times as long: doors hold labels back."""
+"""Cells nearer than _CLEAR to a wall (metres) count up to 1 + _NARROW times as long, so that rooms end at doors."""
 _SAME_ROOM = 2.0
 _SAME_TEXT = 8.0
 """Rooms of one kind, and rooms with one text, are one room if their objects are this near (metres, weighted)."""
@@ -29,9 +29,9 @@ _FAR = 6.0
 """Cells farther than this from every object (metres, weighted) belong to the storey, not to a room."""
 _SMALLEST = 1.8
 """Smallest room (square metres)."""
-_SMOOTH = 9  # cells: side of the squares whose majority a region takes
+_SMOOTH = 9  # side in cells of the square around a cell in which the most frequent label wins
 _SINGLE: tuple[RoomKind, ...] = ("kitchen", "garage", "dining room", "laundry room", "utility room", "attic")
-"""Kinds of rooms of which a storey has only one, even if texts give its parts different names."""
+"""Kinds of rooms that a storey has only once, even if texts give parts of the room different names."""
 _FILLERS = frozenset(("of", "the", "with", "a", "an", "in", "near", "next", "to", "before", "and", "its", "on", "part"))
 
 Labels = NDArray[np.int64]
@@ -53,7 +53,7 @@ class CellGraph(NamedTuple):
 
 
 def cell_graph(mask: NDArray[np.bool_], cell: float) -> CellGraph:
-    """The graph of neighbouring open cells with weighted lengths."""
+    """The graph of open cells; links between neighbours have weighted lengths in metres."""
     node = np.full(mask.shape, -1, np.int64)
     node[mask] = np.arange(mask.sum())
     clearance = distance_to(~np.pad(mask, 1))[1:-1, 1:-1] * cell
@@ -74,9 +74,9 @@ def cell_graph(mask: NDArray[np.bool_], cell: float) -> CellGraph:
 
 
 def spread(graph: CellGraph, seeds: Sequence[Seed], grid: CellGrid) -> tuple[NDArray[np.float64], Labels]:
-    """The weighted way from each cell to the nearest seed (inf = none) and that seed's index (-1), (rows, cols) each.
+    """Weighted path length from each cell to the nearest seed (inf = none), and that seed's index (-1); (rows, cols).
 
-    The way goes through a place that sees the seed's object, so that it does not lead through a wall.
+    A path starts at a place that sees the seed's object, or at the object itself, so that it crosses no wall.
     """
     num = int(graph.node.max()) + 1
     distance, nearest = np.full(graph.node.shape, np.inf), np.full(graph.node.shape, -1, np.int64)
@@ -121,12 +121,13 @@ def places_of(goal: Goal) -> NDArray[np.float64]:
 
 
 def distance_at(goal: Goal, distance: NDArray[np.float64], grid: CellGrid) -> float:
+    """Least of the distances (rows, cols) at the places that see a goal; 0 where no place is known."""
     rc = grid.nearest_rc(places_of(goal)[:, [0, 2]])
     return float(distance[rc[:, 0], rc[:, 1]].min()) if len(rc) else 0.0
 
 
 def groups_of(seeds: Sequence[Seed], distance: NDArray[np.float64], nearest: Labels) -> Labels:
-    """Index (N,) of one seed for all seeds of a room: seeds with one text or kind whose cells touch near enough."""
+    """Index (N,) of the first seed in each seed's room; seeds of one kind share a room if they are near enough."""
     num = len(seeds)
     if not num:
         return np.zeros(0, np.int64)
@@ -146,7 +147,7 @@ def groups_of(seeds: Sequence[Seed], distance: NDArray[np.float64], nearest: Lab
 
 
 def _ways_between(distance: NDArray[np.float64], nearest: Labels, num: int) -> NDArray[np.float64]:
-    """Weighted way (N, N) between two seeds whose cells touch, inf elsewhere; only one half is filled."""
+    """Weighted path lengths (N, N) between seeds whose cells touch, else inf; the smaller of both directions counts."""
     ways = np.full((num, num), np.inf)
     for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
         touch = (nearest[a] >= 0) & (nearest[b] >= 0) & (nearest[a] != nearest[b])
@@ -185,7 +186,7 @@ def settled(labels: Labels, distance: NDArray[np.float64], mask: NDArray[np.bool
 
 
 def _filled(labels: Labels, mask: NDArray[np.bool_], *, rest: int) -> Labels:
-    """The labels, in which open cells without one (-1) get that of the nearest labelled cell, or `rest`."""
+    """The labels, where each open cell without one (-1) takes the nearest cell's, or `rest` if no cell has a label."""
     has = mask & (labels >= 0)
     if not has.any():
         return np.where(mask, rest, -1)
@@ -193,7 +194,7 @@ def _filled(labels: Labels, mask: NDArray[np.bool_], *, rest: int) -> Labels:
 
 
 def _majority(labels: Labels, mask: NDArray[np.bool_]) -> Labels:
-    """The labels, in which each open cell has the most frequent label around it."""
+    """The labels after each open cell has taken the most frequent label around it."""
     found = np.unique(labels[mask])
     votes = np.stack([ndimage.uniform_filter((labels == label).astype(np.float32), _SMOOTH) for label in found])
     return np.where(mask, found[votes.argmax(axis=0)], -1)

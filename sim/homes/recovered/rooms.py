@@ -26,7 +26,7 @@ from .names import RoomName, room_name, usual_room
 from .regions import Seed, cell_graph, distance_at, groups_of, places_of, settled, spread
 
 _NEAR_NAMED = 2.5
-"""An object without a text decides a room only farther than this from all objects with a text (metres, weighted)."""
+"""An object without a text names a room only if it is farther than this from all that have one (metres, weighted)."""
 _OAK = Finish(material="wood", rgb=(186, 146, 100), rgb2=(160, 120, 78))
 _WALNUT = Finish(material="wood", rgb=(134, 96, 64), rgb2=(108, 74, 48))
 _PINE = Finish(material="wood", rgb=(208, 172, 124), rgb2=(184, 146, 98))
@@ -260,6 +260,6 @@ def _named(pattern: re.Pattern[str], text: str) -> Rgb | None:
 
 
 def _paler(rgb: Rgb) -> Rgb:
-    """The colour halfway to white, for the paint of a wall."""
+    """The colour halfway to off-white, for the paint of a wall."""
     red, green, blue = ((value + 240) // 2 for value in rgb)
     return (red, green, blue)

@@ -23,7 +23,7 @@ from .corridors import PLAN_CLIMB as PLAN_CLIMB
 from .recorded import Recorded
 
 _LINK = 0.4
-"""The way between two places this close is free (metres). A thing between them would be within 0.2 m of one of them,
+"""The floor between two places this close is free (metres). A thing between them would be within 0.2 m of one of them,
 but Habitat's navmesh keeps that distance from things (AGENT_RADIUS rounded up to its cells of 0.05 m)."""
 _LAYER_GAP = PLAN_CLIMB + 0.03
 """Heights in one column that are closer than this are one floor (metres)."""

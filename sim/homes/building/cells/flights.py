@@ -26,7 +26,7 @@ _RISER = 0.6
 _EDGE = 0.05
 """Smallest height difference of neighbouring cells with a riser between them (metres)."""
 _SMOOTH = 2.0
-"""Recorded heights of flights are averaged over about this many cells."""
+"""Recorded heights of flights are smoothed with a Gaussian of this standard deviation (cells)."""
 _STRING = 0.06
 """Thickness of a flight's side (metres)."""
 _CURB = 0.04
@@ -84,7 +84,7 @@ def _smoothed(heights: Heights) -> Heights:
 
 
 def add_steps(builder: QuadBuilder, grid: GridSpec, surfaces: Heights) -> None:
-    """Treads of all flights, and risers wherever one surface is a step above another.
+    """Adds the treads of all flights, and risers wherever one surface is a step above another.
 
     `surfaces` (2 * S - 1, rows, cols) are heights of drawn floors and steps: even layers are storeys, odd ones flights.
     """

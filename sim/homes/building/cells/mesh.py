@@ -25,11 +25,11 @@ _SHELL = 0.14
 RAISED = 0.02
 """Height of raised floor, where no place was recorded (metres)."""
 _LOW_BLOCK, _HIGH_BLOCK = 0.15, 1.3
-"""Floor this far above the storey's floor is a flight, a platform, or the top of a bed or table (metres)."""
+"""Floor between these heights above the storey's is a flight, a platform, or the top of a bed or table (metres)."""
 _LARGEST_BLOCK = 5.0
 """Largest area of the top of a bed or table; larger blocks are platforms (m2)."""
 _LEVEL, _LEVEL_SHARE = 0.15, 0.7
-"""In a flight, less than this share of the cells lies within _LEVEL (metres) of the median height."""
+"""In a flight, less than _LEVEL_SHARE of the cells lies within _LEVEL (metres) of the median height."""
 _MIN_RUN = 10
 """Least length of a stretch of wall with a room's own colour (cells)."""
 
@@ -150,7 +150,7 @@ def _add_rim(builder: QuadBuilder, storey: StoreyCells) -> None:
 
 
 def _add_wall(builder: QuadBuilder, storey: StoreyCells, line: Straight, surface: NDArray[np.float64]) -> None:
-    """Adds one straight wall, in a piece for each room along it."""
+    """Adds one straight wall, with a piece for each room along it."""
     rooms = storey.rooms
     left, right = tuple(line.left.T), tuple(line.right.T)
     _, _, is_left, is_right = storey.placed(line)

@@ -1,4 +1,4 @@
-"""Windows, door frames and ceiling lamps of a home given as cells: decoration that blocks no way and no view."""
+"""Windows, door frames and ceiling lamps of a home given as cells: decoration that blocks no path and no view."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -245,7 +245,7 @@ def _key_points(corners: Points) -> tuple[Points, Points]:
 
 
 def _reduced(points: Points, first: int, last: int, tolerance: float) -> list[int]:
-    """Indices of points[first : last + 1] that the algorithm of Douglas and Peucker keeps."""
+    """Indices of points[first : last + 1] that the Ramer-Douglas-Peucker algorithm keeps."""
     keep = {first, last}
     stack = [(first, last)]
     while stack:
@@ -268,7 +268,7 @@ def _reduced(points: Points, first: int, last: int, tolerance: float) -> list[in
 
 
 def _on_axes(places: Points, kept: list[_Kept]) -> Points:
-    """The points (P, 2), moved a little so that nearly level lines are level; groups get a common coordinate."""
+    """The points (P, 2), moved so that lines nearly parallel to an axis become so; groups of lines become collinear."""
     ends = np.array([pair for chain in kept for pair in zip(chain.points[:-1], chain.points[1:], strict=True)], int)
     moved = places.copy()
     if not len(ends):

@@ -1,7 +1,7 @@
 """The inside of a storey given as cells: open space grown to whole rooms, and the walls between them.
 
 `layer_heights` and `floor_layers` turn runs into images; `storey_spaces` gives one `StoreySpace` per storey;
-`are_apart` finds neighbouring places with a long way between them.
+`are_apart` finds neighbouring places with a long path between them.
 """
 
 from typing import NamedTuple
@@ -31,7 +31,7 @@ PAD = 24
 _PITCH = 4
 """Walls keep to every _PITCH-th line of cells where possible, so that rooms get few corners."""
 _THIN = 13
-"""Solid blocks narrower than this many cells become thin walls, or floor where the way round them is short."""
+"""Solid blocks narrower than this many cells become thin walls, or floor where the path around them is short."""
 _EASY = 5
 """Cells this near to walkable floor are drawn as floor; cells farther away are slightly raised."""
 _BAND = 7
@@ -163,7 +163,7 @@ def _rooms_around(seen: Image) -> Image:
     starts = [(row, col) for row in range(_PITCH) for col in range(_PITCH)]
     best = _on_pitch(wide, *min(starts, key=lambda start: int(_blocks(wide, *start).sum())))
     solid = np.pad(~best, _THIN, constant_values=True).astype(np.uint8)
-    for axis in (0, 1):  # an opening with a square, side by side
+    for axis in (0, 1):  # a morphological opening with a square, one axis at a time
         solid = ndimage.minimum_filter1d(solid, _THIN, axis=axis)
     for axis in (0, 1):
         solid = ndimage.maximum_filter1d(solid, _THIN, axis=axis)
@@ -188,7 +188,7 @@ def _on_pitch(image: Image, row: int, col: int) -> Image:
 def _walls(
     inside: Image, seen: Image, foreign: Image, source: tuple[NDArray[np.int64], NDArray[np.int64]], floors: Heights
 ) -> WallLines:
-    """Walls around the inside, and within it between places with a long way between them."""
+    """Walls around the inside, and within it between neighbouring places with a long path from one to the other."""
     rc = np.stack(source, axis=-1)
 
     def stands(a: tuple[slice, slice], b: tuple[slice, slice], _: int) -> Image:
@@ -203,13 +203,13 @@ def _walls(
 
 
 def _are_level(floors: Heights, rc_a: NDArray[np.int64], rc_b: NDArray[np.int64]) -> Image:
-    """Whether the floors nearest to each pair of cells are one step apart at most, on any layer, (N,)."""
+    """Whether the floors at each pair of cells differ by less than SAME_FLOOR, on any two layers, (N,)."""
     first, second = floors[:, rc_a[:, 0], rc_a[:, 1]], floors[:, rc_b[:, 0], rc_b[:, 1]]
     return np.asarray((np.abs(first[:, None] - second[None]) < SAME_FLOOR).any(axis=(0, 1)), bool)
 
 
 def _under_thin_things(plan: HomePlan, k: int) -> Image:
-    """Mask of cells under rugs, where the floor must not hide them."""
+    """Mask of cells under rugs, which raised floor would hide."""
     assert plan.cells is not None
     image = np.zeros(plan.cells.shape, bool)
     storey = plan.storeys[k]
@@ -229,14 +229,14 @@ def _without_small(image: Image) -> Image:
 
 _DETOUR = 1.5
 _SLACK = 3
-"""Places are apart when the way between them is longer than _DETOUR times the straight line plus _SLACK cells."""
+"""Places are apart when the path between them is longer than _DETOUR times the straight line plus _SLACK cells."""
 
 
 def are_apart(free: NDArray[np.bool_], rc_a: NDArray[np.int64], rc_b: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether the way from each a to its b through free cells is long or does not exist.
+    """Whether the path from each a to its b through free cells is long or does not exist.
 
     Args:
-        free: (rows, cols) cells that a way may use, in steps along four directions.
+        free: (rows, cols) cells that a path may use, in steps along four directions.
         rc_a: (N, 2) free cells.
         rc_b: (N, 2) free cells.
 

@@ -19,8 +19,8 @@ def edges_where(between: Callable[[tuple[slice, slice], tuple[slice, slice], int
     """Edges between neighbouring cells for which `between` is true; none at the rim.
 
     Args:
-        between: Function of two slices, for the cells before and behind the edges along one axis, and of the axis
-            (0 = rows). For an image, `image[a]` and `image[b]` are the values on both sides; it returns that shape.
+        between: Gets the slices `a` and `b` of the cells before and behind the edges, and the axis (0 = rows); returns
+            a mask of the shape of `image[a]`, where `image` is an image of all cells.
     """
     every = slice(None)
     low, high = slice(None, -1), slice(1, None)
