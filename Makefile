@@ -3,15 +3,18 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PORT ?= 8080
-# More than the cores of a small machine: tests with a browser or a served study wait as long as they compute.
+# More than the cores of a small machine: tests with a served study wait as long as they compute.
 WORKERS ?= 4
+# Browsers draw on the processor: where they are more than the cores, pages stand still for seconds.
+BROWSERS ?= 2
 # Where pip looks for torch; name PyTorch's index of CPU builds here to save space on Linux without a GPU.
 TORCH_INDEX ?=
 export PORT TORCH_INDEX
 # Where it is set, every start of Python would compile all packages again: pip leaves that to the first start.
 unexport PYTHONDONTWRITEBYTECODE
 
-PYTEST = $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile
+PYTEST = $(BIN)/python -m pytest --dist loadfile -n $(WORKERS)
+QUICK = not release and not bench and not gpu
 
 .PHONY: demo test release check lint fast bench screenshots figures docs locked tag clean
 
@@ -20,7 +23,8 @@ demo: $(VENV)/.demo
 
 test: $(VENV)/.test
 	@$(PYTHON) .ci/check_machine.py --tests
-	$(PYTEST)
+	$(PYTEST) -m "$(QUICK) and not browser"
+	$(PYTEST) -n $(BROWSERS) -m "$(QUICK) and browser"
 
 # Minutes of simulations and golden sets; pytest's exit code 5 says that no test has the mark.
 release: $(VENV)/.test
@@ -34,7 +38,7 @@ lint:
 	$(BIN)/ruff format --check . && $(BIN)/ruff check . && $(BIN)/pyright
 
 fast:
-	$(PYTEST) -m "not release and not bench and not gpu and not slow and not browser"
+	$(PYTEST) -m "$(QUICK) and not slow and not browser"
 
 bench: $(VENV)/.test
 	@$(PYTHON) .ci/check_machine.py --tests

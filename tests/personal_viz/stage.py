@@ -121,5 +121,8 @@ def staged(
 
     try:
         yield stage
+    except Exception:
+        print("Stored:", [(event.kind, round(event.t_s, 2)) for event in stage.link.events()])
+        raise
     finally:
         server.stop()

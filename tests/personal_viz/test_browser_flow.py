@@ -95,6 +95,7 @@ def test_a_whole_pan_participant_from_link_to_code_by_keyboard_alone(
     press_by_keyboard(page, "Go on")
 
     expect(page.get_by_text("Search 2 of 2")).to_be_visible()
+    see_step(page, 0)
     give_up(page)
     expect(page.get_by_role("heading", name="Thank you!")).to_be_visible()
     code = page.get_by_label("Completion code").inner_text()

@@ -19,7 +19,7 @@ from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import TURN_STEP, Action, EpisodeKey
 
 from ..human_study.small_world import study
-from .flow_steps import HOLD_MS, pixel_of, resting_camera, see_step, stop
+from .flow_steps import HOLD_MS, give_up, pixel_of, resting_camera, see_step, stop
 from .stage import Stage, invented_home, staged
 
 pytestmark = pytest.mark.browser
@@ -70,8 +70,9 @@ def test_a_walk_begins_after_a_look_at_the_map(home: Home, browser: BrowserConte
         events = stage.link.events()
         assert isinstance(stage.link.outcome, EpisodeEnd)
         assert stage.link.outcome.reason == "stop"
-    expected = "open map_on storey map_off shown key act shown key stop_armed key act stop confidence"
-    assert [kind for kind in kinds(events) if kind != "dropped"] == expected.split()
+    happened = " ".join(kind for kind in kinds(events) if kind != "dropped")
+    assert happened.startswith("open map_on storey map_off shown key act shown key stop_armed key ")
+    assert happened.endswith(" key stop_armed key act stop confidence")
     off = next(event for event in events if isinstance(event, MapOff))
     assert (off.reason, off.what) == ("left", "topdown")
     assert 6 <= off.look_s < 120
@@ -92,13 +93,10 @@ def test_the_papers_order_shows_the_home_first_and_its_texts_after_that(home: Ho
         page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         button.click()
         expect(page.get_by_text(query)).to_be_visible()
-        page.get_by_role("button", name="Give up this search").click()
-        expect(page.get_by_text("again to end this search")).to_be_visible()
-        page.wait_for_timeout(600)  # a double click is one press
-        page.get_by_role("button", name="Give up this search").click()
+        give_up(page)
         expect(page.get_by_role("heading", name="Saved")).to_be_visible()
         events = stage.link.events()
-    assert kinds(events) == ["open", "map_on", "map_off", "giveup_armed", "giveup"]
+    assert kinds(events)[:4] == ["open", "map_on", "map_off", "giveup_armed"]
     assert end_reason(events) == "giveup"
 
 
