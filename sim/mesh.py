@@ -117,6 +117,8 @@ class Scene:
     """How much furniture without a caption was added to a planned home."""
     labels: bool = False
     """Whether the pictures of robots in this home (`renderer_of`) name the category of each object in view."""
+    missing_storeys: tuple[str, ...] = ()
+    """Names of storeys that a schematic home must have, but that no record tells of."""
 
     @property
     def label(self) -> str:

@@ -173,8 +173,15 @@ class Visitor:
     def _draw_home(self) -> None:
         if self._home is None:
             return
-        label, count = self._home.scene.label, len(self._home.copies.storeys)
-        home = part_html("home", label=label, storeys=count, storey=self._storey, layers=self._layers_on)
+        scene, count = self._home.scene, len(self._home.copies.storeys)
+        home = part_html(
+            "home",
+            label=scene.label,
+            storeys=count,
+            storey=self._storey,
+            missing=scene.missing_storeys,
+            layers=self._layers_on,
+        )
         self._panels.show("home", home)
         self._layers.show_home(self._home, self._storey, names="names" in self._layers_on)
         self._layers.show_episode(self._shown, hidden=self._hidden, layers=self._layers_on)

@@ -16,6 +16,7 @@ from sim.homes.open_home import home_plan, open_scene, scene_from_plan
 from sim.homes.plan import HomePlan
 from sim.mesh import Scene
 
+from ..bench.homes.playability import home_facts
 from ..contact_sheet.sheet import contact_sheet_picture, png_bytes, write_crops
 from .options import Clutter, Evidence, ScenesDir
 from .refusals import check_options, require_suffix, writing
@@ -40,7 +41,7 @@ class ContactSheet:
         check_options(self)
         require_suffix("--out", self.out, ".png")
         home, plan = self._home()
-        picture = contact_sheet_picture(home, plan)
+        picture = contact_sheet_picture(home, plan, facts="" if plan is None else home_facts(home, plan))
         said = (scene_label(home.kind), scene_terms(home.kind))
         with writing(self.out):
             write_whole(self.out, png_bytes(picture, label=" ".join(filter(None, said))))

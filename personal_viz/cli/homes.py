@@ -148,6 +148,8 @@ def _print_report(report: HomesReport) -> None:
             f"From {source.folder}: {how_many(source.starts, 'start')}, {how_many(source.view_points, 'view point')}, "
             f"{how_many(source.objects, 'object')}{_left_out_text(source.left_out)}."
         )
+    if report.total.storeys_missing_hint:
+        print(f"Storeys that no record tells of: {', '.join(report.total.storeys_missing_hint)}.")
     missed = {key: why for figures in report.scenes.values() for key, why in figures.why_not_findable.items()}
     if missed:
         print(f"{len(missed)} episodes whose target looks like another object (--json lists all):")

@@ -42,10 +42,13 @@ Tile = tuple[Image.Image, str]
 """A picture and the words under it."""
 
 
-def contact_sheet_picture(scene: Scene, plan: HomePlan | None) -> Image.Image:
+def contact_sheet_picture(scene: Scene, plan: HomePlan | None, *, facts: str = "") -> Image.Image:
     """The contact sheet of a home, WIDTH pixels wide.
 
-    A plan names the rooms, and its pieces are drawn as portraits; without one (a scan) objects are cut out of views.
+    Args:
+        scene: The home.
+        plan: Names the rooms, and its pieces are drawn as portraits; None (a scan) = objects are cut out of views.
+        facts: A line at the foot; empty = none.
     """
     renderer = raycaster_of(scene)
     heights = scene.navigation.storey_heights
@@ -60,7 +63,8 @@ def contact_sheet_picture(scene: Scene, plan: HomePlan | None) -> Image.Image:
         tiles = [(Image.fromarray(crop.rgb), crop.item.category) for crop in category_crops(scene, renderer)]
     rows = [storeys, _views(scene, plan, renderer)]
     rows += [tiles[first : first + PER_ROW] for first in range(0, len(tiles), PER_ROW)]
-    return _stacked(scene.label, scene_label(scene.kind), scene_terms(scene.kind), [row for row in rows if row])
+    said = (scene.label, scene_label(scene.kind), scene_terms(scene.kind), facts)
+    return _stacked(*said, [row for row in rows if row])
 
 
 def portraits(plan: HomePlan) -> list[Tile]:
@@ -121,10 +125,11 @@ def _views(scene: Scene, plan: HomePlan | None, renderer: Renderer) -> list[Tile
     return tiles
 
 
-def _stacked(title: str, label: str, terms: str, rows: Sequence[Sequence[Tile]]) -> Image.Image:
-    """Rows of pictures, spread over the width, under a title with a label beside it; terms, if any, at the foot."""
+def _stacked(title: str, label: str, terms: str, facts: str, rows: Sequence[Sequence[Tile]]) -> Image.Image:
+    """Rows of pictures, spread over the width, under a title with a label beside it; facts and terms at the foot."""
     heights = [max(picture.height for picture, _ in row) + _CAPTION for row in rows]
-    sheet = Image.new("RGB", (WIDTH, _TITLE + sum(heights) + (_CAPTION if terms else 0)), _PAPER)
+    feet = [line for line in (facts, terms) if line]
+    sheet = Image.new("RGB", (WIDTH, _TITLE + sum(heights) + _CAPTION * len(feet)), _PAPER)
     draw = ImageDraw.Draw(sheet)
     draw.text((16, _TITLE // 2), title, font=ImageFont.load_default(size=34), anchor="lm", fill=_INK)
     draw.text((WIDTH - 16, _TITLE // 2), label, font=ImageFont.load_default(size=20), anchor="rm", fill=_INK)
@@ -139,7 +144,9 @@ def _stacked(title: str, label: str, terms: str, rows: Sequence[Sequence[Tile]])
                 (index * slot + slot // 2, top + height - _CAPTION // 2), words, font=font, anchor="mm", fill=_INK
             )
         top += height
-    draw.text((16, top + _CAPTION // 2), terms, font=ImageFont.load_default(size=17), anchor="lm", fill=_INK)
+    for number, line in enumerate(feet):
+        place = (16, top + number * _CAPTION + _CAPTION // 2)
+        draw.text(place, line, font=ImageFont.load_default(size=17), anchor="lm", fill=_INK)
     return sheet
 
 

@@ -43,6 +43,7 @@ from sim.tasks.run_files import read_run
 from sim.types import Action, Camera, EpisodeKey, Pose
 from sim.walk.storeys import nearest_storey, same_storey
 
+from ..bench.homes.playability import home_facts
 from ..bots.site import make_pilot
 from ..browse.app import browser_app
 from ..browse.library import open_library
@@ -174,7 +175,8 @@ def picture_homes(folder: Path) -> None:
     else:
         print(f"{RELEASE}: not there; home-schematic.jpg stays as it is")
     for name, plan in plans.items():
-        picture = contact_sheet_picture(scene_from_plan(plan), plan)
+        scene = scene_from_plan(plan)
+        picture = contact_sheet_picture(scene, plan, facts=home_facts(scene, plan))
         picture = picture.resize((1400, round(picture.height * 1400 / picture.width)), Image.Resampling.LANCZOS)
         picture.save(PICTURES / name, quality=85)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, ClutterLevel, SceneKind
-from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
+from sim.walk.floor_grid import floor_grid_from_mesh
 
 from ..mesh import Scene, SceneObject, TriangleMesh
 from ..scans.hm3d import find_semantics, load_semantics
@@ -22,11 +22,12 @@ from .clutter.plans import with_clutter
 from .kind import scene_kind
 from .plan import HomePlan, plan_bytes, plan_of, stored_plan
 from .recovered.plans import recover_plan
-from .recovered.walkable import PLAN_CLIMB
 
 if TYPE_CHECKING:
     from sim.walk.navmesh import NavMesh
 
+_LEAST_FLOOR = 1.0
+"""Least floor of a recovered home, square metres: a map of its mesh leaves out smaller islands, as Habitat's does."""
 _SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
 """Suffixes of scan files, in the order in which they are tried."""
 
@@ -91,17 +92,26 @@ def scene_from_plan(plan: HomePlan) -> Scene:
     """A planned home with its mesh, objects and walkable places.
 
     Raises:
-        SceneError: The robot can stand nowhere in it.
+        SceneError: The robot can stand nowhere in it, or on less than 1 m2.
     """
+    floor = None if plan.cells is None else len(cells_from_runs(plan.cells.walkable).rc) * plan.cells.cell**2
+    if floor is not None and floor < _LEAST_FLOOR:
+        raise SceneError(
+            f"home {plan.name!r}: its records make {floor:.2f} m2 of floor; expected at least {_LEAST_FLOOR:.0f} m2. "
+            "Add an edition with more episodes of it as evidence, or use the scan of the home (--scenes-dir)."
+        )
     mesh, objects = mesh_from_plan(plan)
-    digest = hashlib.sha256(mesh.digest().encode())
-    if plan.cells is None:
-        navigation = floor_grid_from_mesh(mesh)
-    else:
-        cells = cells_from_runs(plan.cells.walkable)
-        navigation = FloorGrid.from_cells(cells.rc, cells.y, grid=plan.cells.grid, max_climb=PLAN_CLIMB)
-        digest.update(navigation.digest.encode())
-    return Scene(plan.name, plan.kind, mesh, objects, navigation, digest.hexdigest(), plan.clutter)
+    digest = hashlib.sha256(mesh.digest().encode()).hexdigest()
+    return Scene(
+        name=plan.name,
+        kind=plan.kind,
+        mesh=mesh,
+        objects=objects,
+        navigation=floor_grid_from_mesh(mesh),
+        digest=digest,
+        clutter=plan.clutter,
+        missing_storeys=plan.missing_storeys,
+    )
 
 
 def find_scan(name: str, scenes_dir: Path) -> Path:

@@ -22,7 +22,7 @@ from sim.words.finishes import Material, Pattern, Rgb
 
 from .cells import AreaRun, CellGrid, Metres, Positive, Xz
 
-HOMES_VERSION = 2
+HOMES_VERSION = 3
 """Raise this when homes made of plans, seeds or episode files look different or allow different paths.
 
 Stored plans, light and maps of explorations are made again for each new number.
@@ -101,6 +101,15 @@ class Finish(BaseModel):
     rgb: Rgb
     rgb2: Rgb | None = None
     """Second colour of the pattern; None = a shade of `rgb`."""
+
+
+_FLOOR_NAMES = {-1: "basement", 0: "ground floor", 1: "first floor", 2: "second floor"}
+_FLOORS = range(-3, 20)
+
+
+def floor_name(number: int) -> str:
+    """Name of a storey by its number; the ground floor is 0."""
+    return _FLOOR_NAMES.get(number, f"floor {number}")
 
 
 class Storey(BaseModel):
@@ -284,6 +293,14 @@ class HomePlan(BaseModel):
     """Level of added furniture without a caption."""
     sources: tuple[Source, ...] = ()
     """Where the facts of a recovered home came from: the dataset, then its evidence; empty for other homes."""
+
+    @property
+    def missing_storeys(self) -> tuple[str, ...]:
+        """Names of storeys that a schematic home must have by the names of its others, but that no record tells of."""
+        found = [n for n in _FLOORS for storey in self.storeys if storey.label.startswith(floor_name(n))]
+        if self.kind != "schematic" or not found:
+            return ()
+        return tuple(floor_name(n) for n in range(min(0, *found), max(found)) if n not in found)
 
     @model_validator(mode="after")
     def _every_storey_exists(self) -> "HomePlan":

@@ -2,28 +2,10 @@
 
 from pathlib import Path
 
-from tests.sim.synthetic import (
-    SCENE,
-    Content,
-    example_content,
-    example_episode,
-    example_goal,
-    example_view_point,
-    write_dataset,
-)
+from tests.sim.synthetic import SCENE, example_content, example_episode, example_goal, lattice, write_dataset
+from tests.sim.synthetic import write_home as first_edition
 
-_AHEAD = [0.0, 0.0, 0.0, 1.0]
-
-
-def lattice(x0: float) -> list[Content]:
-    """View points from x0 to x0 + 2 m and z 0 to 3 m, every 0.25 m."""
-    return [example_view_point(x0 + 0.25 * i, 0.25 * j, quat_xyzw=_AHEAD, iou=0.4) for i in range(9) for j in range(13)]
-
-
-def first_edition(root: Path) -> Path:
-    """A table seen from x 1 to 3, and one easy episode that asks for it."""
-    goals = {f"{SCENE}.basis.glb_coffee table": [example_goal(view_points=lattice(1.0))]}
-    return write_dataset(root, {("easy", SCENE): example_content(goals_by_category=goals)})
+__all__ = ["first_edition", "second_edition"]
 
 
 def second_edition(root: Path) -> Path:

@@ -135,3 +135,11 @@ def test_a_slow_visitor_handles_only_the_last_of_many_slides_and_hovers() -> Non
         if message == kept[-1]:
             messages.end()
     assert taken == [("slide", "99"), *kept]
+
+
+def test_a_home_says_which_storeys_no_record_tells_of() -> None:
+    home = {"label": "Home", "storeys": 1, "storey": 0, "layers": set()}
+    assert "No record tells of: ground floor, floor 3." in part_html(
+        "home", missing=("ground floor", "floor 3"), **home
+    )
+    assert "No record" not in part_html("home", missing=(), **home)

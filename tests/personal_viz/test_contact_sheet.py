@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from personal_viz.bench.homes.playability import home_facts
 from personal_viz.contact_sheet.plan import storey_picture
 from personal_viz.contact_sheet.sheet import PER_ROW, WIDTH, contact_sheet_picture, portraits, write_crops
 from personal_viz.contact_sheet.views import CROP_SIDE, category_crops, object_crop, room_views
@@ -34,7 +35,7 @@ def scene(plan: HomePlan) -> Scene:
 
 @pytest.fixture(scope="module")
 def sheet(scene: Scene, plan: HomePlan) -> Image.Image:
-    return contact_sheet_picture(scene, plan)
+    return contact_sheet_picture(scene, plan, facts=home_facts(scene, plan))
 
 
 def rooms_of(scene: Scene, plan: HomePlan) -> dict[int, str]:
@@ -102,6 +103,7 @@ def test_the_sheet_has_titles_views_and_portraits(sheet: Image.Image, plan: Home
     num_rows = -(-len({piece.category for piece in plan.furniture}) // PER_ROW)
     assert sheet.height > 480 + num_rows * CROP_SIDE + 300
     assert np.asarray(sheet)[:64].min() < 100  # the title
+    assert np.asarray(sheet)[-34:].min() < 100  # the facts
 
 
 @pytest.mark.slow

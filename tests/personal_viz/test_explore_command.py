@@ -21,9 +21,11 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, RunFileError
 from sim.tasks.agents import load_agent
 from sim.tasks.provenance import git_commit, package_versions
+from sim.types import Split
 
 from ..grounding.small_homes import write_small_dataset
 from ..grounding.two_rooms import two_room_scene
+from ..sim.synthetic import Content, example_content, example_goal, lattice, write_dataset
 from .program import assert_one_line, personal_viz
 
 OPTIONS = ["explore", "--homes", "1", "--width", "48", "--height", "36", "--max-steps", "30"]
@@ -87,9 +89,19 @@ def figures(out: Path) -> dict:
     return {**json.loads((out / "explore.json").read_text()), "created_utc": None, "out": None}
 
 
+def write_three_storeys(root: Path) -> None:
+    """HomeOne has floors at 0 and 3 m, HomeTwo one at 0 m, each with enough places to be a storey."""
+    contents: dict[tuple[Split, str], Content] = {}
+    for scene, floors in (("HomeOne", (0.0, 3.0)), ("HomeTwo", (0.0,))):
+        table = example_goal(view_points=[point for y in floors for point in lattice(1.0, y=y)])
+        goals = {f"{scene}.basis.glb_coffee table": [table]}
+        contents["easy", scene] = example_content(scene=scene, goals_by_category=goals)
+    write_dataset(root, contents)
+
+
 @pytest.mark.slow
 def test_two_worker_processes_give_the_documents_that_one_gives(tmp_path: Path, monkeypatch, capsys) -> None:
-    write_small_dataset(tmp_path / "dataset")
+    write_three_storeys(tmp_path / "dataset")
     monkeypatch.setattr("personal_viz.cli.grounding.explore.coverage_png", lambda found, *, title, label: b"")
     options = ["explore", "--dataset", str(tmp_path / "dataset"), "--storeys", "all", "--max-steps", "6"]
     for jobs in ("1", "2"):

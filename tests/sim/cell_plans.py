@@ -28,7 +28,7 @@ def plan_of_cells(
 
 
 def two_cell_rooms() -> HomePlan:
-    """Two rooms of about 2 m by 2 m side by side, 0.2 m apart, with a doorway of 0.9 m between them."""
+    """Two rooms of about 2 m by 2 m side by side, with 0.2 m between them and a way through of 0.9 m."""
     left, right = block(20, 20, 40, 40), block(20, 70, 40, 40)
     door = block(32, 60, 12, 10)
     rooms = (
@@ -39,8 +39,8 @@ def two_cell_rooms() -> HomePlan:
 
 
 def two_storeys() -> HomePlan:
-    """A room and a stair flight to the room above; the flight is a ramp of cells along x at 35 degrees."""
+    """A room with a flight of 15 risers along x to the room above it; its 14 steps are 0.25 m deep."""
     storeys = (Storey(label="ground floor", floor_y=0.0), Storey(label="first floor", floor_y=2.8))
     low, high = block(20, 20, 40, 40), block(20, 130, 40, 40, y_cm=280)
-    ramp = tuple(CellRun(r, 60 + k, 1, 4 * (k + 1)) for k in range(70) for r in range(36, 50))
-    return plan_of_cells((*low, *high, *ramp), storeys=storeys, shape=(80, 200))
+    steps = tuple(run for k in range(14) for run in block(36, 60 + 5 * k, 14, 5, y_cm=round(280 / 15 * (k + 1))))
+    return plan_of_cells((*low, *high, *steps), storeys=storeys, shape=(80, 200))

@@ -84,6 +84,22 @@ def example_content(*, scene: str = SCENE, episodes: list[Content] | None = None
     return copy.deepcopy({**content, **changes})
 
 
+def lattice(x0: float, *, y: float = 0.0) -> list[Content]:
+    """View points from x0 to x0 + 2 m and z 0 to 3 m, every 0.25 m, on a floor at y; they look along -z."""
+    ahead = [0.0, 0.0, 0.0, 1.0]
+    xz = [(x0 + 0.25 * i, 0.25 * j) for i in range(9) for j in range(13)]
+    return [example_view_point(*place, y=y, quat_xyzw=ahead, iou=0.4) for place in xz]
+
+
+def write_home(root: Path) -> Path:
+    """Writes a dataset whose `SCENE` can be opened: a table seen from x 1 to 3, and one easy episode that asks for it.
+
+    A home needs 1 m2 of floor, and the places of `example_content` make less.
+    """
+    goals = {f"{SCENE}.basis.glb_coffee table": [example_goal(view_points=lattice(1.0))]}
+    return write_dataset(root, {("easy", SCENE): example_content(goals_by_category=goals)})
+
+
 def write_content(root: Path, split: Split, content: Content | str, *, scene: str = SCENE, plain: bool = False) -> Path:
     """Writes one content file (text is written as it is) and returns its path; `plain` leaves the gzip away."""
     path = root / split / "content" / f"{scene}.json{'' if plain else '.gz'}"

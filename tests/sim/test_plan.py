@@ -42,6 +42,23 @@ def test_a_saved_plan_always_has_the_same_bytes_and_loads_equal_and_a_missing_on
         load_plan(tmp_path / "no.plan.json")
 
 
+@pytest.mark.parametrize(
+    ("labels", "missing"),
+    [
+        (("ground floor", "first floor"), ()),
+        (("first floor", "second floor"), ("ground floor",)),
+        (("basement", "first floor at 2.9 m", "first floor at 3.4 m", "floor 3"), ("ground floor", "second floor")),
+        (("floor X",), ()),
+    ],
+)
+def test_a_schematic_home_misses_the_storeys_that_its_names_skip(
+    labels: tuple[str, ...], missing: tuple[str, ...]
+) -> None:
+    storeys = tuple(Storey(label=label, floor_y=3.0 * k) for k, label in enumerate(labels))
+    assert PLAN.model_copy(update={"storeys": storeys}).missing_storeys == missing
+    assert PLAN.model_copy(update={"storeys": storeys, "kind": "invented"}).missing_storeys == ()
+
+
 def test_runs_expand_to_cells_and_a_rectangle_gives_the_cells_it_touches() -> None:
     assert PLAN.cells is not None
     cells = cells_from_runs(PLAN.cells.walkable)

@@ -22,14 +22,18 @@ from personal_viz.bench.homes.playability import (
     HomeFacts,
     HomesReport,
     build_home,
+    home_facts,
     measure_home,
     report_of,
 )
 from sim.authoring.findable import FindVerdict
 from sim.episodes.dataset import PersonalDataset
+from sim.homes.open_home import scene_from_plan
+from sim.homes.plan import Storey
 from sim.types import EpisodeKey, GridSpec
 from sim.walk.floor_grid import FloorGrid
 
+from .cell_plans import block, plan_of_cells, two_storeys
 from .synthetic import SCENE, example_content, example_episode, example_goal, example_view_point, write_dataset
 
 KEY = EpisodeKey("easy", SCENE, "3")
@@ -52,6 +56,20 @@ def test_ratios_are_lengths_over_recorded_lengths_and_infinite_without_a_path() 
     assert ratios[[0, 1, 3]] == pytest.approx([1.0, 1.25, 0.5], abs=1e-6)
     assert np.isinf(ratios[[2, 4]]).all()
     assert path_ratios([], corridor()).shape == (0,)
+
+
+def test_missing_stairs_and_storeys_and_guessed_floor_are_said() -> None:
+    joined = two_storeys()
+    said = home_facts(scene_from_plan(joined), joined)
+    assert "0% of the floor is guessed" in said
+    assert "stairs" not in said
+    assert "no record" not in said
+    storeys = (Storey(label="first floor", floor_y=0.0), Storey(label="floor 3", floor_y=2.8))
+    cells = (*block(20, 20, 40, 40), *block(20, 70, 40, 40, y_cm=280, guessed=True))
+    apart = plan_of_cells(cells, storeys=storeys)
+    said = home_facts(scene_from_plan(apart), apart)
+    assert "of forwards are blocked by what the picture does not show; 50% of the floor is guessed" in said
+    assert said.endswith("; 1 storey without stairs to the next; no record tells of: ground floor, second floor.")
 
 
 def point(x: float, z: float) -> dict[str, Any]:
@@ -167,7 +185,15 @@ def verdict(*, number: int, pixels: int, alike: tuple[str, ...]) -> FindVerdict:
 def facts(name: str, ratios: list[float], **changes: Any) -> HomeFacts:
     fields: dict[str, Any] = {"name": name, "is_playable": np.isfinite(ratios), "ratios": np.array(ratios)}
     fields |= {"scene_kind": "schematic", "held_out": None, "view_points": (0, 0), "cells": (0, 0), "verdicts": ()}
-    fields |= {"area_m2": 50.0, "storeys": 1, "build_s": 1.234, "triangles": 1000, "glb_mb": 1.5}
+    fields |= {
+        "area_m2": 50.0,
+        "storeys": 1,
+        "lifts": 0,
+        "missing_storeys": (),
+        "build_s": 1.234,
+        "triangles": 1000,
+        "glb_mb": 1.5,
+    }
     fields |= {"agreement": PictureAndWalk(*[Count(0, 0)] * 9)}
     return HomeFacts(**fields | changes)
 
@@ -225,8 +251,8 @@ def test_a_small_home_is_measured_from_its_files(tmp_path: Path) -> None:
     assert found.is_playable.tolist() == [True] * 5
     assert found.ratios[:2] == pytest.approx([1.0, 0.8], abs=0.02)
     assert found.view_points[1] == 46
-    # the lattice of places is 2 m by 1 m, the robot's radius 0.18 m, and starts reach x = 3.6 m
-    assert 3.0 < found.area_m2 < 4.5
+    # floor for the robot's centre: 0.05 m around the lattice of 2 m by 1 m, and a strip of 0.1 m to the start at 3.6 m
+    assert found.area_m2 == pytest.approx(2.1 * 1.1 + 0.55 * 0.1, abs=0.1)
     assert found.storeys == 1
     assert found.triangles > 50
     assert found.glb_mb > 0

@@ -47,7 +47,8 @@ def test_boxes_stretch_towards_far_view_points_and_shrink_away_from_blind_and_st
     assert found.width == pytest.approx(2 * (0.25 + 0.125), abs=0.2)
     assert found.width < 1.5
     half = clipped(np.array([0.6, 0.4]), np.array([[0.5, 0.1], [-0.2, 0.45]]))
-    assert half.tolist() == pytest.approx([0.5 - AGENT_RADIUS, 0.45 - AGENT_RADIUS])
+    # the body takes 0.2 m in whole cells, and a map of the box loses one cell
+    assert half.tolist() == pytest.approx([0.5 - 0.25, 0.45 - 0.25])
     assert clipped(np.array([0.2, 0.2]), np.array([[0.5, 0.0]])).tolist() == [0.2, 0.2]
 
 
@@ -106,7 +107,7 @@ def test_boxes_keep_clear_of_places_on_the_floor() -> None:
     added = [(-0.6, 0.0, 0.1)]
     recorded = recorded_of(recorded_goal("dresser_1", (0.0, 0.4, 0.0), SOUTH + near), more=added)
     found = objects_of(recorded)["dresser_1"].piece
-    inside = [found.rect.grown(AGENT_RADIUS - 1e-6).holds(x, z) for x, _, z in (*near, *added)]
+    inside = [found.rect.grown(0.25 - 1e-6).holds(x, z) for x, _, z in (*near, *added)]
     assert inside == [False] * 4
 
 

@@ -16,11 +16,11 @@ from sim.homes.open_home import find_scan, open_scene
 from sim.homes.plan import save_plan
 from sim.homes.recovered.plans import recover_plan
 from sim.scans.up_axis import up_axis
-from sim.walk.floor_grid import FloorGrid
+from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
 from sim.walk.navmesh import NavMesh
 
 from .gltf_files import RED, GltfWriter, png, with_basis
-from .synthetic import SCENE, write_dataset
+from .synthetic import SCENE, write_dataset, write_home
 
 
 def test_a_plan_beside_the_episodes_is_an_invented_home(demo_root: Path) -> None:
@@ -39,7 +39,7 @@ def test_a_corrected_plan_of_a_schematic_home_does_not_hide_the_scan(tmp_path: P
 
 @pytest.mark.slow
 def test_clutter_is_added_to_invented_and_schematic_homes_and_labelled(demo_root: Path, tmp_path: Path) -> None:
-    dataset = PersonalDataset(write_dataset(tmp_path))
+    dataset = PersonalDataset(write_home(tmp_path))
     for opened, name, label in (
         (PersonalDataset(demo_root), "Demo", "Demo (invented home, clutter 1)"),
         (dataset, SCENE, f"{SCENE} (schematic, not HM3D, clutter 1)"),
@@ -59,11 +59,21 @@ def test_clutter_is_refused_for_scans(demo_root: Path, tmp_path: Path) -> None:
 
 
 def test_without_plan_the_home_is_schematic_and_says_so(tmp_path: Path) -> None:
-    scene = open_scene(PersonalDataset(write_dataset(tmp_path)), SCENE)
+    scene = open_scene(PersonalDataset(write_home(tmp_path)), SCENE)
     assert (scene.kind, scene.label) == ("schematic", f"{SCENE} (schematic, not HM3D)")
     assert [item.name for item in scene.objects] == ["coffee table_7"]
-    assert scene.digest != scene.mesh.digest(), "the digest covers the walkable cells too"
+    map_of_mesh = floor_grid_from_mesh(scene.mesh)
+    assert isinstance(scene.navigation, FloorGrid)
+    assert scene.navigation.digest == map_of_mesh.digest, "people walk where they see floor"
     assert len(scene.digest) == 64
+
+
+def test_records_that_make_less_floor_than_a_home_needs_are_refused(tmp_path: Path) -> None:
+    dataset = PersonalDataset(write_dataset(tmp_path))  # two view points, and a start 3.25 m away
+    with pytest.raises(
+        SceneError, match=rf"home '{SCENE}': its records make 0\.\d\d m2 of floor; expected at least 1 m2"
+    ):
+        open_scene(dataset, SCENE)
 
 
 def test_a_scan_is_found_anywhere_below_the_folder(demo_root: Path, episodes: PersonalDataset, tmp_path: Path) -> None:
@@ -203,7 +213,7 @@ def test_a_folder_may_hold_invented_and_released_homes_and_each_has_its_own_kind
     demo_root: Path, tmp_path: Path
 ) -> None:
     shutil.copytree(demo_root, tmp_path / "both")
-    dataset = PersonalDataset(write_dataset(tmp_path / "both"))
+    dataset = PersonalDataset(write_home(tmp_path / "both"))
     assert set(dataset.scenes) == {"Demo", SCENE}
     for name, kind in (("Demo", "invented"), (SCENE, "schematic")):
         assert open_scene(dataset, name).kind == scene_kind(dataset, name, None) == kind

@@ -3,6 +3,7 @@
 Dataset -> plan -> scene -> `HomeFacts` (counts, in the worker process) -> `HomesReport` (shares, as JSON).
 """
 
+import itertools
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,12 +25,17 @@ from sim.homes.recovered.plans import recover_plan
 from sim.homes.recovered.recorded import original_places
 from sim.mesh import Scene
 from sim.render.raycast import Raycaster
+from sim.tasks.rules import success_region
 from sim.types import SceneKind
+from sim.walk.navigation_map import NavigationMap
+from sim.words.english import how_many
 
 from .held_out import Served, held_out_ratios, path_ratios, recorded_walk, served, starts_on_floor
-from .picture_and_walk import Count, PictureAndWalk, picture_and_walk
+from .picture_and_walk import Count, PictureAndWalk, forwards, picture_and_walk
 
 _MODEL = ConfigDict(frozen=True, extra="forbid")
+_PLACES = 50
+"""Places of a storey from which ways to the next one are sought."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +71,8 @@ class HomeFacts:
     name: str
     scene_kind: SceneKind
     is_playable: NDArray[np.bool_]
-    """(N,) per episode: the start is on the map, the home has the target, and a path leads to it."""
+    """(N,) per episode: the start is on the map, the home has the target, and paths lead to its view point and to a
+    place from which STOP succeeds."""
     ratios: NDArray[np.float64]
     """(N,) our path length over the recorded one; inf without a path."""
     held_out: NDArray[np.float64] | None
@@ -79,6 +86,10 @@ class HomeFacts:
     area_m2: float
     """Walkable area seen from above, all storeys."""
     storeys: int
+    lifts: int
+    """Number of neighbouring storeys that no walk joins."""
+    missing_storeys: tuple[str, ...]
+    """Names of storeys that no record tells of."""
     build_s: float
     """Time to build plan, mesh and navigation map (wall-clock seconds)."""
     triangles: int
@@ -113,7 +124,7 @@ class Figures(BaseModel):
     model_config = _MODEL
     episodes: int
     playable: float | None
-    """Share of episodes whose start, target and path exist."""
+    """Share of episodes whose start, target and path exist, and that can be won."""
     ratio_median: float | None
     """Median of our path length over the recorded one, over episodes with a path."""
     ratio_p95: float | None
@@ -152,6 +163,10 @@ class Figures(BaseModel):
     """The same share of view points."""
     area_m2: float
     storeys: int
+    lifts: int
+    """Number of neighbouring storeys that no walk joins, so that only a lift could; none is drawn."""
+    storeys_missing_hint: tuple[str, ...]
+    """SCENE/NAME of each storey that a home must have by the names of its others, but that no record tells of."""
     sources: tuple[EditionFigures, ...]
     """What recovered homes were made from: the dataset, then each edition of its evidence."""
     other: OtherFigures | None
@@ -227,7 +242,9 @@ def measure_home(
     return HomeFacts(
         name=plan.name,
         scene_kind=scene.kind,
-        is_playable=np.isfinite(ratios) & _starts_and_targets_exist(episodes, scene),
+        is_playable=np.isfinite(ratios)
+        & _starts_and_targets_exist(episodes, scene)
+        & _can_be_won(episodes, scene.navigation),
         ratios=ratios,
         held_out=held_out_ratios(dataset, plan.name) if folds and home.is_recovered else None,
         view_points=view_points_ok(scene, dataset.goals(plan.name)),
@@ -241,6 +258,8 @@ def measure_home(
         ),
         area_m2=_area(scene, plan),
         storeys=len(plan.storeys),
+        lifts=_lifts(scene.navigation),
+        missing_storeys=plan.missing_storeys,
         build_s=home.build_s,
         triangles=len(scene.mesh.faces),
         glb_mb=len(glb_from_mesh(scene.mesh)) / 1e6,
@@ -260,6 +279,44 @@ def _starts_and_targets_exist(episodes: Sequence[Episode], scene: Scene) -> NDAr
     has_targets = [names.issuperset(episode.record.object_names) for episode in episodes]
     is_near = starts_on_floor([episode.record.start_position for episode in episodes], scene.navigation)
     return is_near & np.array(has_targets, bool)
+
+
+def _can_be_won(episodes: Sequence[Episode], navigation: NavigationMap) -> NDArray[np.bool_]:
+    """(N,) whether a path leads from the start to a place from which STOP succeeds."""
+    found = np.zeros(len(episodes), bool)
+    asked = [tuple(episode.record.object_names) for episode in episodes]
+    for names in set(asked):
+        same = [number for number, one in enumerate(asked) if one == names]
+        region = success_region(episodes[same[0]], navigation)
+        if len(region):
+            starts = np.array([episodes[number].start.position for number in same])
+            found[same] = np.isfinite(navigation.distances(starts, region))
+    return found
+
+
+def home_facts(scene: Scene, plan: HomePlan) -> str:
+    """A sentence on what is guessed, missing or not as drawn in a home without its scan."""
+    phantom, _ = forwards(scene, Raycaster(scene.mesh))
+    facts = [f"{_share(*phantom):.1%} of forwards are blocked by what the picture does not show"]
+    if plan.cells is not None:
+        cells = cells_from_runs(plan.cells.walkable)
+        facts.append(f"{cells.guessed.mean():.0%} of the floor is guessed")
+    if lifts := _lifts(scene.navigation):
+        facts.append(f"{how_many(lifts, 'storey')} without stairs to the next")
+    if plan.missing_storeys:
+        facts.append(f"no record tells of: {', '.join(plan.missing_storeys)}")
+    return f"{'; '.join(facts)}."
+
+
+def _lifts(navigation: NavigationMap) -> int:
+    """Number of neighbouring storeys of which less than half of the places on the lower have a way to the upper."""
+    rng = np.random.default_rng(0)
+    places = [
+        np.array([navigation.random_point(rng, storey_y=floor_y) for _ in range(_PLACES)])
+        for floor_y in navigation.storey_heights
+    ]
+    joined = (np.isfinite(navigation.distances(low, high)).mean() for low, high in itertools.pairwise(places))
+    return sum(share < 0.5 for share in joined)
 
 
 def _sources(dataset: PersonalDataset, plan: HomePlan) -> tuple[EditionFigures, ...]:
@@ -338,6 +395,8 @@ def _figures(homes: Sequence[HomeFacts]) -> Figures:
         clearance_views=_share(*pooled.close_views),
         area_m2=round(sum(home.area_m2 for home in homes), 1),
         storeys=sum(home.storeys for home in homes),
+        lifts=sum(home.lifts for home in homes),
+        storeys_missing_hint=tuple(f"{home.name}/{name}" for home in homes for name in home.missing_storeys),
         sources=_summed([home.sources for home in homes if home.sources]),
         other=_other_figures([home.other for home in homes if home.other is not None]),
     )

@@ -77,12 +77,20 @@ def add_wall_piece(builder: QuadBuilder, piece: WallPiece) -> None:
     if piece.ends[1]:
         builder.add_quads(upright(piece.right_end, piece.left_end, low, high)[None], finish)
     plan = np.array([piece.left_start, piece.right_start, piece.right_end, piece.left_end])
-    for height in piece.rims:
+    for height in piece.rims if _is_convex(plan) else ():
         builder.add_quads(_at(plan, height)[None], CAP_FINISH)
     if piece.has_top:
         builder.add_quads(_at(plan, high)[None], finish)
     if piece.has_underside:
         builder.add_quads(_at(plan, low)[None, ::-1], finish)
+
+
+def _is_convex(plan: NDArray[np.float64]) -> bool:
+    """Whether the four corners (4, 2) turn one way; where mitres cross, a rim would stick out of the wall."""
+    sides = np.roll(plan, -1, axis=0) - plan
+    after = np.roll(sides, -1, axis=0)
+    turns = sides[:, 0] * after[:, 1] - sides[:, 1] * after[:, 0]
+    return bool((turns >= -1e-9).all() or (turns <= 1e-9).all())
 
 
 def upright(start: ArrayLike, end: ArrayLike, low: float, high: float) -> NDArray[np.float64]:

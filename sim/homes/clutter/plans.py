@@ -45,8 +45,9 @@ _FINISHES = 16
 _TOPS = (0.3, 1.5)
 """Lowest and highest surfaces on which things are put (metres)."""
 _WET = ("sink", "bath", "vanity", "island")
-_LOWEST_HUNG, _HUNG_AT = 1.05, 1.3
-"""Least height of the lower end and of the middle of hanging things, above the robot's camera (metres)."""
+_LOWEST_HUNG, _HUNG_AT = 1.2, 1.3
+"""Least height of the lower end and of the middle of hanging things (metres): above the robot's camera, and above the
+voxels of a map in which its body may be."""
 _SMALL = 0.45
 """Things wider than this stand at walls (metres)."""
 

@@ -84,7 +84,7 @@ class EmptyStorey(NamedTuple):
     is_open: Image
     """Cells through which lines of sight pass."""
     floor_y: NDArray[np.float64]
-    """Height of the floor, metres; nan where there is none."""
+    """Height of the floor or of the top of a low block, metres; nan where there is neither."""
     room: NDArray[np.int64]
     """Index into the plan's rooms, -1 = none."""
     walls: tuple[WallFace, ...]
@@ -231,7 +231,7 @@ def empty_storeys(plan: HomePlan) -> list[EmptyStorey]:
 
 
 def _of_cells(plan: HomePlan) -> list[EmptyStorey]:
-    """Storeys of a schematic home: things may stand in its open space where the robot's body never passes."""
+    """Storeys of a schematic home: things may stand on its low blocks and where the robot's body never passes."""
     assert plan.cells is not None
     layers = padded(floor_layers(plan.cells, plan.storeys), np.nan)
     plinths = padded(plinth_layers(plan.cells, plan.storeys), np.nan)
@@ -243,15 +243,15 @@ def _of_cells(plan: HomePlan) -> list[EmptyStorey]:
         near = [layer for layer in (2 * k - 1, 2 * k, 2 * k + 1) if 0 <= layer < len(layers)]
         body = np.asarray(~np.isnan(layers[near]).all(axis=0))
         is_open = body | ~np.isnan(plinths[near]).all(axis=0)
-        inside = storey.space.inside & ~storey.space.well
-        raised = np.where(storey.space.raised, 0.02, 0.0)
+        space = storey.space
+        inside = space.open & ~space.well
         found.append(
             EmptyStorey(
                 storey.grid,
                 inside & ~_walls_across(storey),
                 body,
                 np.asarray(ndimage.binary_dilation(is_open), bool),
-                storey.space.floor + raised,
+                np.where(np.isnan(space.block), space.floor, space.block),
                 np.where(inside, storey.rooms, -1),
                 tuple(face for line in storey.lines for face in _faces(storey.placed(line))),
                 storey.ceiling_y,
@@ -266,7 +266,7 @@ def _walls_across(storey: StoreyCells) -> Image:
     """Cells beside the walls between rooms."""
     ways = np.asarray(storey.space.walls.ways().any(axis=2))
     edges = np.asarray(ways[:-1, :-1] & ways[1:, 1:] | ways[1:, :-1] & ways[:-1, 1:], bool)
-    inner = ndimage.binary_erosion(storey.space.inside, iterations=2)
+    inner = ndimage.binary_erosion(storey.space.open, iterations=2)
     return np.logical_and(edges, inner)
 
 

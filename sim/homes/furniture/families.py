@@ -131,7 +131,7 @@ _LOOKS: tuple[tuple[str, Look], ...] = (
     ("pillow/cushion", Look("pillow", (0.5, 0.18, 0.4), "on")),
     ("stairs railing/stair railing/railing/balustrade/parapet/handrail/banister", Look("railing", (1.5, 0.95, 0.08))),
     ("stairs/stair/staircase", Look("stair", (1.0, 1.0, 1.4))),
-    ("column/pillar", Look("column", (0.35, 2.4, 0.35))),
+    ("column/pillar/hanging cord", Look("column", (0.35, 2.4, 0.35))),
     ("fan", Look("fan", (0.45, 1.1, 0.4))),
     ("piano", Look("piano", (1.45, 1.1, 0.62))),
     ("exercise bike/exercise machine/elliptical", Look("exercise bike", (0.55, 1.2, 1.05))),

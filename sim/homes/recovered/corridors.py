@@ -17,6 +17,7 @@ from sim.walk.grid_kernels import connected_parts
 from sim.walk.grid_routes import End, PricedFloor, is_touched, mark_near, polyline_length, route, work_for
 
 from ..cells import Cells
+from .body_floor import BodyFloor
 from .recorded import PathLength
 
 PLAN_CLIMB = 0.3
@@ -45,36 +46,48 @@ class _Opening(NamedTuple):
     """Unknown floor that would become a corridor, and the effect of opening it."""
 
     nodes: Nodes
+    opened: Nodes
+    """The nodes, and the gaps beside them that open too."""
     gain: float
     measured: dict[int, tuple[float, Polyline]]
     """Path ratio and path of each record that changes."""
 
 
-def with_corridors(known: Cells, unknown: Cells, lengths: tuple[PathLength, ...], *, grid: GridSpec) -> Cells:
+def with_corridors(
+    known: Cells, unknown: Cells, lengths: tuple[PathLength, ...], *, floors_y: list[float], grid: GridSpec
+) -> Cells:
     """The known cells and the unknown cells that the recorded lengths require, the latter marked as guessed.
+
+    The result is closed by the robot's body (`BodyFloor`), so that drawn floor leaves it unchanged.
 
     Args:
         known: Certain floor, never closed; contains the ends of all lengths.
         unknown: Cells that may be floor.
         lengths: Records; those that are impossible, shorter than two cells, or end off the floor are left out.
+        floors_y: Heights of the storeys' floors, metres.
         grid: Place of the cells.
     """
     rc, y = np.concatenate([known.rc, unknown.rc]), np.concatenate([known.y, unknown.y])
     order = np.lexsort((y, rc[:, 1], rc[:, 0]))  # the order of FloorGrid's nodes
-    is_known = (np.arange(len(rc)) < len(known.rc))[order]
+    cells = Cells(rc, y, np.arange(len(rc)) >= len(known.rc)).chosen(order)
     floor = FloorGrid.from_cells(rc, y, grid=grid, max_climb=PLAN_CLIMB)
-    search = _Search(floor, is_known, tuple(record for record in lengths if _is_usable(record, floor)))
+    body = BodyFloor(cells, floors_y, grid=grid)
+    search = _Search(floor, body, ~cells.guessed, tuple(record for record in lengths if _is_usable(record, floor)))
     search.run()
-    kept = search.ground.is_free
-    return Cells(rc[order][kept], y[order][kept], ~is_known[kept])
+    return cells._replace(guessed=~search.is_known).chosen(search.ground.is_free)
 
 
 class _Search:
     """Greedy search with undo; lengths in cells."""
 
-    def __init__(self, floor: FloorGrid, is_known: NDArray[np.bool_], records: tuple[PathLength, ...]) -> None:
-        self.ground = PricedFloor(floor.cells, is_known.copy(), np.ones(len(is_known)))
-        self._is_known = is_known
+    def __init__(
+        self, floor: FloorGrid, body: BodyFloor, is_known: NDArray[np.bool_], records: tuple[PathLength, ...]
+    ) -> None:
+        self.is_known = body.closed(is_known)
+        self.ground = PricedFloor(floor.cells, self.is_known.copy(), np.ones(len(is_known)))
+        self._body = body
+        self._opened = self.is_known.copy()
+        """Known floor and corridors; free floor is its closing."""
         self._work = work_for(len(is_known))
         self._cell = floor.grid.cell
         self._lengths = [record.length / self._cell for record in records]
@@ -128,7 +141,8 @@ class _Search:
             for nodes in self._candidates(i):
                 best = self._tried(nodes, best.gain if best else 0.0) or best
             if best is not None:
-                self.ground.is_free[best.nodes] = True
+                self._opened[best.nodes] = True
+                self.ground.is_free[best.opened] = True
                 self._number_parts()
                 for j, (ratio, path) in best.measured.items():
                     self._ratios[j], self._paths[j] = ratio, path
@@ -172,17 +186,18 @@ class _Search:
         return route(self.ground, self._work, *self._ends[i], reluctance, limit)
 
     def _near(self, paths: list[Polyline], radius: float) -> Nodes:
-        mark = np.zeros(len(self._is_known), bool)
+        mark = np.zeros(len(self.is_known), bool)
         for path in paths:
             mark_near(self.ground.cells, path, radius / self._cell, mark)
         return np.flatnonzero(mark)
 
     def _tried(self, nodes: Nodes, least: float) -> _Opening | None:
         """The opening of `nodes` with its gain; None as soon as the gain is certainly no more than `least`."""
-        concerned = self._concerned(nodes)
-        self.ground.is_free[nodes] = True
+        opened = self._with_gaps(nodes)
+        concerned = self._concerned(opened)
+        self.ground.is_free[opened] = True
         measured: dict[int, tuple[float, Polyline]] = {}
-        gain = -_CELL_COST * len(nodes)
+        gain = -_CELL_COST * len(opened)
         possible = sum(_misfit(self._ratios[j]) for j in concerned)
         for j in concerned:
             if gain + possible <= least:
@@ -191,8 +206,15 @@ class _Search:
             misfit = _misfit(self._ratios[j])
             gain += misfit - _misfit(measured[j][0])
             possible -= misfit
-        self.ground.is_free[nodes] = False
-        return _Opening(nodes, gain, measured) if gain > least else None
+        self.ground.is_free[opened] = False
+        return _Opening(nodes, opened, gain, measured) if gain > least else None
+
+    def _with_gaps(self, nodes: Nodes) -> Nodes:
+        """Nodes that become free when some open: these, and gaps beside them that are too narrow for a wall."""
+        opened = self._opened.copy()
+        opened[nodes] = True
+        found = self._body.added(opened, nodes)
+        return found[~self.ground.is_free[found]]
 
     def _concerned(self, nodes: Nodes) -> list[int]:
         """Records whose paths may become shorter when `nodes` are opened, those with the largest misfit first."""
@@ -215,22 +237,27 @@ class _Search:
             if self._ratios[i] >= _WRONG:
                 continue
             nodes = self._near([self._paths[i]], _CLOSED_RADIUS)
-            nodes = nodes[self.ground.is_free[nodes] & ~self._is_known[nodes]]
+            nodes = nodes[self._opened[nodes] & ~self.is_known[nodes]]
             if not len(nodes):
                 continue
             before = self.ground.is_free.copy(), self._ratios.copy(), list(self._paths)
-            self.ground.is_free[nodes] = False
+            opened = self._opened.copy()
+            self._opened[nodes] = False
+            is_free = self._body.closed(self._opened)
+            shut = np.flatnonzero(self.ground.is_free & ~is_free)
+            self.ground.is_free[:] = is_free
             self.ground.price[nodes] += _CLOSED_PRICE
-            self._measure_again(nodes)
+            self._measure_again(shut)
             self._open([j for j in self._order if self._ratios[j] > before[1][j] or not math.isfinite(self._ratios[j])])
             if sum(map(_misfit, self._ratios.tolist())) >= sum(map(_misfit, before[1].tolist())) - 1e-6:
+                self._opened[:] = opened
                 self.ground.is_free[:], self._ratios, self._paths = before
                 self._number_parts()
 
     def _measure_again(self, closed: Nodes) -> None:
         """Measures the records whose paths use closed nodes."""
         self._number_parts()
-        mark = np.zeros(len(self._is_known), bool)
+        mark = np.zeros(len(self.is_known), bool)
         mark[closed] = True
         for j, path in enumerate(self._paths):
             if is_touched(self.ground.cells, path, mark):

@@ -9,13 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.types import AGENT_RADIUS, CAMERA_HEIGHT
+from sim.types import CAMERA_HEIGHT
 
 REACH = 1.0
 """Largest planar distance from a view point to the object's box (metres; GOAT's view points, DATA_FORMAT.md)."""
 _LATTICE = 0.25
 _LARGEST, _SMALLEST = 1.6, 0.6
 """Largest and smallest factor by which the places may change the usual width and depth."""
+_CLEAR = 0.25
+"""Distance of a box from places (metres): the body in whole cells, and one cell that a map of the box loses."""
 _THINNEST = 0.04
 _BESIDE = 0.3
 _SIDES = (0.0, math.pi / 2, math.pi, -math.pi / 2)
@@ -64,15 +66,17 @@ def fitted_footprint(
 
 
 def clipped(half: Points, blocked: Points) -> Points:
-    """The half extents (2,), shrunk until every place (B, 2) is AGENT_RADIUS away from the box."""
+    """The half extents (2,), shrunk until every place (B, 2) is _CLEAR away from the box, if it can be so thin."""
     half = half.copy()
     away = np.abs(blocked)
-    away = away[(away < half + AGENT_RADIUS).all(axis=1)]
+    away = away[(away < half + _CLEAR).all(axis=1)]
     for point in away[np.argsort(away.max(axis=1), kind="stable")]:
-        if (point < half + AGENT_RADIUS).all():
-            choices = [half.copy(), half.copy()]
-            for axis, choice in enumerate(choices):
-                choice[axis] = min(half[axis], max(_THINNEST, point[axis] - AGENT_RADIUS))
+        if (point < half + _CLEAR).all():
+            axes = np.flatnonzero(point - _CLEAR >= _THINNEST)
+            choices = []
+            for axis in axes if len(axes) else (0, 1):
+                choices.append(half.copy())
+                choices[-1][axis] = min(half[axis], max(_THINNEST, point[axis] - _CLEAR))
             half = max(choices, key=lambda choice: float(min(choice) + 0.1 * choice.sum()))
     return half
 

@@ -10,10 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.episodes.schema import Goal
+from sim.types import SUCCESS_RADIUS
 
+from ..cells import CELL
 from ..furniture.appearance import finish_from_text
 from ..furniture.families import Family, Mounting, look_of
 from ..plan import Furniture, Storey
+from .approaches import APART, NEAR_ENOUGH, came_near
 from .footprints import Footprint, Points, clipped, fitted_footprint, in_the_way
 from .recorded import Recorded, original_places
 
@@ -35,6 +38,8 @@ _SURFACES: dict[Family, float] = {"bed": 0.62, "bunk bed": 0.5, "sofa": 0.5, "ar
 """Height at which things lie on a piece, as a share of its height; 1 for all other families."""
 _MATTRESS = 0.52
 """Largest height of a bed's mattress, even with a high headboard (metres; furniture/seating.py)."""
+_NARROW = 2 * (NEAR_ENOUGH - CELL - APART)
+"""Largest lesser side of a standing thing that the robot only came near to on top of it (metres)."""
 _RIM = 0.06
 """Height by which a piece reaches above places on top of it (metres)."""
 _LIE_IF_HIGH: tuple[Family, ...] = ("box", "basket", "bin", "plant", "stove", "washing machine", "suitcase")
@@ -94,6 +99,11 @@ def recovered_pieces(
                 supports.append(support)
                 mountings[support.name] = "wall" if support.category == _SHELF else "floor"
     return (*(found[fact.goal.object_name] for fact in facts), *supports), mountings
+
+
+def is_solid(piece: Furniture) -> bool:
+    """Whether a robot can neither stand on a standing piece nor pass below it."""
+    return piece.size[1] > _ON_TOP and look_of(piece.category).family != "stair"
 
 
 def _facts(goal: Goal, storeys: Sequence[Storey]) -> _Facts:
@@ -179,13 +189,25 @@ def _footprint(fact: _Facts, recorded: Recorded, *, height: float) -> Footprint:
     if fact.mounting == "floor":
         is_in_the_way &= places[near, 1] < fact.ground + _ON_TOP
     blocked = np.zeros((0, 2)) if fact.family == "flat" else offsets[is_in_the_way]
-    return fitted_footprint(
+    footprint = fitted_footprint(
         (seen_from.reshape(-1, 3) - goal.position)[:, [0, 2]],
         offsets[np.abs(places[near, 1] - fact.ground) < 0.5],
         usual=(fact.usual[0], fact.usual[2]),
         blocked=blocked,
         is_thin=fact.mounting == "wall",
     )
+    if fact.mounting != "floor" or _was_reached(fact):
+        return footprint
+    yaw, width, depth = footprint
+    return Footprint(yaw, min(width, _NARROW), depth) if width < depth else Footprint(yaw, width, min(depth, _NARROW))
+
+
+def _was_reached(fact: _Facts) -> bool:
+    """Whether the robot stood on the floor near enough to a thing, or never came as near to it."""
+    places = original_places(fact.goal)
+    away = np.hypot(*(places - fact.goal.position)[:, [0, 2]].T)
+    is_on_floor = places[:, 1] < fact.ground + _ON_TOP
+    return not came_near(fact.goal) or bool((is_on_floor & (away <= SUCCESS_RADIUS)).any())
 
 
 def _support_of(fact: _Facts, bases: Sequence[Furniture]) -> Furniture | None:

@@ -1,6 +1,6 @@
-"""Finds the space of a schematic home that is open but not walkable: low steps along lines of sight and below objects.
+"""Finds the open space of a schematic home that is not walkable: blocks below lines of sight, floor below objects.
 
-Recorded view points and recovered objects -> `CellGrid.plinth`, for `recover`. All other space is wall.
+Recorded view points and recovered objects -> `CellGrid.plinth`, for `recover_plan`. All other space is wall.
 """
 
 import math
@@ -20,14 +20,14 @@ from ..images import grown, parts_of
 from ..plan import Furniture, Storey
 from .recorded import Recorded, original_places
 
-STEP = 0.08
-"""Height of a step above the floor beside it (metres): easy to see, and lower than everything on the floor."""
-LOW_STEP = 0.02
-"""Height of a step below objects, and where a line of sight comes down to them (metres)."""
-_OVER_STEP = 0.15
-"""Least height of a line of sight above a step (metres)."""
-_BEHIND = 0.2
-"""Depth of the wall behind a hanging object (metres)."""
+BLOCKS = (0.0, 0.45, 0.65)
+"""Heights of blocks above the floor (metres): below the camera, and too high to step on; 0 is floor."""
+_OVER_BLOCK = 0.05
+"""Least height of a line of sight above a block (metres)."""
+_UPPER = 0.35
+"""Lines of sight end this share of the object's height above its centre."""
+_BEHIND, _RIGHT_BEHIND = 0.2, 0.05
+"""Depth of the wall behind a hanging object, without and inside other objects (metres)."""
 _BUILT_IN = 0.2
 """An object with less depth is the front of a thing inside a wall, such as a wardrobe or a dishwasher (metres)."""
 _SMALL_HOLE = 0.3
@@ -40,17 +40,15 @@ Masks = NDArray[np.bool_]
 class _Open(NamedTuple):
     """Cells by storey (S, rows, cols)."""
 
-    seen: Masks
-    """Cells on a line of sight."""
-    low: Masks
-    """Cells where a step must be low."""
+    least: NDArray[np.float64]
+    """Height above the floor of the lowest line of sight over each cell; inf where there is none, metres."""
     below: Masks
     """Cells below an object."""
     wall: Masks
     """Cells right behind an object that hangs on a wall."""
 
 
-def step_cells(
+def block_cells(
     recorded: Recorded,
     pieces: Sequence[Furniture],
     mountings: Mapping[str, Mounting],
@@ -58,7 +56,7 @@ def step_cells(
     *,
     grid: CellGrid,
 ) -> Cells:
-    """Cells that are open but not floor, with the heights of their steps.
+    """Cells that are open but not walkable, with the heights of the blocks on them, or of the floor below objects.
 
     A piece that hangs on a wall, by its mounting, keeps a wall behind it where no line of sight passes; `grid` has its
     walkable cells.
@@ -69,14 +67,17 @@ def step_cells(
     parts = []
     for k in range(len(storeys)):
         is_floor = ~np.isnan(floors[k])
-        opened = marks.seen[k] | marks.below[k] | (_dilated(marks.seen[k] | marks.below[k]) & ~marks.wall[k])
+        least = ndimage.minimum_filter(marks.least[k], 3)
+        seen = np.isfinite(least) & ~marks.wall[k]
+        opened = seen | _dilated(marks.below[k]) & ~marks.wall[k]
         opened |= _small_holes(opened | is_floor, marks.wall[k])
         rows, cols = np.nonzero(opened & ~is_floor)
         base = grown(floors[k], math.inf)[rows, cols]
         # far from a storey's floor (a void, a stair well) the storey's height is used, not a neighbour on the stairs
         y = np.where(np.abs(base - floor_y[k]) < _OWN_FLOOR, base, floor_y[k])
-        low = _dilated(marks.low[k] | marks.below[k])[rows, cols]
-        parts.append((np.stack([rows, cols], axis=1), np.round(y / 0.05) * 0.05 + np.where(low, LOW_STEP, STEP)))
+        height = np.asarray(BLOCKS)[np.searchsorted(BLOCKS, np.maximum(least - _OVER_BLOCK, 0), side="right") - 1]
+        height = np.where(_dilated(marks.below[k]), 0.0, height)[rows, cols]
+        parts.append((np.stack([rows, cols], axis=1), np.round(y / 0.05) * 0.05 + height))
     rc = np.concatenate([part[0] for part in parts])
     return Cells(rc, np.concatenate([part[1] for part in parts]), np.zeros(len(rc), bool))
 
@@ -88,18 +89,29 @@ def _marks(
     floor_y: NDArray[np.float64],
     grid: CellGrid,
 ) -> _Open:
-    marks = _Open(*(np.zeros((len(floor_y), *grid.shape), bool) for _ in range(4)))
+    shape = (len(floor_y), *grid.shape)
+    marks = _Open(np.full(shape, np.inf), np.zeros(shape, bool), np.zeros(shape, bool))
+    taken, hung, held = np.zeros((3, *shape), bool)
     for piece in pieces:
         goal = recorded.goals.get(piece.name)
         own_y = piece.bottom_y if goal is None else goal.floor_y
         k = int(np.abs(floor_y - own_y).argmin())
         if goal is not None:
-            _mark_sights(marks, k, original_places(goal), np.array(goal.position), floor_y[k], grid)
-        marks.below[k][piece.rect.cells(grid.grid)] = True
+            upper = np.array(goal.position) + np.array([0, _UPPER * piece.size[1], 0])
+            _mark_sights(marks, k, original_places(goal), upper, floor_y[k], grid)
         mounting = mountings[piece.name]
+        own = piece.rect.cells(grid.grid)
+        if mounting in ("floor", "on"):
+            marks.below[k][own] = True
+        else:
+            marks.least[k][own] = np.minimum(marks.least[k][own], piece.bottom_y - floor_y[k])
         if mounting == "wall" or (mounting == "floor" and piece.size[2] < _BUILT_IN):
-            marks.wall[k][piece.rect.beside(piece.yaw + math.pi, _BEHIND).cells(grid.grid)] = True
-            marks.wall[k][piece.rect.cells(grid.grid)] = False
+            behind = piece.yaw + math.pi
+            marks.wall[k][piece.rect.beside(behind, _BEHIND).cells(grid.grid)] = True
+            hung[k][own] = True
+            held[k][piece.rect.beside(behind, _RIGHT_BEHIND).cells(grid.grid)] = mounting == "wall"
+        taken[k][own] = True
+    marks.wall[taken & ~held | hung | np.isfinite(marks.least)] = False
     return marks
 
 
@@ -114,9 +126,7 @@ def _mark_sights(
     eyes = places + np.array([0.0, CAMERA_HEIGHT, 0.0])
     points = eyes * (1 - share[..., None]) + centre * share[..., None]  # (num, V, 3)
     rc = grid.grid.rc_from_xz(points[..., [0, 2]])
-    low = points[..., 1] - floor_y < STEP + _OVER_STEP
-    marks.seen[k, rc[..., 0], rc[..., 1]] = True
-    marks.low[k, rc[low][:, 0], rc[low][:, 1]] = True
+    np.minimum.at(marks.least[k], (rc[..., 0], rc[..., 1]), points[..., 1] - floor_y)
 
 
 def _dilated(mask: Masks) -> Masks:

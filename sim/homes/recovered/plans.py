@@ -4,6 +4,7 @@ Episode files -> HomePlan, kept on disk. Floor: walkable.py; objects: objects.py
 """
 
 import math
+import re
 from collections import Counter
 from collections.abc import Sequence
 
@@ -16,14 +17,15 @@ from sim.types import SPLITS, STOREY_GAP, Split
 from sim.walk.storeys import same_storey
 
 from ..cells import CELL, CellGrid, runs_from_cells
-from ..plan import Furniture, HomePlan, Storey, stored_plan
+from ..plan import Furniture, HomePlan, Storey, floor_name, stored_plan
+from .cords import cords
 from .names import room_texts
-from .objects import recovered_pieces
-from .open_space import step_cells
+from .objects import is_solid, recovered_pieces
+from .open_space import block_cells
 from .recorded import Recorded, recorded_facts
 from .rooms import recovered_rooms
 from .unhidden import unhidden
-from .walkable import walkable_cells
+from .walkable import reached_places, walkable_cells
 
 MARGIN = 2.0
 """Width of the empty border around the standing points (metres)."""
@@ -35,7 +37,6 @@ _ABOVE_TOP = 0.05
 _SLAB = 0.1
 _BESIDE = 2.2
 """Storeys with a smaller height difference are side by side, as in a home on a slope (metres)."""
-_FLOOR_LABELS = {"0": "ground floor", "1": "first floor", "2": "second floor", "-1": "basement"}
 
 
 def recover_plan(dataset: PersonalDataset, scene: str, *, splits: tuple[Split, ...] = SPLITS) -> HomePlan:
@@ -64,11 +65,15 @@ def _recovered(dataset: PersonalDataset, scene: str, splits: tuple[Split, ...]) 
     storeys = _storeys(recorded)
     pieces, mountings = recovered_pieces(recorded, storeys)
     pieces = unhidden(pieces, recorded.goals)
-    storeys = _with_ceilings(storeys, [piece for piece in pieces if mountings[piece.name] == "floor"])
+    standing = [piece for piece in pieces if mountings[piece.name] == "floor"]
+    storeys = _with_ceilings(storeys, standing)
     grid = _empty_grid(recorded.places)
-    grid = grid.model_copy(update={"walkable": runs_from_cells(walkable_cells(recorded, storeys, grid=grid))})
-    steps = step_cells(recorded, pieces, mountings, storeys, grid=grid)
-    grid = grid.model_copy(update={"plinth": runs_from_cells(steps)})
+    solid = [piece for piece in standing if is_solid(piece)]
+    floor = walkable_cells(recorded, storeys, grid=grid, pieces=pieces, solid=solid)
+    grid = grid.model_copy(update={"walkable": runs_from_cells(floor)})
+    blocks = block_cells(recorded, pieces, mountings, storeys, grid=grid)
+    grid = grid.model_copy(update={"plinth": runs_from_cells(blocks)})
+    pieces += cords(pieces, mountings, storeys, grid=grid)
     found = recovered_rooms(room_texts(recorded.episodes), recorded.goals, storeys, grid=grid)
     furniture = tuple(
         piece.model_copy(update={"room": found.room_of[_nearest_goal(piece, pieces)]}) for piece in pieces
@@ -91,16 +96,22 @@ def _nearest_goal(piece: Furniture, pieces: Sequence[Furniture]) -> str:
 
 
 def _storeys(recorded: Recorded) -> tuple[Storey, ...]:
-    """Storeys with floors at the most frequent heights of points, at least STOREY_GAP apart."""
-    left = np.sort(recorded.standing[:, 1])
+    """Storeys with floors at the most frequent heights of points, at least STOREY_GAP apart.
+
+    Extra places count where the standing ones know of no storey.
+    """
     found: list[float] = []
-    while len(left):
-        inside = np.searchsorted(left, left + _SAME_HEIGHT, side="right") - np.arange(len(left))
-        first = int(inside.argmax())
-        height = float(np.median(left[first : first + inside[first]]))
-        if not found or inside[first] >= _FEWEST:
-            found.append(height)
-        left = left[~same_storey(left, height)]
+    for is_extra in (False, True):
+        left = np.sort((reached_places(recorded, found) if is_extra else recorded.standing)[:, 1])
+        for height in found:
+            left = left[~same_storey(left, height)]
+        while len(left):
+            inside = np.searchsorted(left, left + _SAME_HEIGHT, side="right") - np.arange(len(left))
+            first = int(inside.argmax())
+            height = float(np.median(left[first : first + inside[first]]))
+            if not found or inside[first] >= _FEWEST:
+                found.append(height)
+            left = left[~same_storey(left, height)]
     found.sort()
     labels = [_label(recorded, height, index) for index, height in enumerate(found)]
     return tuple(
@@ -125,7 +136,7 @@ def _with_ceilings(storeys: tuple[Storey, ...], standing: Sequence[Furniture]) -
 def _label(recorded: Recorded, height: float, index: int) -> str:
     labels = Counter(g.floor_id for g in recorded.goals.values() if abs(g.floor_y - height) < STOREY_GAP / 2)
     label = labels.most_common(1)[0][0] if labels else str(index)
-    return _FLOOR_LABELS.get(label, f"floor {label}")
+    return floor_name(int(label)) if re.fullmatch(r"-?[0-9]{1,2}", label) else f"floor {label}"
 
 
 def _empty_grid(standing: NDArray[np.float64]) -> CellGrid:

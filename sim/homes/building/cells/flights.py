@@ -4,11 +4,10 @@ import itertools
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from sim.types import GridSpec
 
-from ...images import cells_of, nearest, neighbours, parts_of
+from ...images import cells_of, nearest, neighbours
 from ..fittings import add_railing
 from ..quads import QuadBuilder
 from ..stairs import RISER_FINISH, STRING_FINISH, TREAD_FINISH
@@ -17,16 +16,10 @@ from .outlines import Straight, WallLines, outline, straight_lines
 from .storeys import StoreyCells, between
 from .surfaces import edges_where, level_quads, side_quads
 
-RISE = 0.17
-"""Height of a step (metres)."""
-_FLAT = 0.17
-"""Recorded heights this near a storey's floor are that floor (metres)."""
 _RISER = 0.6
 """Largest height difference of neighbouring cells with a riser between them (metres)."""
 _EDGE = 0.05
 """Smallest height difference of neighbouring cells with a riser between them (metres)."""
-_SMOOTH = 2.0
-"""Recorded heights of flights are smoothed with a Gaussian of this standard deviation (cells)."""
 _STRING = 0.06
 """Thickness of a flight's side (metres)."""
 _CURB = 0.04
@@ -44,47 +37,8 @@ _MIN_RAIL = 6
 Heights = NDArray[np.float64]
 
 
-def stepped(heights: Heights, floor_y: float) -> Heights:
-    """Heights of one layer as level steps; heights near the floor become the floor's height."""
-    above = heights - floor_y
-    return np.where(np.abs(above) < _FLAT, floor_y, floor_y + np.round(above / RISE) * RISE)
-
-
-def with_whole_flights(floors: Heights, floors_y: list[float]) -> Heights:
-    """Layers in which flights also hold their first and last steps, which lie near a storey's floor.
-
-    Args:
-        floors: (2 * S - 1, rows, cols) heights: even layers are storeys, odd ones the flights from there up.
-        floors_y: Heights of the storeys' floors.
-    """
-    found = floors.copy()
-    for layer in range(1, len(floors), 2):
-        flight = ~np.isnan(floors[layer])
-        low = floors[layer - 1] > floors_y[layer // 2] + _FLAT
-        high = floors[layer + 1] < floors_y[layer // 2 + 1] - _FLAT
-        parts, count = parts_of(flight | low | high, diagonal=True)
-        if not count:
-            continue
-        touched = np.bincount(parts.ravel(), flight.ravel()) > 0
-        touched[0] = False
-        whole = touched[parts]
-        steps = np.where(flight, floors[layer], np.where(high, floors[layer + 1], floors[layer - 1]))
-        found[layer] = np.where(whole, _smoothed(np.where(whole, steps, np.nan)), np.nan)
-        found[layer - 1][whole & low] = np.nan
-        found[layer + 1][whole & high] = np.nan
-    return found
-
-
-def _smoothed(heights: Heights) -> Heights:
-    """Recorded heights without their noise, so that steps have straight edges; cells without height do not count."""
-    known = ~np.isnan(heights)
-    weight = ndimage.gaussian_filter(known.astype(float), _SMOOTH)
-    total = ndimage.gaussian_filter(np.where(known, heights, 0.0), _SMOOTH)
-    return np.where(known, total / np.maximum(weight, 1e-9), np.nan)
-
-
 def add_steps(builder: QuadBuilder, grid: GridSpec, surfaces: Heights) -> None:
-    """Adds the treads of all flights, and risers wherever one surface is a step above another.
+    """Treads of all flights, and risers wherever one surface is a step above another.
 
     `surfaces` (2 * S - 1, rows, cols) are heights of drawn floors and steps: even layers are storeys, odd ones flights.
     """
@@ -103,13 +57,12 @@ def add_steps(builder: QuadBuilder, grid: GridSpec, surfaces: Heights) -> None:
                 builder.add_quads(quads, RISER_FINISH)
 
 
-def flight_surface(flight: Heights, floor_y: float) -> Heights:
+def flight_surface(flight: Heights) -> Heights:
     """Heights of a flight's steps, (rows, cols), out to its straightened sides."""
     mask = ~np.isnan(flight)
     if not mask.any():
         return flight
-    steps = stepped(flight, floor_y)[nearest(mask)]
-    return np.where(between(mask, straight_lines(outline(mask))), steps, np.nan)
+    return np.where(between(mask, straight_lines(outline(mask))), flight[nearest(mask)], np.nan)
 
 
 def add_strings(
@@ -164,6 +117,8 @@ def add_railings(builder: QuadBuilder, storeys: list[StoreyCells], surfaces: Hei
         for layer in (2 * k - 1, 2 * k + 1):
             if 0 <= layer < len(surfaces):
                 level, flight = surfaces[2 * k], surfaces[layer]
+                if layer < 2 * k < len(surfaces) - 1:  # no railing on the floor below the steps of a flight up
+                    level = np.where(np.isnan(surfaces[2 * k + 1]), level, np.nan)
                 # a railing stands on the higher side: on the floor around a well, on the steps of a flight up
                 base = level if layer < 2 * k else flight
                 for line in straight_lines(_drops(storey, level, flight)):

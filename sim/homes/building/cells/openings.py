@@ -1,26 +1,30 @@
-"""Windows, door frames and ceiling lamps of a home given as cells: decoration that blocks no path and no view."""
+"""Windows, doorways and ceiling lamps of a home given as cells: decoration that blocks no path and no view."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...images import distance_to, widened
 from ...plan import Rect
-from ..fittings import add_door_frame, add_strip, add_window
+from ..fittings import add_strip, add_window
 from ..quads import QuadBuilder, spot_on_wall
 from ..walls import WallPiece, add_wall_piece
-from .flights import stepped
 from .storeys import StoreyCells, StoreyLine
 
-_WINDOW = (1.2, 1.15)
-_SILL = 0.92
+_WINDOW = (1.2, 1.0)
+_SILL = 1.24
+"""Height of a window above the floor (metres): the sill's board stands out into the room, and a map of the mesh needs
+1.2 m below it, the body in whole voxels and a floor that lies anywhere inside a voxel."""
 _WINDOW_EVERY = 2.8
 _MIN_WALL = 1.7
 _OUTSIDE = (0.3, 0.6, 0.9, 1.2)
 """A wall is an outer wall if no place at these distances behind it is inside the storey (metres)."""
 _DOOR = (0.6, 1.5)
-"""Narrowest and widest gap between rooms that gets a door frame (metres)."""
+"""Narrowest and widest gap between rooms that is a doorway (metres)."""
 _DOOR_TOP = 2.05
-_FRAME_DEPTH = 0.1
+_WALL_DEPTH = 0.1
+"""Thickness of the wall over a doorway (metres)."""
+_INTO_WALL = 0.02
+"""Length by which it reaches into the walls beside it (metres); more would show on their other side."""
 _STRIP_CLIMB = 0.05
 _LAMP_EVERY = 2.6
 _MAX_LAMPS = 4
@@ -71,31 +75,31 @@ def _is_taken(storey: StoreyCells, middle: Points, along: Points, out: Points) -
     )
 
 
-def add_door_frames(builder: QuadBuilder, storey: StoreyCells) -> None:
-    """Adds a frame with the wall over it where two rooms meet in a gap between walls; else a strip on the floor."""
+def add_doorways(builder: QuadBuilder, storey: StoreyCells) -> None:
+    """Adds the wall over a doorway where two rooms meet in a gap between walls, and a strip on every border's floor.
+
+    Doorways have no frame: it would take places from the robot, whose body just fits where a record proves a passage.
+    """
     at_wall = widened(storey.space.walls.corners(), 2)
     for line in storey.borders:
         width = line.length * storey.grid.cell
         start, end = (tuple(np.rint(point).astype(int)) for point in (line.start, line.end))
         is_gap = all(line.is_free) and bool(at_wall[start] and at_wall[end])
         if is_gap and _DOOR[0] <= width <= _DOOR[1]:
-            _add_door_frame(builder, storey, storey.placed(line))
+            _add_doorway(builder, storey, storey.placed(line))
         _add_strip(builder, storey, storey.placed(line))
 
 
-def _add_door_frame(builder: QuadBuilder, storey: StoreyCells, line: StoreyLine) -> None:
-    """Adds a frame across a gap between rooms, and the wall over it."""
+def _add_doorway(builder: QuadBuilder, storey: StoreyCells, line: StoreyLine) -> None:
+    """Adds the wall over a gap between rooms."""
     middle = (line.start + line.end) / 2
-    floor_y = _floor_at(storey, middle)
-    top = floor_y + _DOOR_TOP
+    top = _floor_at(storey, middle) + _DOOR_TOP
     if top + 0.15 > storey.ceiling_y:
         return
-    spot = spot_on_wall(middle, line.left, floor_y)
-    add_door_frame(builder, spot, (line.length, _DOOR_TOP), thickness=_FRAME_DEPTH)
-    ends = [line.start - line.along * 0.1, line.end + line.along * 0.1]
+    ends = [line.start - line.along * _INTO_WALL, line.end + line.along * _INTO_WALL]
     beside = [storey.rooms[tuple(storey.grid.rc_from_xz(middle + line.left * by))] for by in (0.2, -0.2)]
     finishes = [storey.room(int(number)).wall for number in beside]
-    corners = [p + line.left * by for by in (_FRAME_DEPTH / 2, -_FRAME_DEPTH / 2) for p in ends]
+    corners = [p + line.left * by for by in (_WALL_DEPTH / 2, -_WALL_DEPTH / 2) for p in ends]
     add_wall_piece(
         builder,
         WallPiece(
@@ -108,7 +112,7 @@ def _add_door_frame(builder: QuadBuilder, storey: StoreyCells, line: StoreyLine)
 def _add_strip(builder: QuadBuilder, storey: StoreyCells, line: StoreyLine) -> None:
     """Adds a flat strip over the border of two floors, where it is level."""
     rc = storey.grid.rc_from_xz(np.linspace(line.start, line.end, max(2, int(line.length / storey.grid.cell))))
-    heights = stepped(storey.space.floor[tuple(rc.T)], storey.floor_y)
+    heights = storey.space.floor[tuple(rc.T)]
     numbers = np.unique(storey.rooms[tuple(rc.T)]).tolist()
     is_one_floor = all(storey.room(number).floor == storey.room(numbers[0]).floor for number in numbers)
     if np.isnan(heights).any() or np.ptp(heights) > _STRIP_CLIMB or is_one_floor:

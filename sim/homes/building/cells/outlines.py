@@ -139,12 +139,20 @@ def _without_scraps(walls: WallLines) -> WallLines:
 
 _LONG_RUN = 9
 """Straight runs of this many cells keep both ends, shorter runs only their middle, so that stairs become diagonals."""
-_TOLERANCE = 1.8
+_TOLERANCE = 0.5
 """Corners of a wall lie at most this far from its straight line (cells)."""
-_SLANT = 2.6
+_SLANT = 0.5
 """Lines that deviate from an axis by fewer cells than this are made parallel to it."""
-_SPREAD = 3.0
+_SPREAD = 0.5
 """Lines that get a common coordinate lie within this many cells."""
+_CLEARED = 0.04
+"""Lines beside clear cells keep this far from them (cells)."""
+_GRAZED = 0.3
+"""A line is also moved away from the next corners of its wall where it cuts less than this far into them (cells)."""
+_ROUNDS = 4
+"""Number of times that lines are moved."""
+_STAY = 1e-3
+"""Weight with which points stay where they are, so that lines in one direction have one meeting point."""
 _MITER = 2.0
 """Longest offset at a corner, as a multiple of the wall's."""
 
@@ -187,8 +195,13 @@ class _Kept(NamedTuple):
     at: list[float]
 
 
-def straight_lines(walls: WallLines, *, tolerance: float = _TOLERANCE) -> list[Straight]:
-    """The walls as straight lines, at most `tolerance` cells away; lines that met in a corner still meet there."""
+def straight_lines(
+    walls: WallLines, *, tolerance: float = _TOLERANCE, clear: NDArray[np.bool_] | None = None
+) -> list[Straight]:
+    """The walls as straight lines, at most `tolerance` cells away; lines that met in a corner still meet there.
+
+    Lines between a cell of `clear` (rows, cols) and another cell are then moved until they cut no cell of `clear`.
+    """
     chains = chains_of(walls)
     places: list[tuple[float, float]] = []
     number: dict[tuple[float, ...], int] = {}
@@ -205,6 +218,8 @@ def straight_lines(walls: WallLines, *, tolerance: float = _TOLERANCE) -> list[S
             ids.append(number[key])
         kept.append(_Kept(ids, at))
     where = _on_axes(np.array(places, float).reshape(-1, 2), kept)
+    if clear is not None:
+        where = _moved_out(chains, kept, where, clear)
     degree = np.bincount([end for chain in kept for end in (chain.points[0], chain.points[-1])], minlength=len(where))
     return [
         line for chain, line_ids in zip(chains, kept, strict=True) for line in _lines(chain, line_ids, where, degree)
@@ -290,6 +305,49 @@ def _on_axes(places: Points, kept: list[_Kept]) -> Points:
         )
         moved[:, axis] = mean[group]
     return moved
+
+
+def _moved_out(chains: list[Chain], kept: list[_Kept], where: Points, clear: NDArray[np.bool_]) -> Points:
+    """The points (P, 2), moved until the lines beside clear cells cut none of them.
+
+    Each line would move by the largest depth to which it cuts; a point moves to where its moved lines meet.
+    """
+    ends, signs, corners, own = [], [], [], []
+    for chain, line_ids in zip(chains, kept, strict=True):
+        left, right = (clear[side[:, 0], side[:, 1]] for side in chain.cells())
+        bounds = np.round(line_ids.at).astype(int)
+        for k, pair in enumerate(itertools.pairwise(line_ids.points)):
+            low, high = bounds[k], max(bounds[k + 1], bounds[k] + 1)
+            steps = np.arange(low, high) % len(left)
+            is_left, is_right = (2 * np.count_nonzero(side[steps]) >= len(steps) for side in (left, right))
+            if is_left != is_right:
+                ends.append(pair)
+                signs.append(1.0 if is_right else -1.0)  # the line moves to the left, or to the right
+                near = np.arange(low - 1, high + 2)
+                if not chain.is_closed:
+                    near = near[(near >= 0) & (near <= len(left))]
+                corners.append(chain.corners[near % len(left) if chain.is_closed else near])
+                own.append((near >= low) & (near <= high))
+    if not ends:
+        return where
+    (first, last), sign, points = np.array(ends).T, np.array(signs), np.concatenate(corners)
+    counts = np.array([len(part) for part in corners])
+    line, is_own = np.repeat(np.arange(len(counts)), counts), np.concatenate(own)
+    for _ in range(_ROUNDS):
+        normal = _left_of(where[last] - where[first]) * sign[:, None]
+        along, away = (where[last] - where[first])[line], points - where[first][line]
+        share = (away * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-9)
+        depth = (away * normal[line]).sum(axis=1)
+        depth[~((share >= 0) & (share <= 1) & (is_own | (depth < _GRAZED)))] = -np.inf
+        by = np.maximum(np.maximum.reduceat(depth, np.cumsum(counts) - counts) + _CLEARED, 0.0)
+        squares, wanted = np.tile(_STAY * np.eye(2), (len(where), 1, 1)), np.zeros((len(where), 2))
+        for end in (first, last):
+            np.add.at(squares, end, normal[:, :, None] * normal[:, None, :])
+            np.add.at(wanted, end, by[:, None] * normal)
+        moves = np.linalg.solve(squares, wanted[..., None])[..., 0]
+        length = np.hypot(*moves.T)[:, None]
+        where = where + moves * np.minimum(1.0, _MITER / np.maximum(length, 1e-9))
+    return np.round(where, 2)  # lines along an axis stay exactly along it
 
 
 def _lines(chain: Chain, kept: _Kept, where: Points, degree: NDArray[np.int64]) -> list[Straight]:

@@ -1,42 +1,37 @@
 """The inside of a storey given as cells: open space grown to whole rooms, and the walls between them.
 
 `layer_heights` and `floor_layers` turn runs into images; `storey_spaces` gives one `StoreySpace` per storey;
-`are_apart` finds neighbouring places with a long path between them.
+`are_apart` finds neighbouring places with a long way between them.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
-from sim.compiled import njit
-from sim.types import AGENT_RADIUS
 from sim.walk.storeys import nearest_storey
 
 from ...cells import CellGrid, Cells, cells_from_runs
-from ...images import distance_to, grown, nearest, parts_of, widened
+from ...images import distance_to, grown, nearest, parts_of
 from ...plan import HomePlan, Storey
-from .outlines import WallLines, without_bits
+from .outlines import WallLines
 from .surfaces import edges_where
 
 _STAIR_GAP = 0.9
 """Cells farther than this from every storey's floor belong to a stair layer (metres)."""
 SAME_FLOOR = 0.4
 """No wall stands between neighbouring cells whose heights differ by less (metres)."""
+_STEP = 0.05
+"""Cells that differ more from a storey's floor are no part of it where a flight goes on from them (metres)."""
 _HEADROOM = 1.0
 """A storey may continue below other floor that is this much higher than its own (metres)."""
 PAD = 24
 """Cells added on each side of the plan's grid, so that walls have room."""
-_PITCH = 4
-"""Walls keep to every _PITCH-th line of cells where possible, so that rooms get few corners."""
-_THIN = 13
-"""Solid blocks narrower than this many cells become thin walls, or floor where the path around them is short."""
-_EASY = 5
-"""Cells this near to walkable floor are drawn as floor; cells farther away are slightly raised."""
-_BAND = 7
-_MIN_RAISED = 60
-"""Raised places with fewer cells, or nowhere as wide as _BAND, become floor."""
+BODY = 4.13
+"""Cells up to this far from a place (cells) must be floor, or a map of the floor loses the place: Recast keeps 8 half
+cells from walls, 2 per side step and 3 per diagonal, which is AGENT_RADIUS in whole cells and the offsets (4, 1)."""
+_LEAST_BLOCK = 0.1
+"""Blocks lower than this above the floor are floor (metres)."""
 
 Image = NDArray[np.bool_]
 Heights = NDArray[np.float64]
@@ -46,13 +41,15 @@ class StoreySpace(NamedTuple):
     """One storey on the padded grid; images are (rows, cols)."""
 
     inside: Image
-    """Rooms, from wall to wall, with the flights that touch the storey."""
+    """Cells with floor: under the body of a robot, under a piece, or on a flight that touches the storey."""
+    open: Image
+    """Cells with floor or a low block: a room from wall to wall."""
+    block: Heights
+    """World height of the top of the low block on a cell, metres; nan where there is none."""
     walls: WallLines
-    """Edges between cells where walls stand."""
+    """Edges between floor, blocks and solid cells."""
     floor: Heights
     """Height of the floor, metres; outside, the height of the nearest floor; nan where there is none."""
-    raised: Image
-    """Cells inside where nobody walked; their floor is drawn a little higher and darker."""
     guessed: Image
     """Floor that the recovery guessed."""
     well: Image
@@ -77,9 +74,40 @@ def layer_heights(cells: Cells, shape: tuple[int, int], storeys: tuple[Storey, .
 
 
 def floor_layers(grid: CellGrid, storeys: tuple[Storey, ...]) -> Heights:
-    """Layers of `layer_heights` with the floor under the robot's whole body, not only under its centre."""
+    """Layers of `layer_heights` with the floor under the robot's whole body, not only under its centre.
+
+    The stair layers hold whole flights, from the first step to the last. Where a step and a floor would cover the same
+    place, the nearer one does.
+    """
     walkable = layer_heights(cells_from_runs(grid.walkable), grid.shape, storeys)
-    return np.stack([grown(layer, AGENT_RADIUS / grid.cell) for layer in walkable])
+    walkable = _with_whole_flights(walkable, [storey.floor_y for storey in storeys])
+    away = np.stack([distance_to(~np.isnan(layer)) for layer in walkable])
+    floors = np.stack([grown(layer, BODY) for layer in walkable])
+    for flight in range(1, len(floors), 2):
+        for level in (flight - 1, flight + 1):
+            clash = np.abs(floors[flight] - floors[level]) < _HEADROOM
+            is_step = away[flight] <= away[level]
+            floors[level][clash & is_step] = np.nan
+            floors[flight][clash & ~is_step] = np.nan
+    return floors
+
+
+def _with_whole_flights(heights: Heights, floors_y: list[float]) -> Heights:
+    """Layers in which flights also hold their first and last steps, which lie near a storey's floor."""
+    found = heights.copy()
+    for layer in range(1, len(heights), 2):
+        flight = ~np.isnan(heights[layer])
+        low = heights[layer - 1] > floors_y[layer // 2] + _STEP
+        high = heights[layer + 1] < floors_y[layer // 2 + 1] - _STEP
+        parts, _ = parts_of(flight | low | high, diagonal=True)
+        touched = np.bincount(parts.ravel(), flight.ravel()) > 0
+        touched[0] = False
+        whole = touched[parts]
+        steps = np.where(flight, heights[layer], np.where(high, heights[layer + 1], heights[layer - 1]))
+        found[layer] = np.where(whole, steps, np.nan)
+        found[layer - 1][whole & low] = np.nan
+        found[layer + 1][whole & high] = np.nan
+    return found
 
 
 def plinth_layers(grid: CellGrid, storeys: tuple[Storey, ...]) -> Heights:
@@ -105,10 +133,7 @@ def storey_spaces(plan: HomePlan, floors: Heights) -> list[StoreySpace]:
     """The inside of every storey of a home with cells; `floors` are its padded `floor_layers`."""
     assert plan.cells is not None
     plinth = padded(plinth_layers(plan.cells, plan.storeys), np.nan)
-    return [
-        _storey_space(plan, k, floors, ~np.isnan(plinth[2 * k]), guessed=~_known(plan, k))
-        for k in range(len(plan.storeys))
-    ]
+    return [_storey_space(plan, k, floors, plinth[2 * k], guessed=~_known(plan, k)) for k in range(len(plan.storeys))]
 
 
 def _known(plan: HomePlan, k: int) -> Image:
@@ -124,77 +149,50 @@ def _known(plan: HomePlan, k: int) -> Image:
     return known[nearest(~np.isnan(every))]
 
 
-def _storey_space(plan: HomePlan, k: int, floors: Heights, plinth: Image, *, guessed: Image) -> StoreySpace:
+def _storey_space(plan: HomePlan, k: int, floors: Heights, plinth: Heights, *, guessed: Image) -> StoreySpace:
     storey, ceiling_y = plan.storeys[k], ceiling_heights(plan.storeys)[k]
     level = floors[2 * k]
     is_level = ~np.isnan(level)
-    flights = np.zeros_like(plinth)
+    flights = np.zeros_like(is_level)
     for layer in (2 * k - 1, 2 * k + 1):
         if 0 <= layer < len(floors):
             flights |= ~np.isnan(floors[layer])
     for layer in range(2 * k + 2, len(floors), 2):  # the last steps of a flight belong to the storey above
         flights |= (floors[layer] >= storey.floor_y + _HEADROOM) & (floors[layer] < ceiling_y)
-    seen = is_level | plinth | flights
-    foreign = np.zeros_like(plinth)
+    seen = is_level | flights
+    everywhere = np.where(np.isnan(grown(level, np.inf)), storey.floor_y, grown(level, np.inf))
+    ground = (plinth < everywhere + _LEAST_BLOCK) & ~flights
+    block = np.where(seen | ground, np.nan, plinth)
+    seen |= ground
+    foreign = np.zeros_like(is_level)
     for layer in range(0, len(floors), 2):
         if layer != 2 * k:
             foreign |= (floors[layer] > storey.floor_y - 0.3) & (floors[layer] < storey.floor_y + _HEADROOM) & ~seen
-    inside = _rooms_around(seen) & ~foreign
+    inside = seen & ~foreign
+    block[foreign] = np.nan
     if not seen.any():
         nothing = np.zeros_like(inside)
-        return StoreySpace(nothing, WallLines.none(inside.shape), level, nothing, nothing, nothing)
+        return StoreySpace(nothing, ~np.isnan(block), block, WallLines.none(inside.shape), level, nothing, nothing)
     source = nearest(seen)
-    walls = without_bits(_walls(inside, seen, foreign, source, floors))
+    walls = _walls(inside, ~np.isnan(block), foreign, source, floors)
     goes_down = k > 0 and not np.isnan(floors[2 * k - 1]).all()
-    is_own = is_level | plinth
+    is_own = is_level | ground
     if k > 0:
         is_own |= ~np.isnan(floors[2 * k + 1]) & np.isnan(floors[2 * k - 1]) if 2 * k + 1 < len(floors) else False
     well = inside & ~is_own[source] if goes_down else np.zeros_like(inside)
-    everywhere = grown(level, np.inf)
-    floor = np.where(foreign | well, np.nan, np.where(np.isnan(everywhere), storey.floor_y, everywhere))
-    away = distance_to(is_level)
-    raised = inside & ~flights & (away > _EASY) & ~_under_thin_things(plan, k)
-    return StoreySpace(inside, walls, floor, _without_small(raised), guessed & (away <= _EASY) & inside, well)
-
-
-def _rooms_around(seen: Image) -> Image:
-    """Open space with a margin, on few straight lines, without narrow gaps and small islands."""
-    wide = widened(seen, 1)
-    starts = [(row, col) for row in range(_PITCH) for col in range(_PITCH)]
-    best = _on_pitch(wide, *min(starts, key=lambda start: int(_blocks(wide, *start).sum())))
-    solid = np.pad(~best, _THIN, constant_values=True).astype(np.uint8)
-    for axis in (0, 1):  # a morphological opening with a square, one axis at a time
-        solid = ndimage.minimum_filter1d(solid, _THIN, axis=axis)
-    for axis in (0, 1):
-        solid = ndimage.maximum_filter1d(solid, _THIN, axis=axis)
-    return solid[_THIN:-_THIN, _THIN:-_THIN] == 0
-
-
-def _blocks(image: Image, row: int, col: int) -> Image:
-    """Mask of the blocks of _PITCH by _PITCH cells that an image touches; blocks begin `row`, `col` cells early."""
-    after = [(-(size + first)) % _PITCH for size, first in zip(image.shape, (row, col), strict=True)]
-    wide = np.pad(image, ((row, after[0]), (col, after[1])))
-    blocks = wide.reshape(wide.shape[0] // _PITCH, _PITCH, wide.shape[1] // _PITCH, _PITCH)
-    return np.asarray(blocks.any(axis=(1, 3)), bool)
-
-
-def _on_pitch(image: Image, row: int, col: int) -> Image:
-    """All cells of the blocks that an image touches."""
-    rows, cols = image.shape
-    blocks = _blocks(image, row, col)
-    return blocks.repeat(_PITCH, axis=0).repeat(_PITCH, axis=1)[row : row + rows, col : col + cols]
+    floor = np.where(foreign | well, np.nan, everywhere)
+    return StoreySpace(inside, inside | ~np.isnan(block), block, walls, floor, guessed & is_level, well)
 
 
 def _walls(
-    inside: Image, seen: Image, foreign: Image, source: tuple[NDArray[np.int64], NDArray[np.int64]], floors: Heights
+    inside: Image, block: Image, foreign: Image, source: tuple[NDArray[np.int64], NDArray[np.int64]], floors: Heights
 ) -> WallLines:
-    """Walls around the inside, and within it between neighbouring places with a long path from one to the other."""
+    """Edges between floor, blocks and solid cells, but for those to level floor of another storey."""
     rc = np.stack(source, axis=-1)
+    kind = np.where(inside, 1, np.where(block, 2, 0))
 
     def stands(a: tuple[slice, slice], b: tuple[slice, slice], _: int) -> Image:
-        wall = inside[a] != inside[b]
-        unsure = inside[a] & inside[b] & ~(seen[a] & seen[b]) & (np.abs(rc[a] - rc[b]).sum(axis=-1) > 2)
-        wall[unsure] = are_apart(seen, rc[a][unsure], rc[b][unsure])
+        wall = kind[a] != kind[b]
         passage = wall & (foreign[a] | foreign[b])
         wall[passage] = ~_are_level(floors, rc[a][passage], rc[b][passage])
         return wall
@@ -203,76 +201,6 @@ def _walls(
 
 
 def _are_level(floors: Heights, rc_a: NDArray[np.int64], rc_b: NDArray[np.int64]) -> Image:
-    """Whether the floors at each pair of cells differ by less than SAME_FLOOR, on any two layers, (N,)."""
+    """Whether the floors nearest to each pair of cells are one step apart at most, on any layer, (N,)."""
     first, second = floors[:, rc_a[:, 0], rc_a[:, 1]], floors[:, rc_b[:, 0], rc_b[:, 1]]
     return np.asarray((np.abs(first[:, None] - second[None]) < SAME_FLOOR).any(axis=(0, 1)), bool)
-
-
-def _under_thin_things(plan: HomePlan, k: int) -> Image:
-    """Mask of cells under rugs, which raised floor would hide."""
-    assert plan.cells is not None
-    image = np.zeros(plan.cells.shape, bool)
-    storey = plan.storeys[k]
-    for piece in plan.furniture:
-        if piece.size[1] < 0.06 and abs(piece.centre[1] - storey.floor_y) < 0.3:
-            image[piece.rect.cells(plan.cells.grid)] = True
-    return padded(image)
-
-
-def _without_small(image: Image) -> Image:
-    image = np.asarray(ndimage.binary_opening(image, np.ones((_BAND, _BAND), bool)), bool)
-    parts, _ = parts_of(image)
-    large = np.bincount(parts.ravel()) >= _MIN_RAISED
-    large[0] = False
-    return large[parts]
-
-
-_DETOUR = 1.5
-_SLACK = 3
-"""Places are apart when the path between them is longer than _DETOUR times the straight line plus _SLACK cells."""
-
-
-def are_apart(free: NDArray[np.bool_], rc_a: NDArray[np.int64], rc_b: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether the path from each a to its b through free cells is long or does not exist.
-
-    Args:
-        free: (rows, cols) cells that a path may use, in steps along four directions.
-        rc_a: (N, 2) free cells.
-        rc_b: (N, 2) free cells.
-
-    Returns:
-        One value per pair, (N,).
-    """
-    if not len(rc_a):
-        return np.zeros(0, bool)
-    pairs, which = np.unique(np.concatenate([rc_a, rc_b], axis=1), axis=0, return_inverse=True)
-    return _apart(free, pairs)[which.reshape(-1)]
-
-
-@njit(cache=True, nogil=True)
-def _apart(free, pairs):
-    rows, cols = free.shape
-    found = np.ones(len(pairs), np.bool_)
-    seen = np.full((rows, cols), -1, np.int64)
-    queue = np.empty((rows * cols, 3), np.int32)
-    for n in range(len(pairs)):
-        r0, c0, r1, c1 = pairs[n, 0], pairs[n, 1], pairs[n, 2], pairs[n, 3]
-        limit = int(_DETOUR * (abs(r0 - r1) + abs(c0 - c1))) + _SLACK
-        queue[0, 0], queue[0, 1], queue[0, 2] = r0, c0, 0
-        seen[r0, c0] = n
-        first, last = 0, 1
-        while first < last and found[n]:
-            r, c, steps = queue[first, 0], queue[first, 1], queue[first, 2]
-            first += 1
-            if r == r1 and c == c1:
-                found[n] = False
-            for side in range(4):
-                rr = r + (side == 0) - (side == 1)
-                cc = c + (side == 2) - (side == 3)
-                if rr < 0 or cc < 0 or rr >= rows or cc >= cols or not free[rr, cc] or seen[rr, cc] == n:
-                    continue
-                if steps + 1 + abs(rr - r1) + abs(cc - c1) <= limit:
-                    seen[rr, cc] = n
-                    queue[last, 0], queue[last, 1], queue[last, 2] = rr, cc, steps + 1
-                    last += 1
-    return found

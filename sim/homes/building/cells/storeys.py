@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sim.types import GridSpec
 
-from ...images import nearest, parts_of, widened
+from ...images import grown, nearest, parts_of, widened
 from ...plan import HomePlan, Room
 from .outlines import Straight, WallLines, straight_lines
 from .spaces import PAD, StoreySpace, ceiling_heights, storey_spaces
@@ -56,7 +56,9 @@ class StoreyCells(NamedTuple):
     lines: list[Straight]
     """The straightened walls of the space."""
     covered: NDArray[np.bool_]
-    """(rows, cols) cells between the straightened walls and a little under them."""
+    """(rows, cols) cells of floor between the straightened walls and a little under them."""
+    block: NDArray[np.float64]
+    """(rows, cols) world height of the top of the low block on a cell, nan where there is none, metres."""
     rooms: Numbers
     """Index (rows, cols) of the nearest of the plan's rooms; borders between rooms are straight."""
     borders: list[Straight]
@@ -74,16 +76,21 @@ class StoreyCells(NamedTuple):
         """One of the plan's rooms."""
         return self.plan.rooms[number]
 
+    @property
+    def open(self) -> NDArray[np.bool_]:
+        """(rows, cols) cells of floor and of blocks."""
+        return self.covered | ~np.isnan(self.block)
+
     def ceiling_under(self, above: "StoreyCells | None") -> NDArray[np.bool_]:
         """Mask (rows, cols) of the storey's ceiling, which is open where a flight goes up to the storey above."""
         if above is None:
-            return self.covered
+            return self.open
         reaches = above.space.inside & (above.space.floor < self.ceiling_y + 0.05)
-        return self.covered & ~above.space.well & ~reaches
+        return self.open & ~above.space.well & ~reaches
 
     def placed(self, line: Straight) -> StoreyLine:
         """One of its walls or borders in the world."""
-        has_left, has_right = (bool(self.space.inside[tuple(side.T)].mean() >= 0.5) for side in (line.left, line.right))
+        has_left, has_right = (bool(self.space.open[tuple(side.T)].mean() >= 0.5) for side in (line.left, line.right))
         return StoreyLine(self.xz(line.start), self.xz(line.end), has_left, has_right)
 
     def xz(self, rc: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -101,13 +108,21 @@ def storeys_of_cells(plan: HomePlan, floors: NDArray[np.float64]) -> list[Storey
     grid = GridSpec(origin, cell, (rows, cols))
     found = []
     for k, space in enumerate(spaces):
-        lines = straight_lines(space.walls)
+        lines = straight_lines(space.walls, clear=space.inside)
         covered = between(space.inside, lines)
+        is_block = ~np.isnan(space.block)
+        block = (
+            np.where(between(is_block, lines) & ~covered, grown(space.block, np.inf), np.nan)
+            if is_block.any()
+            else space.block
+        )
         rooms = _rooms(plan, k)
-        borders = straight_lines(_open_borders(space, rooms), tolerance=_BORDER)
+        flights = [~np.isnan(floors[layer]) for layer in (2 * k - 1, 2 * k + 1) if 0 <= layer < len(floors)]
+        floor = space.inside & ~np.any(flights, axis=0) if flights else space.inside
+        borders = straight_lines(_open_borders(floor, space.walls, rooms), tolerance=_BORDER)
         rooms = _with_straight_borders(rooms, space, [*lines, *borders])
         below = ceilings[k - 1] if k else None
-        found.append(StoreyCells(plan, k, grid, space, lines, covered, rooms, borders, ceilings[k], below))
+        found.append(StoreyCells(plan, k, grid, space, lines, covered, block, rooms, borders, ceilings[k], below))
     return found
 
 
@@ -132,12 +147,12 @@ def _drawn(lines: list[Straight], shape: tuple[int, ...]) -> NDArray[np.bool_]:
     return found
 
 
-def _open_borders(space: StoreySpace, rooms: Numbers) -> WallLines:
-    """Edges between two rooms where no wall stands."""
-    walls = (space.walls.across[1:-1], space.walls.along[:, 1:-1])
+def _open_borders(floor: NDArray[np.bool_], walls: WallLines, rooms: Numbers) -> WallLines:
+    """Edges between the floors of two rooms where no wall stands."""
+    blocked = (walls.across[1:-1], walls.along[:, 1:-1])
 
     def is_border(a: tuple[slice, slice], b: tuple[slice, slice], axis: int) -> NDArray[np.bool_]:
-        return space.inside[a] & space.inside[b] & (rooms[a] != rooms[b]) & ~walls[axis]
+        return floor[a] & floor[b] & (rooms[a] != rooms[b]) & ~blocked[axis]
 
     return edges_where(is_border)
 
