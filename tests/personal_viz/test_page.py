@@ -90,6 +90,11 @@ def test_a_key_gets_its_place_and_the_browser_time_and_a_button_does_not(page: P
     assert page.wait().content == PressStop(code="button-stop")
     run(send(PressStop()))
     assert page.wait().content == PressStop()
+    page.own_keys = {"left": "KeyJ"}
+    run(send(Move(Action.LEFT, code="KeyA")))
+    assert page.wait().content == Move(Action.LEFT, code="KeyJ"), "an own key whose message was lost"
+    run(send(Move(Action.LEFT, code="button-left")))
+    assert page.wait().content == Move(Action.LEFT, code="button-left")
 
 
 def test_presses_while_a_frame_is_under_way_are_marked_busy(page: Page) -> None:

@@ -307,15 +307,18 @@ class Page:
             await self._on_camera(camera)
 
     def _with_press(self, content: Any) -> Any:
-        """The command of a key, with the key's place on the keyboard and the time of its press from the browser."""
+        """The command of a key, with the key's place on the keyboard and the time of its press from the browser.
+
+        viser may lose the message of a press; then an own key is known by its action, and the time is not.
+        """
         pressed, self._pressed = self._pressed, None
-        if pressed is None or not isinstance(content, Move | PressStop) or content.code.startswith("button"):
+        if not isinstance(content, Move | PressStop) or content.code.startswith("button"):
             return content
-        said, at_s = pressed
-        action = content.action if isinstance(content, Move) else Action.STOP
-        if said.action != action.value or time.monotonic() - at_s > PRESS_WITHIN_S:
-            return content
-        return dataclasses.replace(content, code=said.code, t_cli_ms=said.t_cli_ms)
+        action = (content.action if isinstance(content, Move) else Action.STOP).value
+        if pressed is not None and pressed[0].action == action and time.monotonic() - pressed[1] <= PRESS_WITHIN_S:
+            return dataclasses.replace(content, code=pressed[0].code, t_cli_ms=pressed[0].t_cli_ms)
+        own = next((code for name, code in self.own_keys.items() if name == action), content.code)
+        return dataclasses.replace(content, code=own)
 
 
 def relabel(button: viser.GuiButtonHandle, label: str, color: str | None = None) -> None:
