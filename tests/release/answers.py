@@ -57,16 +57,16 @@ def literal(name: str) -> Any:
 
 
 def homes_totals(dataset: Path, *scenes: str, plans: Path | None = None) -> dict[str, Any]:
-    """`homes --json` without the figures that depend on the machine or the mesh, such as seconds and megabytes."""
+    """`homes --json` without what depends on the machine or the mesh, such as seconds, megabytes and folders."""
     out = () if plans is None else ("--out", plans)
     chosen = ("--scene", *scenes) if scenes else ()
     report = json.loads(personal_viz("homes", "--dataset", dataset, *chosen, *out, "--json"))
-    of_the_mesh = ("build_s", "triangles", "glb_mb", "why_not_findable")
-    kept = {
-        name: {key: value for key, value in figures.items() if key not in of_the_mesh}
-        for name, figures in report["scenes"].items()
-    }
-    return {"total": report["total"], "scenes": kept}
+    left_out = ("build_s", "triangles", "glb_mb", "why_not_findable", "sources")
+    total, *scenes_kept = (
+        {key: value for key, value in figures.items() if key not in left_out}
+        for figures in (report["total"], *report["scenes"].values())
+    )
+    return {"total": total, "scenes": dict(zip(report["scenes"], scenes_kept, strict=True))}
 
 
 def ground_answers(dataset: Path, out: Path, method: str) -> dict[str, Any]:
