@@ -5,6 +5,7 @@ import math
 import re
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -109,27 +110,31 @@ def see_step(page: Page, number: int) -> None:
     expect(page.get_by_alt_text("What the robot sees")).to_have_attribute("data-step", str(number))
 
 
-def give_up(page: Page) -> None:
-    """Ends a search without an answer."""
+def give_up(page: Page) -> int:
+    """Ends a search without an answer; returns the number of presses."""
     button = page.get_by_role("button", name=GIVE_UP)
-    _end_search(page, button.click, "again to end this search", pause_ms=600)  # a double click is one press
+    return _end_search(page, button.click, "again to end this search", pause_ms=600)  # a double click is one press
 
 
-def stop(page: Page) -> None:
-    """Ends a walk by Enter."""
-    _end_search(page, lambda: page.keyboard.press("Enter", delay=HOLD_MS), "Press Enter or STOP again to finish")
+def stop(page: Page) -> int:
+    """Ends a walk by Enter; returns the number of presses."""
+    enter = partial(page.keyboard.press, "Enter", delay=HOLD_MS)
+    return _end_search(page, enter, "Press Enter or STOP again to finish")
 
 
-def _end_search(page: Page, press: Callable[[], None], sign: str, *, pause_ms: float = 0) -> None:
-    """Presses twice; begins anew, as a person would, if the browser stood still and the second press came too late."""
-    for _ in range(5):
+def _end_search(page: Page, press: Callable[[], None], sign: str, *, pause_ms: float = 0) -> int:
+    """Presses twice; begins anew, as a person would, if the browser stood still and the second press came too late.
+
+    Returns the number of presses: each must be stored, as one that came too late is a first press again.
+    """
+    for tries in range(1, 6):
         press()
         expect(page.get_by_text(sign)).to_be_visible()
         page.wait_for_timeout(pause_ms)
         press()
         with contextlib.suppress(AssertionError):
             expect(page.get_by_role("button", name=GIVE_UP)).to_have_count(0, timeout=10_000)
-            return
+            return 2 * tries
     raise AssertionError("the search goes on after five times two presses")
 
 
