@@ -114,9 +114,9 @@ ONCE = frozenset(
 )
 """Categories with at most one thing in a room."""
 UNMOVED: tuple[Family, ...] = (
-    "stair", "railing", "window", "door", "column", "fireplace", "mantle", "shower", "shower fitting", "glass pane",
-    "shutter", "radiator", "tub", "toilet", "sink", "bunk bed", "fan", "ceiling lamp", "electric box", "dial",
-    "boiler", "extractor", "counter", "curtain",
+    "stair", "railing", "window", "door", "column", "panel", "fireplace", "mantle", "shower", "shower fitting",
+    "glass pane", "shutter", "radiator", "tub", "toilet", "sink", "bunk bed", "fan", "ceiling lamp", "electric box",
+    "dial", "boiler", "extractor", "counter", "curtain",
 )  # fmt: skip
 """Families that are part of the house or its pipes, of which clutter adds no piece."""
 

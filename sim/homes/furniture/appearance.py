@@ -42,6 +42,7 @@ _USUAL: tuple[tuple[str, Material, tuple[str, ...]], ...] = (
     ("tv/monitor/laptop/speaker/telephone", "plastic", ("black",)),
     ("board", "plastic", ("white", "tan")),
     ("clock/bin/umbrella stand", "plastic", ("black", "silver", "white", "red", "blue")),
+    ("panel", "plaster", _WHITE),
     ("fireplace/column", "stone", ("white", "ivory", "grey", "sand")),
     ("statue", "stone", ("white", "ivory", "bronze")),
     ("bicycle/exercise bike/suitcase/backpack/treadmill", "plastic", _BRIGHT),

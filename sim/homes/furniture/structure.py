@@ -1,4 +1,4 @@
-"""Parts of the house that episodes name: railings, stairs, windows, doors, columns, fireplaces, radiators, fans."""
+"""Parts of the house: railings, stairs, windows, doors, columns, panels, fireplaces, radiators, fans."""
 
 import math
 
@@ -97,6 +97,11 @@ def column(piece: Draft, w: float, h: float, d: float) -> None:
     piece.add(piece.finish, *(box((0, y, 0), (w, 0.08, d)) for y in (0.04, h - 0.04)))
     profile = [(0.95, 0.08), (0.9, 0.14), (0.76, 0.18), (0.68, h - 0.2), (0.8, h - 0.14), (0.95, h - 0.08)]
     piece.add(piece.finish, lathe(profile, scale=(min(w, d) / 2, 1.0), sides=16))
+
+
+def panel(piece: Draft, w: float, h: float, d: float) -> None:
+    """A plain board."""
+    piece.add(piece.finish, box((0, h / 2, 0), (w, h, d)))
 
 
 def shutter(piece: Draft, w: float, h: float, d: float) -> None:

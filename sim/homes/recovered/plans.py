@@ -18,7 +18,7 @@ from sim.walk.storeys import same_storey
 
 from ..cells import CELL, CellGrid, runs_from_cells
 from ..plan import Furniture, HomePlan, Storey, floor_name, stored_plan
-from .cords import cords
+from .holders import holders
 from .names import room_texts
 from .objects import is_solid, recovered_pieces
 from .open_space import block_cells
@@ -73,7 +73,7 @@ def _recovered(dataset: PersonalDataset, scene: str, splits: tuple[Split, ...]) 
     grid = grid.model_copy(update={"walkable": runs_from_cells(floor)})
     blocks = block_cells(recorded, pieces, mountings, storeys, grid=grid)
     grid = grid.model_copy(update={"plinth": runs_from_cells(blocks)})
-    pieces += cords(pieces, mountings, storeys, grid=grid)
+    pieces += holders(pieces, mountings, storeys, grid=grid)
     found = recovered_rooms(room_texts(recorded.episodes), recorded.goals, storeys, grid=grid)
     furniture = tuple(
         piece.model_copy(update={"room": found.room_of[_nearest_goal(piece, pieces)]}) for piece in pieces
