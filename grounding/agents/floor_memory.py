@@ -28,15 +28,18 @@ their length, because a thin wall on the map may not exist."""
 _NEAR_TIMES, _NEAR_FADES = 5.0, 0.35
 """Ways count 1 + _NEAR_TIMES * exp(-d / _NEAR_FADES) times their length where the nearest thing is d metres away:
 people walk in the middle of the free floor."""
+_TIGHT, _TIGHT_TIMES = 0.215, 6.0
+"""Ways nearer to a thing than this (metres) count so many more times their length: walks keep a body's radius in whole
+cells from things, so that a robot that plans nearer collides."""
 _FLOOR_AROUND, _FLOOR_BIN = 0.3, 0.02
 """The floor is searched up to this far below and above the feet, in bins of this height, metres."""
 _FLOOR_FRAMES = 14
 """Number of views after which the floor's height is fixed: a full look around and a little more."""
 _BUMP_STEPS = 300
 """Steps for which a collision blocks its place; blocking it forever would seal doors."""
-_BUMP_AHEAD, _BUMP_ASIDE = (0.03, 0.07), (-0.04, 0.0, 0.04)
+_BUMP_AHEAD, _BUMP_ASIDE = (0.03, 0.07), (0.0,)
 """A collision blocks the robot's centre this far ahead and aside (metres), but never where it has been."""
-_BUMP_FORE, _BUMP_REACH, _BUMP_TIMES, _BUMP_MOST = 0.2, 0.15, 7.0, 40.0
+_BUMP_FORE, _BUMP_REACH, _BUMP_TIMES, _BUMP_MOST = 0.2, 0.15, 2.0, 12.0
 """Each collision raises the cost of ways near a place ahead of it: distance ahead and width of the bell curve (metres),
 factor, and the largest factor of all collisions together. The way round an invisible wall thus becomes cheaper before
 the robot has tried every place along the wall, and the narrow way beside the wall stays open."""
@@ -48,6 +51,7 @@ _TRAIL_STEP = 0.01
 _BLIND, _BLIND_TIMES = 1.5, 3.0
 """Unknown floor this near (metres) to the robot is below its camera's view; ways over it count this many times their
 length."""
+_COSTS = (_NEAR_TIMES, _NEAR_FADES, _BLIND_TIMES, _TIGHT, _TIGHT_TIMES)
 _COLUMNS = 160
 """Wider pictures are thinned to about this many columns. That still covers every cell of 5 cm at 5 m, and large and
 small cameras make the same map."""
@@ -165,6 +169,11 @@ class FloorMemory:
         return self._mapper.num_known
 
     @property
+    def num_free(self) -> int:
+        """Number of cells that are free."""
+        return self._mapper.num_free
+
+    @property
     def cells(self) -> NDArray[np.uint8]:
         """(rows, cols) cells of `grid`; a copy."""
         return self._mapper.cells
@@ -279,7 +288,7 @@ def _weights(
     bumps: Sequence[Bump],
 ) -> NDArray[np.float64]:
     """(rows, cols) actions to cross each cell, more near things; inf or nan where the robot's centre cannot be."""
-    factor: NDArray[np.float64] = weigh(cells, assumed, grid.cell, clearance, (_NEAR_TIMES, _NEAR_FADES, _BLIND_TIMES))
+    factor: NDArray[np.float64] = weigh(cells, assumed, grid.cell, clearance, _COSTS)
     if clearance < CLEARANCE:
         is_thing = cells == OCCUPIED
         is_thick = np.asarray(ndimage.binary_opening(is_thing, structure=np.ones((3, 3))), bool)

@@ -76,11 +76,11 @@ class FrontierExplorer:
             if action is not None:
                 return action
             self._frontiers = self._seeker.frontiers()
-            if self._seeker.is_dull() and not self._seeker.squeeze():
+            if self._seeker.is_dull():
                 return self._stop("no-frontier", f"{len(self._frontiers)} frontiers are left, none worth more steps")
             if self._frontiers and math.isfinite(self._frontiers[0].cost):
                 self._take(self._frontiers[0], step)
-            elif not self._seeker.forgive() and not self._seeker.squeeze():
+            elif not self._seeker.squeeze() and not self._seeker.forgive():
                 if not self._frontiers or self._has_looked_around:
                     return self._stop("no-frontier", f"{len(self._frontiers)} frontiers are left, out of reach")
                 self._turns_left, self._note = FULL_TURN, "no frontier can be reached: looking around"

@@ -14,7 +14,15 @@ _DIAGONAL = math.sqrt(2.0)
 FREE, OCCUPIED = 1, 2
 """The values of sim.tasks.observers; compiled loops cannot import values that may change."""
 _AWAY_COST = 20.0
-"""Extra cost, in actions, of a straight way that leads no nearer: the last resort in a tight place."""
+"""Extra cost, in actions, of a way that leads no nearer: the last resort in a tight place."""
+_MOST_NODES = 3000
+"""Most poses that the search for a heading visits."""
+_FINE = 2
+"""Poses in the same part of a cell, with this many parts along a side, and with the same heading count as one."""
+_LEAST_MOVE, _BUMP_COST = 2, 1.0
+"""A forward may meet something if it moves this many cells before; that costs so many more actions."""
+_AT_GOAL = 0.8
+"""A pose this few actions from the goal has arrived."""
 _UNKNOWN_DEPTH = 3
 """A ray from an unknown cell must reach known free floor within this many cells."""
 
@@ -28,8 +36,8 @@ def weigh(cells, assumed, cell, clearance, cost):
         assumed: (rows, cols) the same, with some unknown floor counted as free.
         cell: Side of a cell, metres.
         clearance: Metres from a blocked cell's middle within which the robot's centre cannot be.
-        cost: (times, fades, unknown): 1 + times * exp(-d / fades) where the next thing is d metres away, multiplied by
-            `unknown` in an unknown cell.
+        cost: (times, fades, unknown, tight, more): 1 + times * exp(-d / fades) where the next thing is d metres away,
+            multiplied by `unknown` in an unknown cell; `more` is added where d is below `tight`.
     """
     rows, cols = cells.shape
     away = np.full((rows, cols), np.int32(1_000_000))  # fifths of a cell: chamfer distance 5-7-11, 2 % off at most
@@ -57,7 +65,8 @@ def weigh(cells, assumed, cell, clearance, cost):
             elif d < clearance or assumed[r, c] != FREE:
                 factor[r, c] = math.inf
             else:
-                factor[r, c] = (1 + cost[0] * math.exp(-d / cost[1])) * (cost[2] if cells[r, c] != FREE else 1.0)
+                near, known = cost[0] * math.exp(-d / cost[1]), 1.0 if cells[r, c] == FREE else cost[2]
+                factor[r, c] = (1 + near) * known + (cost[4] if d < cost[3] else 0.0)
     return factor
 
 
@@ -184,7 +193,10 @@ def _turns(angle, turn_step):
 
 @njit(cache=True, nogil=True)
 def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, closed_cost, extra):
-    """(turns, cost): how far to turn first (positive = left) for the straight way that leads best to the goal.
+    """(turns, cost): how far to turn first (positive = left) for the turns and forwards that lead best to the goal.
+
+    A search over the robot's own moves, because in a narrow passage no straight way is long: A* from its pose, with
+    `to_go` as the bound, until a way of `most_forwards` forwards or to the goal is the cheapest.
 
     Args:
         weights: (rows, cols) as for `spread_costs`; nan in cells not to be crossed even to leave a tight place.
@@ -194,47 +206,81 @@ def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, clos
         yaw: Robot's heading, radians.
         step: Length of one forward in cells.
         turn_step: Radians of one turn.
-        most_forwards: Length of the longest straight way to try, in forwards.
+        most_forwards: Most forwards of a way.
         closed_cost: Actions to cross a blocked cell; a robot that stands in one may do so for one forward.
         extra: (num_turns,) extra cost of headings in actions, by turns to the left of the current one; inf = forbidden.
 
     Returns:
         Cost is inf where every heading is blocked; a way that leads away is chosen where none leads nearer.
     """
-    rows, cols = weights.shape
-    here_r, here_c = int(v), int(u)
-    here = to_go[here_r, here_c]
-    is_open = math.isfinite(here)  # otherwise the robot stands closer to things than plans allow
-    best, best_turns = math.inf, 0
+    here = to_go[int(v), int(u)]
     num_turns = round(2 * math.pi / turn_step)
-    for order in range(num_turns):
-        turns = (order + 1) // 2 * (1 if order % 2 else -1)
-        more = abs(turns) + extra[turns % num_turns]
-        if not more < best:
-            continue
-        angle = yaw + turns * turn_step
-        du, dv = -math.sin(angle), -math.cos(angle)
-        entered, walked = is_open, more
-        for k in range(1, int(most_forwards * step) + 1):
-            r, c = math.floor(v + k * dv), math.floor(u + k * du)
-            if r < 0 or c < 0 or r >= rows or c >= cols or math.isnan(weights[r, c]):
-                break
-            if math.isfinite(to_go[r, c]):
-                entered = True
-                walked += weights[r, c]
-            elif entered or k > step:
-                break
-            else:
-                walked += closed_cost
-            if k % int(step) != 0:
+    side = 2 * _FINE * (int(most_forwards * step) + 2)
+    was_at = np.zeros((side, side, num_turns), np.bool_)
+    at_u, at_v, gone = np.empty(_MOST_NODES), np.empty(_MOST_NODES), np.empty(_MOST_NODES)
+    headings, firsts = np.empty(_MOST_NODES, np.int32), np.empty(_MOST_NODES, np.int32)
+    forwards = np.empty(_MOST_NODES, np.int32)
+    keys, values = np.empty(num_turns * _MOST_NODES), np.empty(num_turns * _MOST_NODES, np.int32)
+    at_u[0], at_v[0], gone[0], headings[0], firsts[0], forwards[0] = u, v, 0.0, 0, 0, 0
+    count, size = 1, push(keys, values, 0, 0.0, 0)
+    best, best_turns = math.inf, 0
+    while size:
+        node, size = pop(keys, values, size)
+        if node:
+            total = gone[node] + to_go[int(at_v[node]), int(at_u[node])]
+            if forwards[node] >= most_forwards or to_go[int(at_v[node]), int(at_u[node])] < _AT_GOAL:
+                return firsts[node], total
+        for order in range(num_turns):
+            turns = (order + 1) // 2 * (1 if order % 2 else -1)
+            heading = (headings[node] + turns) % num_turns
+            cost = gone[node] + abs(turns) + (0.0 if node else extra[heading])
+            if not math.isfinite(cost) or count == _MOST_NODES:
                 continue
-            if not entered or not math.isfinite(to_go[r, c]):
-                if k == int(step) and walked + 3 * _AWAY_COST < best:  # to leave a place where everything is blocked
-                    best, best_turns = walked + 3 * _AWAY_COST, turns
+            angle = yaw + heading * turn_step
+            walked, entered, moved = _walked(weights, to_go, at_u[node], at_v[node], angle, step, closed_cost)
+            cost += walked
+            if not math.isfinite(cost):
                 continue
-            total = walked + to_go[r, c]
-            if not to_go[r, c] < here - 0.1:
-                total += _AWAY_COST
+            first = firsts[node] if node else turns
+            if not entered:  # to leave a place where everything is blocked
+                if cost + 3 * _AWAY_COST < best:
+                    best, best_turns = cost + 3 * _AWAY_COST, first
+                continue
+            to_u, to_v = at_u[node] - moved * math.sin(angle), at_v[node] - moved * math.cos(angle)
+            fine = int(_FINE * (to_v - v) + side // 2), int(_FINE * (to_u - u) + side // 2)
+            if was_at[fine[0], fine[1], heading]:
+                continue
+            was_at[fine[0], fine[1], heading] = True
+            left = to_go[int(to_v), int(to_u)]
+            total = cost + left + (0.0 if left < here - 0.1 else _AWAY_COST)
             if total < best - 1e-9:
-                best, best_turns = total, turns
+                best, best_turns = total, first
+            at_u[count], at_v[count], gone[count] = to_u, to_v, cost
+            headings[count], firsts[count], forwards[count] = heading, first, forwards[node] + 1
+            size = push(keys, values, size, cost + left, count)
+            count += 1
     return best_turns, best
+
+
+@njit(cache=True, nogil=True)
+def _walked(weights, to_go, u, v, angle, step, closed_cost):
+    """(cost, entered, moved): actions of one forward, whether it ends where plans may be, and how far it gets (cells).
+
+    A forward that meets something ends before it, at an extra cost; the cost is inf where it does not move.
+    """
+    rows, cols = weights.shape
+    du, dv = -math.sin(angle), -math.cos(angle)
+    entered, walked = math.isfinite(to_go[int(v), int(u)]), 0.0
+    for k in range(1, int(step) + 1):
+        r, c = math.floor(v + k * dv), math.floor(u + k * du)
+        is_inside = 0 <= r < rows and 0 <= c < cols
+        if is_inside and math.isfinite(to_go[r, c]) and not math.isnan(weights[r, c]):
+            entered = True
+            walked += weights[r, c]
+        elif is_inside and not entered and not math.isnan(weights[r, c]):
+            walked += closed_cost
+        elif entered and k > _LEAST_MOVE:
+            return walked + _BUMP_COST + 1 - (k - 1) / step, True, k - 1.0
+        else:
+            return math.inf, False, 0.0
+    return walked, entered, step

@@ -41,8 +41,6 @@ _NEWS = 100
 """Cells of new floor that justify another round: a quarter of a square metre."""
 _BEYOND = 12.0
 """Ways may lead to places that are this many actions farther from the goal than the robot."""
-_STEPS_PER_CELL, _LONGEST = 12, 60
-"""Steps without new floor that each cell of the longest frontier adds to the limit, and the most cells that count."""
 _MOST_MISSES = 5
 """The time for which a frontier is ignored doubles each time it could not be reached, at most this often."""
 _PROGRESS = 0.5
@@ -59,9 +57,12 @@ _TRIES = 3
 """A frontier that stayed unknown after this many looks is given up."""
 _DULL_STEPS = 150
 """Steps without new floor after which the current goal has failed; each later goal fails after a third of that."""
-_ROUNDS, _LAST_STEPS = 12, 200
-"""All ignored frontiers come back this many times in a row without new floor; then the robot is done, but not earlier
-than this many steps after the last new floor."""
+_ROUNDS = 12
+"""All ignored frontiers come back this many times in one step; then the robot is done."""
+_WORTH = 200
+"""Cells of new floor that are worth the way: half a square metre."""
+_SQUEEZE_STEPS, _LAST_STEPS = 80, 350
+"""Steps without floor that was worth it after which plans pass close to things, and after which the robot is done."""
 
 
 class _Way(NamedTuple):
@@ -90,9 +91,9 @@ class Seeker:
         self._way: _Way | None = None
         self._best_to_go, self._nearer_at = math.inf, 0
         self._bumps = 0
-        self._known_before, self._rounds = 0, 0
         self._forgiven_at, self._rounds_now = -1, 0
         self._known, self._news_at, self._dull_at, self._dull_goals = 0, 0, 0, 0
+        self._free_worth, self._worth_at = 0, 0
         self._tried: Counter[tuple[int, int, int]] = Counter()
         self._begun: list[Action] = []
 
@@ -108,7 +109,12 @@ class Seeker:
         if known > self._known + _NEWS:
             self._known, self._news_at = known, self._step
             self._tried.clear()
+        free = self.memory.num_free
+        if free > self._free_worth + _WORTH:
+            self._free_worth, self._worth_at = free, self._step
             self.memory.relax()
+        elif self._step - self._worth_at > _SQUEEZE_STEPS:
+            self.squeeze()
         if observation.collided:
             self._way = None
             self._bumps += 1
@@ -165,31 +171,23 @@ class Seeker:
         Returns:
             False if there was nothing to bring back, or if that has failed to help too often.
         """
-        known = self.memory.num_known
-        is_news = known > self._known_before + _NEWS
-        self._known_before, self._rounds = known, 0 if is_news else self._rounds + 1
         waiting = (self._banned_until > self._step) & (self._failures < _TRIES)
         self._rounds_now = self._rounds_now + 1 if self._step == self._forgiven_at else 0
         self._forgiven_at = self._step
-        is_idle = self._rounds_now >= _ROUNDS  # everything keeps failing before the robot can move
-        if is_idle or (self._rounds >= _ROUNDS and self.is_dull()):
+        if self._rounds_now >= _ROUNDS:  # everything keeps failing before the robot can move
             return False
         self._banned_until[waiting] = 0
         return bool(waiting.any()) | self.memory.forget_bumps()
 
     def is_dull(self) -> bool:
-        """Whether there has been no new floor for too long to continue; the limit grows with the longest frontier."""
-        dull = self._step - self._news_at
-        if dull <= _LAST_STEPS:
-            return False
-        most = max((len(frontier.cells_rc) for frontier in self.frontiers(even_banned=True)), default=0)
-        return dull > _LAST_STEPS + _STEPS_PER_CELL * min(most, _LONGEST)
+        """Whether too little new floor was found for too long: nothing worth seeing is left."""
+        return self._step - self._worth_at > _LAST_STEPS
 
     def squeeze(self) -> bool:
-        """Plans closer to things until there is new floor, and restarts the wait for it; False if it already does."""
+        """Plans closer to things until there is new floor; False if it already does."""
         if not self.memory.squeeze():
             return False
-        self._news_at = self._dull_at = self._step
+        self._dull_at = self._step
         return True
 
     def pursue(self) -> Action | None:

@@ -75,6 +75,12 @@ class OccupancyMapper:
         r0, r1, c0, c1 = self._box
         return int(np.count_nonzero(self._votes[r0 : r1 + 1, c0 : c1 + 1]))
 
+    @property
+    def num_free(self) -> int:
+        """The number of cells that are free."""
+        r0, r1, c0, c1 = self._box
+        return int(np.count_nonzero(self._votes[r0 : r1 + 1, c0 : c1 + 1] < 0))
+
     def _grow(self, r0: int, r1: int, c0: int, c1: int) -> None:
         """Extends the box of known cells to these rows and columns."""
         box = self._box

@@ -22,7 +22,7 @@ from .recorded import PathLength
 
 PLAN_CLIMB = 0.3
 """Largest height difference of neighbouring cells of a schematic home (metres): recorded heights are noisy."""
-CORRIDOR_RADIUS = 0.1
+CORRIDOR_RADIUS = 0.2
 """Half the width of a corridor for the robot's centre (metres)."""
 _RELUCTANCES = (50.0, 12.0, 4.0, 1.5, 0.6, 0.25, 0.1)  # prices of unknown floor, tried in turn
 _TOO_SHORT, _TOO_LONG = 0.975, 1.025
@@ -35,7 +35,7 @@ _DETOUR_RADII = (0.3, 0.6, 0.9)
 _DETOUR_PRICE = 20.0
 _CLOSED_RADIUS = 0.2
 _CLOSED_PRICE = 2.0  # floor that proved wrong costs this many times as much afterwards
-_CELL_COST = 2e-4  # each cell of a corridor must reduce the misfit by this much
+_CELL_COST = 1e-4  # each cell of a corridor must reduce the misfit by this much
 _UNREACHED = 0.4
 
 Polyline = NDArray[np.float64]
