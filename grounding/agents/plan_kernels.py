@@ -19,6 +19,8 @@ _MOST_NODES = 3000
 """Most poses that the search for a heading visits."""
 _FINE = 2
 """Poses in the same part of a cell, with this many parts along a side, and with the same heading count as one."""
+_SAMPLES = 4
+"""A forward is tried at this many places per cell, so that it cuts no corner."""
 _LEAST_MOVE, _BUMP_COST = 2, 1.0
 """A forward may meet something if it moves this many cells before; that costs so many more actions."""
 _AT_GOAL = 0.8
@@ -269,18 +271,19 @@ def _walked(weights, to_go, u, v, angle, step, closed_cost):
     A forward that meets something ends before it, at an extra cost; the cost is inf where it does not move.
     """
     rows, cols = weights.shape
-    du, dv = -math.sin(angle), -math.cos(angle)
+    du, dv = -math.sin(angle) / _SAMPLES, -math.cos(angle) / _SAMPLES
     entered, walked = math.isfinite(to_go[int(v), int(u)]), 0.0
-    for k in range(1, int(step) + 1):
+    for k in range(1, int(step * _SAMPLES) + 1):
         r, c = math.floor(v + k * dv), math.floor(u + k * du)
         is_inside = 0 <= r < rows and 0 <= c < cols
         if is_inside and math.isfinite(to_go[r, c]) and not math.isnan(weights[r, c]):
             entered = True
-            walked += weights[r, c]
+            walked += weights[r, c] / _SAMPLES
         elif is_inside and not entered and not math.isnan(weights[r, c]):
-            walked += closed_cost
-        elif entered and k > _LEAST_MOVE:
-            return walked + _BUMP_COST + 1 - (k - 1) / step, True, k - 1.0
+            walked += closed_cost / _SAMPLES
+        elif entered and k > _LEAST_MOVE * _SAMPLES:
+            moved = (k - 1) / _SAMPLES
+            return walked + _BUMP_COST + 1 - moved / step, True, moved
         else:
             return math.inf, False, 0.0
     return walked, entered, step

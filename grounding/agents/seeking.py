@@ -120,11 +120,11 @@ class Seeker:
             self._bumps += 1
             self._best_to_go, self._nearer_at = math.inf, self._step  # the way round may be longer
 
-    def frontiers(self, *, even_banned: bool = False) -> list[Frontier]:
-        """The frontiers that are not ignored now, or all of them, best first; cost is inf where no known way leads."""
+    def frontiers(self) -> list[Frontier]:
+        """The frontiers that are not ignored now, best first; cost is inf where no known way leads."""
         ground = self.memory.ground()
         failures = self._cut(self._failures, ground)
-        banned = self._cut(self._banned_until, ground) > (FOR_EVER if even_banned else self._step)
+        banned = self._cut(self._banned_until, ground) > self._step
         costs = costs_from(ground, self.memory.xz)
         return find_frontiers(
             ground,

@@ -134,6 +134,33 @@ def test_different_names_for_one_room_give_one_room() -> None:
     assert found.room_of["bed_1"] == found.room_of["lamp_2"] != found.room_of["sink_3"] == found.room_of["towel_4"]
 
 
+HALL = ((0.5, 0.5, 7.5, 4.0),)
+"""One large room, in which nothing divides the parts."""
+
+
+def hall(first: str, second: str) -> RecoveredRooms:
+    """The rooms of a hall with two objects whose texts name these rooms."""
+    places = {"sofa_1": ((1.0, 0.4, 1.0), (2.0, 0.0, 1.5)), "desk_2": ((7.0, 0.4, 1.0), (6.0, 0.0, 1.5))}
+    return recovered({"sofa_1": first, "desk_2": second}, places, grid_of(*HALL))
+
+
+def test_parts_of_one_kind_that_nothing_divides_are_one_room_unless_texts_tell_them_apart() -> None:
+    assert len(hall("living room", "living room with open kitchen").rooms) == 1
+    assert len(hall("living room", "kitchen").rooms) == 2
+    assert len(hall("blue living room", "second living room").rooms) == 2
+
+
+def test_lines_of_sight_that_cross_join_rooms_even_if_texts_differ() -> None:
+    goals = {
+        "sofa_1": recorded_goal("sofa_1", (1.0, 0.4, 1.0), [(2.0, 0.0, 1.5)]),
+        "desk_2": recorded_goal("desk_2", (7.0, 0.4, 1.0), [(6.0, 0.0, 1.5)]),
+        "sofa_3": recorded_goal("sofa_3", (4.6, 0.4, 3.0), [(x, 0.0, 3.0) for x in (3.2, 3.4, 3.6, 3.8, 5.0)]),
+    }
+    rooms = {"sofa_1": "blue living room", "desk_2": "second living room", "sofa_3": "second living room"}
+    texts = {name: Counter({text: 1}) for name, text in rooms.items()}
+    assert len(recovered_rooms(texts, goals, GROUND, grid=grid_of(*HALL)).rooms) == 1
+
+
 def test_floors_and_walls_have_the_colours_that_texts_name() -> None:
     places = {"sink_1": ((1.0, 0.8, 1.0), (2.0, 0.0, 1.5)), "bed_2": ((7.0, 0.4, 1.0), (6.0, 0.0, 1.5))}
     texts = {"sink_1": "bathroom with blue floor", "bed_2": "bedroom with yellow walls"}

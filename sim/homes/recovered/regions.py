@@ -3,7 +3,8 @@
 Cells and seeds -> labels, for rooms.py. Path lengths are weighted: a path counts as longer near walls and in doorways.
 """
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +34,12 @@ _SMOOTH = 9  # side in cells of the square around a cell in which the most frequ
 _SINGLE: tuple[RoomKind, ...] = ("kitchen", "garage", "dining room", "laundry room", "utility room", "attic")
 """Kinds of rooms that a storey has only once, even if texts give parts of the room different names."""
 _FILLERS = frozenset(("of", "the", "with", "a", "an", "in", "near", "next", "to", "before", "and", "its", "on", "part"))
+
+_OPEN_BORDER = 2.0
+"""Nothing divides two rooms of one kind with an open border of this length (metres): it is wider than doors."""
+_CROSSED, _LEAST_CROSSED = 0.05, 5
+"""Nothing divides two rooms of one kind either if this share, and number, of the lines of sight to their objects cross
+from one to the other."""
 
 Labels = NDArray[np.int64]
 
@@ -155,12 +162,66 @@ def _ways_between(distance: NDArray[np.float64], nearest: Labels, num: int) -> N
     return ways
 
 
+def home_of(goal: Goal, labels: Labels, grid: CellGrid) -> tuple[int, Counter[int]]:
+    """The label with most of the places that see an object (-1 = none), and their number by label."""
+    rc = grid.nearest_rc(np.concatenate([places_of(goal), np.array([goal.position])])[:, [0, 2]])
+    votes = Counter(label for label in labels[rc[:, 0], rc[:, 1]].tolist() if label >= 0)
+    return min(votes, key=lambda label: (-votes[label], label), default=-1), votes
+
+
+def joined(labels: Labels, rooms: Sequence[RoomName | None], goals: Iterable[Goal], grid: CellGrid) -> Labels:
+    """The new label (L,) of each label: rooms of one kind that nothing divides are one, also with empty rooms.
+
+    Args:
+        labels: (rows, cols) label of each open cell, -1 elsewhere.
+        rooms: (L,) name of each label; None for the part of a storey without a name.
+        goals: The storey's objects.
+        grid: Place of the cells.
+    """
+    lines = np.zeros((len(rooms), len(rooms)), np.int64)
+    for goal in goals:
+        home, votes = home_of(goal, labels, grid)
+        for label, count in votes.items():
+            lines[home, label] += count
+    borders = np.zeros(lines.shape)
+    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        touch = (labels[a] >= 0) & (labels[b] >= 0) & (labels[a] != labels[b])
+        np.add.at(borders, (labels[a][touch], labels[b][touch]), grid.cell)
+    borders += borders.T
+    links = np.zeros(lines.shape, bool)
+    for a, b in np.argwhere(np.triu(borders) > 0).tolist():
+        first, second = rooms[a], rooms[b]
+        if first is None or second is None or first.kind != second.kind:
+            continue
+        crossing, both = lines[a, b] + lines[b, a], lines[[a, b]].sum()
+        is_crossed = crossing >= max(_LEAST_CROSSED, _CROSSED * both)
+        links[a, b] = is_crossed or (borders[a, b] >= _OPEN_BORDER and _may_be_one(first, second))
+    for a in range(len(rooms)):
+        if rooms[a] is not None and not lines[a].any() and borders[a].max() >= _OPEN_BORDER:
+            links[a, borders[a].argmax()] = True
+    _, group = connected_components(coo_array(links), directed=False)
+    first_of = np.full(len(rooms), len(rooms), np.int64)
+    np.minimum.at(first_of, group, np.arange(len(rooms)))
+    return first_of[group]
+
+
+def _may_be_one(a: RoomName, b: RoomName) -> bool:
+    """Whether texts may give one room both names: equal words, or one names only the kind."""
+    return _own_words(a) == _own_words(b) or not (_own_words(a) and _own_words(b))
+
+
+def _own_words(room: RoomName) -> set[str]:
+    """The words of a room's text that are more than its kind."""
+    words = set(room.text.split()) - _FILLERS
+    return set() if words == set(room.kind.split()) else words
+
+
 def _is_one_room(a: Seed, b: Seed, way: float) -> bool:
     if a.room.kind != b.room.kind:
         return False
     straight = float(np.hypot(a.goal.position[0] - b.goal.position[0], a.goal.position[2] - b.goal.position[2]))
-    words = [set(seed.room.text.split()) - _FILLERS for seed in (a, b)]
-    is_plain = [set(seed.room.kind.split()) == own for seed, own in zip((a, b), words, strict=True)]
+    words = [_own_words(seed.room) for seed in (a, b)]
+    is_plain = [not own for own in words]
     if a.room.kind in _SINGLE:
         return way < _SAME_TEXT or straight < _SAME_TEXT
     if words[0] == words[1]:

@@ -23,7 +23,7 @@ from ..building.cells.spaces import floor_layers, plinth_layers
 from ..cells import AreaRun, CellGrid, runs_of
 from ..plan import Finish, Room, Storey
 from .names import RoomName, room_name, usual_room
-from .regions import Seed, cell_graph, distance_at, groups_of, places_of, settled, spread
+from .regions import Seed, cell_graph, distance_at, groups_of, home_of, joined, settled, spread
 
 _NEAR_NAMED = 2.5
 """An object without a text names a room only if it is farther than this from all that have one (metres, weighted)."""
@@ -148,6 +148,9 @@ def _regions(
     groups = groups_of(seeds, distance, nearest)
     labels = np.where(nearest >= 0, np.append(groups, -1)[nearest], -1)
     labels = settled(labels, distance, mask, num=len(seeds), cell=grid.cell)
+    names = [_common_name([seed.room for seed, of in zip(seeds, groups, strict=True) if of == k]) for k in groups]
+    into = joined(labels, [*names, None], goals.values(), grid)
+    labels, groups = np.where(labels >= 0, into[labels], -1), into[groups]
     regions = []
     for group in np.unique(labels[mask]).tolist():
         room = _common_name([seed.room for seed, of in zip(seeds, groups, strict=True) if of == group])
@@ -205,11 +208,9 @@ def _rooms_of(
             label[region.storey][region.mask] = index
     found: dict[str, str] = {}
     for name, goal in sorted(goals.items()):
-        points = np.concatenate([places_of(goal), np.array([goal.position])])[:, [0, 2]]
-        rc = grid.nearest_rc(points)
-        votes = Counter(index for index in label[storey_of[name], rc[:, 0], rc[:, 1]].tolist() if index >= 0)
         first = next((k for k, region in enumerate(regions) if region.storey == storey_of[name]), 0)
-        found[name] = names[min(votes, key=lambda index: (-votes[index], index), default=first)]
+        home, _ = home_of(goal, label[storey_of[name]], grid)
+        found[name] = names[home if home >= 0 else first]
     return found
 
 
