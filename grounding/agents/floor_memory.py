@@ -28,9 +28,9 @@ their length, because a thin wall on the map may not exist."""
 _NEAR_TIMES, _NEAR_FADES = 5.0, 0.35
 """Ways count 1 + _NEAR_TIMES * exp(-d / _NEAR_FADES) times their length where the nearest thing is d metres away:
 people walk in the middle of the free floor."""
-_TIGHT, _TIGHT_TIMES = 0.215, 6.0
-"""Ways nearer to a thing than this (metres) count so many more times their length: walks keep a body's radius in whole
-cells from things, so that a robot that plans nearer collides."""
+_TIGHT, _TIGHT_TIMES = 0.215, 30.0
+"""Ways nearer to a thing than this (metres) count up to so many more times their length, the nearer the more: a walk
+keeps a body's radius in whole cells from things, so that a robot that plans nearer collides."""
 _FLOOR_AROUND, _FLOOR_BIN = 0.3, 0.02
 """The floor is searched up to this far below and above the feet, in bins of this height, metres."""
 _FLOOR_FRAMES = 14

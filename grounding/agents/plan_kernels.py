@@ -21,7 +21,7 @@ _FINE = 2
 """Poses in the same part of a cell, with this many parts along a side, and with the same heading count as one."""
 _SAMPLES = 4
 """A forward is tried at this many places per cell, so that it cuts no corner."""
-_LEAST_MOVE, _BUMP_COST = 2, 1.0
+_LEAST_MOVE, _BUMP_COST = 1, 1.0
 """A forward may meet something if it moves this many cells before; that costs so many more actions."""
 _AT_GOAL = 0.8
 """A pose this few actions from the goal has arrived."""
@@ -39,7 +39,7 @@ def weigh(cells, assumed, cell, clearance, cost):
         cell: Side of a cell, metres.
         clearance: Metres from a blocked cell's middle within which the robot's centre cannot be.
         cost: (times, fades, unknown, tight, more): 1 + times * exp(-d / fades) where the next thing is d metres away,
-            multiplied by `unknown` in an unknown cell; `more` is added where d is below `tight`.
+            multiplied by `unknown` in an unknown cell; up to `more` is added where d is below `tight`.
     """
     rows, cols = cells.shape
     away = np.full((rows, cols), np.int32(1_000_000))  # fifths of a cell: chamfer distance 5-7-11, 2 % off at most
@@ -68,7 +68,7 @@ def weigh(cells, assumed, cell, clearance, cost):
                 factor[r, c] = math.inf
             else:
                 near, known = cost[0] * math.exp(-d / cost[1]), 1.0 if cells[r, c] == FREE else cost[2]
-                factor[r, c] = (1 + near) * known + (cost[4] if d < cost[3] else 0.0)
+                factor[r, c] = (1 + near) * known + cost[4] * max(0.0, 1 - d / cost[3])
     return factor
 
 

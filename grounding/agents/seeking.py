@@ -32,8 +32,6 @@ _TRIED_CELL, _TRIED_COSTS = 0.1, (1.5, 5.0)
 """A forward repeated from the same cell (of this side, metres) in the same direction costs this many extra actions
 until there is new floor, so that the robot does not go to and fro. The cost changes to the other one each time that a
 goal fails for lack of new floor."""
-_TRIED_MOST = 3
-"""A forward repeated this often unblocks the places of collisions, because they shut the robot in."""
 _BAN_RADIUS, _LOOKED_RADIUS = 0.5, 0.3
 """Radius (metres) that is ignored around a place that could not be reached, and around one that stayed unknown."""
 FOR_EVER = int(np.iinfo(np.int32).max)
@@ -61,7 +59,9 @@ _ROUNDS = 12
 """All ignored frontiers come back this many times in one step; then the robot is done."""
 _WORTH = 200
 """Cells of new floor that are worth the way: half a square metre."""
-_SQUEEZE_STEPS, _LAST_STEPS = 80, 350
+_STEPS_PER_CELL, _LONGEST = 8, 60
+"""Steps that each cell of the longest frontier adds to the wait for it, and the most cells that count."""
+_SQUEEZE_STEPS, _LAST_STEPS = 80, 220
 """Steps without floor that was worth it after which plans pass close to things, and after which the robot is done."""
 
 
@@ -93,7 +93,7 @@ class Seeker:
         self._bumps = 0
         self._forgiven_at, self._rounds_now = -1, 0
         self._known, self._news_at, self._dull_at, self._dull_goals = 0, 0, 0, 0
-        self._free_worth, self._worth_at = 0, 0
+        self._free_worth, self._worth_at, self._has_retried = 0, 0, False
         self._tried: Counter[tuple[int, int, int]] = Counter()
         self._begun: list[Action] = []
 
@@ -111,7 +111,7 @@ class Seeker:
             self._tried.clear()
         free = self.memory.num_free
         if free > self._free_worth + _WORTH:
-            self._free_worth, self._worth_at = free, self._step
+            self._free_worth, self._worth_at, self._has_retried = free, self._step, False
             self.memory.relax()
         elif self._step - self._worth_at > _SQUEEZE_STEPS:
             self.squeeze()
@@ -120,11 +120,11 @@ class Seeker:
             self._bumps += 1
             self._best_to_go, self._nearer_at = math.inf, self._step  # the way round may be longer
 
-    def frontiers(self) -> list[Frontier]:
-        """The frontiers that are not ignored now, best first; cost is inf where no known way leads."""
+    def frontiers(self, *, even_banned: bool = False) -> list[Frontier]:
+        """The frontiers that are not ignored now, or all of them, best first; cost is inf where no known way leads."""
         ground = self.memory.ground()
         failures = self._cut(self._failures, ground)
-        banned = self._cut(self._banned_until, ground) > self._step
+        banned = self._cut(self._banned_until, ground) > (FOR_EVER if even_banned else self._step)
         costs = costs_from(ground, self.memory.xz)
         return find_frontiers(
             ground,
@@ -166,22 +166,31 @@ class Seeker:
         return self._to_go() + max(0.0, turn / TURN_STEP - 0.5)
 
     def forgive(self) -> bool:
-        """Unblocks collisions and brings back ignored (not given-up) frontiers.
+        """Brings back ignored frontiers, and once also given-up ones; unblocks collisions if that is not enough.
 
         Returns:
             False if there was nothing to bring back, or if that has failed to help too often.
         """
         waiting = (self._banned_until > self._step) & (self._failures < _TRIES)
+        if not waiting.any() and not self._has_retried:  # once, also what was given up
+            self._has_retried = True
+            waiting = self._banned_until > self._step
+            self._failures[waiting] = 0
         self._rounds_now = self._rounds_now + 1 if self._step == self._forgiven_at else 0
         self._forgiven_at = self._step
         if self._rounds_now >= _ROUNDS:  # everything keeps failing before the robot can move
             return False
         self._banned_until[waiting] = 0
-        return bool(waiting.any()) | self.memory.forget_bumps()
+        is_shut_in = self._rounds_now > 0 or not waiting.any()
+        return bool(waiting.any()) | (is_shut_in and self.memory.forget_bumps())
 
     def is_dull(self) -> bool:
-        """Whether too little new floor was found for too long: nothing worth seeing is left."""
-        return self._step - self._worth_at > _LAST_STEPS
+        """Whether too little new floor was found for too long; the limit grows with the longest frontier."""
+        dull = self._step - self._worth_at
+        if dull <= _LAST_STEPS:
+            return False
+        most = max((len(frontier.cells_rc) for frontier in self.frontiers(even_banned=True)), default=0)
+        return dull > _LAST_STEPS + _STEPS_PER_CELL * min(most, _LONGEST)
 
     def squeeze(self) -> bool:
         """Plans closer to things until there is new floor; False if it already does."""
@@ -268,10 +277,7 @@ class Seeker:
     def _counted(self, action: Action) -> Action:
         """Returns the action; remembers it if it is a forward."""
         if action is Action.FORWARD:
-            key = self._tried_key(0)
-            self._tried[key] += 1
-            if self._tried[key] % _TRIED_MOST == 0:
-                self.memory.forget_bumps()
+            self._tried[self._tried_key(0)] += 1
         return action
 
     def _is_open_ahead(self) -> bool:

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from personal_viz.bench import grounding_inputs
 from personal_viz.bench.sim import simulator
 from personal_viz.bench.sim.children import in_child, measured_loads
+from personal_viz.bench.sim.homes import home_figures
 from personal_viz.bench.sim.house import STOREY_HEIGHT
 from personal_viz.bench.sim.rendering import RawTrace
 from personal_viz.bench.sim.scenes import bench_mesh, write_bench_glb
@@ -38,6 +40,7 @@ TINY = BenchSettings(
     env_steps=20,
     texture_size=64,
     num_textures=3,
+    with_homes=False,
 )
 
 
@@ -165,6 +168,17 @@ def test_parts_without_time_left_are_named_as_left_out() -> None:
     found = simulator.measure(late, lambda line: None)
     assert found.values["sizes"] == {}
     assert list(found.left_out[:2]) == ["30k (no time left)", "40k cluttered (no time left)"]
+
+
+@pytest.mark.release
+def test_homes_are_built_also_where_the_released_episodes_are_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(grounding_inputs, "RELEASE", tmp_path / "missing")
+    found = home_figures()
+    assert found["num_homes"] == 1
+    assert found["plan_s"] > 0
+    assert 0 < found["build_s"] == found["build_most_s"]
 
 
 @pytest.mark.bench

@@ -9,8 +9,9 @@ import pytest
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.cells import CellGrid, Cells, runs_from_cells
 from sim.homes.plan import Room, Storey
-from sim.homes.recovered.names import room_name, room_texts, usual_room
+from sim.homes.recovered.names import RoomName, room_name, room_texts, usual_room
 from sim.homes.recovered.plans import recover_plan
+from sim.homes.recovered.regions import joined
 from sim.homes.recovered.rooms import RecoveredRooms, open_cells, recovered_rooms
 
 from .recorded_worlds import GROUND, Point, recorded_goal
@@ -134,6 +135,7 @@ def test_different_names_for_one_room_give_one_room() -> None:
     assert found.room_of["bed_1"] == found.room_of["lamp_2"] != found.room_of["sink_3"] == found.room_of["towel_4"]
 
 
+HALL_GRID = GRID.model_copy(update={"shape": (30, 40)})
 HALL = ((0.5, 0.5, 7.5, 4.0),)
 """One large room, in which nothing divides the parts."""
 
@@ -150,15 +152,17 @@ def test_parts_of_one_kind_that_nothing_divides_are_one_room_unless_texts_tell_t
     assert len(hall("blue living room", "second living room").rooms) == 2
 
 
-def test_lines_of_sight_that_cross_join_rooms_even_if_texts_differ() -> None:
-    goals = {
-        "sofa_1": recorded_goal("sofa_1", (1.0, 0.4, 1.0), [(2.0, 0.0, 1.5)]),
-        "desk_2": recorded_goal("desk_2", (7.0, 0.4, 1.0), [(6.0, 0.0, 1.5)]),
-        "sofa_3": recorded_goal("sofa_3", (4.6, 0.4, 3.0), [(x, 0.0, 3.0) for x in (3.2, 3.4, 3.6, 3.8, 5.0)]),
-    }
-    rooms = {"sofa_1": "blue living room", "desk_2": "second living room", "sofa_3": "second living room"}
-    texts = {name: Counter({text: 1}) for name, text in rooms.items()}
-    assert len(recovered_rooms(texts, goals, GROUND, grid=grid_of(*HALL)).rooms) == 1
+@pytest.mark.parametrize(("num_crossing", "num_rooms"), [(4, 2), (5, 1)])
+def test_lines_of_sight_that_cross_from_part_to_part_join_rooms_whatever_texts_say(
+    num_crossing: int, num_rooms: int
+) -> None:
+    labels = np.zeros((30, 40), np.int64)
+    labels[:, 20:] = 1
+    names = [RoomName("living room", text, text) for text in ("blue living room", "second living room")]
+    places = [(0.5, 0.0, 0.5)] * 9 + [(1.5, 0.0, 0.5)] * num_crossing
+    new = joined(labels, [*names, None], [recorded_goal("sofa_1", (0.8, 0.4, 0.5), places)], HALL_GRID)
+    assert len(set(new.tolist()[:2])) == num_rooms
+    assert new[2] == 2, "the storey's rest stays what it is"
 
 
 def test_floors_and_walls_have_the_colours_that_texts_name() -> None:

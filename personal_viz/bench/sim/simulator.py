@@ -1,4 +1,4 @@
-"""The simulator benchmark: scenes of several sizes, each measured in rendering, loading, walking and browser copies."""
+"""The simulator benchmark: rendering, loading, walking and browser copies of scenes of several sizes; homes."""
 
 import math
 import tempfile
@@ -18,6 +18,7 @@ from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
 
 from ..harness import Findings, Plan, Progress, Target, Values, since_process_start_s
 from .children import compiling, in_child, measured_loads
+from .homes import home_figures
 from .rendering import render_figures
 from .scenes import bench_mesh, write_bench_glb
 from .walking import camera_starts, env_steps_per_s, navigation_figures
@@ -34,6 +35,7 @@ PLAN = Plan(
         "sizes.1M.build_s": Target(0.5),
         "sizes.1M.path_us": Target(50.0),
         "sizes.1M.field_ms": Target(30.0),
+        "homes.recovered.build_s": Target(1.0),
         "browser.1M.faces": Target(300_000.0),
         "browser.1M.megabytes": Target(15.0),
         "browser.1M.click_p99_mm": Target(20.0),
@@ -52,7 +54,7 @@ PLAN = Plan(
     units={
         **dict.fromkeys(("raw_ms", "depth_ms", "rgbd_ms", "open3d_rays_ms"), "core-ms"),
         **dict.fromkeys(("raw_256_ms", "rgbd_256_ms", "field_ms"), "core-ms"),
-        **dict.fromkeys(("build_s", "load_s", "trimesh_s"), "core-s"),
+        **dict.fromkeys(("build_s", "load_s", "trimesh_s", "plan_s", "build_most_s"), "core-s"),
         "path_us": "core-us",
     },
 )
@@ -69,6 +71,8 @@ NOTES = (
     "and every texture decoded, no search tree, no frame.",
     "Navigation: CPU time, compiled code ready; path = one `shortest_path` call from Python with the goal's field "
     "ready, field = the first query for a goal. Steps per second are elapsed time, one thread.",
+    "Recovered homes: CPU time; plan = recovered from episodes with an empty cache, build = from a kept plan to the "
+    "mesh with its light and navigation map.",
 )
 _LOAD_FIGURES = ("load_s", "load_wall_s", "rss_mb", "trimesh_s", "trimesh_wall_s", "trimesh_rss_mb")
 """Figures of `measured_loads`; None if loading is left out."""
@@ -105,6 +109,8 @@ class BenchSettings:
     load_repeats: int = 3
     env_steps: int = 200
     clicks: int = 20_000
+    with_homes: bool = True
+    """Whether all recovered homes are built, which takes minutes."""
     texture_size: int = 2048
     num_textures: int = 28
     seed: int = 0
@@ -132,11 +138,13 @@ QUICK = BenchSettings(
         "500k cluttered",
         "2M cluttered",
         "loading of 100k and 1M cluttered",
+        "recovered homes",
     ),
     poses=12,
     rounds=1,
     env_steps=60,
     clicks=10_000,
+    with_homes=False,
     budget_s=46.0,  # of 50: writing the table and the picture takes 2 s
 )
 _BROWSER_NEED_S = 9.0
@@ -182,7 +190,7 @@ def measure(settings: BenchSettings, progress: Progress) -> Findings:
         progress: Gets a line about the current work.
 
     Returns:
-        Values: `sizes` by name (`1M cluttered`), and `browser` copies by the size's name.
+        Values: `sizes` by name (`1M cluttered`), `homes` that are recovered, and `browser` copies by the size's name.
 
     Raises:
         SceneError: A process that measures a part failed.
@@ -190,9 +198,12 @@ def measure(settings: BenchSettings, progress: Progress) -> Findings:
     run = _Run(settings, progress)
     backend = Raycaster(bench_mesh(1, cluttered=False, texture_size=4, num_textures=1)).backend
     sizes, copies = _sizes_and_copies(settings, run)
+    homes: dict[str, Values] = {}
+    if settings.with_homes and run.begins("recovered homes", 0.0):
+        homes["recovered"] = home_figures()
     sizes = dict(sorted(sizes.items(), key=lambda item: (item[1]["cluttered"], item[1]["faces"])))
     return Findings(
-        {"sizes": sizes, "browser": copies},
+        {"sizes": sizes, "homes": homes, "browser": copies},
         notes=(*NOTES, f"Renderer: {backend.reason}"),
         left_out=run.left_out,
         versions={"renderer": f"{backend.name}, packets of {backend.packet_width}", **_more_versions()},
