@@ -34,8 +34,8 @@ def shifted(x: float, y: float = 0.0) -> list[Place]:
 def test_islands_are_joined_by_a_guessed_strip_or_by_a_line_that_a_record_proves_free() -> None:
     cells = walkable_cells(recorded_of(ROOM + shifted(4.0)), GROUND, grid=GRID)
     x = GRID.grid.xz_from_rc(cells.rc[cells.guessed])[:, 0]
-    assert x.min() > 0.95
-    assert x.max() < 4.05
+    assert x.min() > 0.8, "the strip is 0.4 m wide, with round ends"
+    assert x.max() < 4.2
     length = floor_from(cells).distances(np.array([[0.5, 0, 0.5]]), np.array([[4.5, 0, 0.5]]))[0]
     assert length == pytest.approx(4.0, rel=0.15)
     proof = PathLength("easy", "table_1", (0.5, 0.0, 0.5), (4.5, 0.0, 0.5), 4.0)

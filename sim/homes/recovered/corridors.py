@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from sim.types import GridSpec
 from sim.walk.floor_grid import FloorGrid
@@ -33,7 +34,7 @@ _CHOICES = 3
 _LONGEST_WAY = 1.1
 _DETOUR_RADII = (0.3, 0.6, 0.9)
 _DETOUR_PRICE = 20.0
-_CLOSED_RADIUS = 0.2
+_CLOSED_RADIUS = 2 * CORRIDOR_RADIUS  # a path may follow either side of a corridor
 _CLOSED_PRICE = 2.0  # floor that proved wrong costs this many times as much afterwards
 _CELL_COST = 1e-4  # each cell of a corridor must reduce the misfit by this much
 _UNREACHED = 0.4
@@ -164,8 +165,7 @@ class _Search:
         ratio = polyline_length(path) / self._lengths[i]
         error = round(abs(ratio - 1), 3)
         if ratio <= _LONGEST_WAY and error not in found:
-            nodes = self._near([path], CORRIDOR_RADIUS)
-            nodes = nodes[~self.ground.is_free[nodes]]
+            nodes = self._corridor(path)
             if len(nodes):
                 found[error] = nodes
         return ratio
@@ -184,6 +184,17 @@ class _Search:
     def _route(self, i: int, reluctance: float) -> Polyline:
         limit = 1.06 * self._lengths[i] + 3
         return route(self.ground, self._work, *self._ends[i], reluctance, limit)
+
+    def _corridor(self, path: Polyline) -> Nodes:
+        """Unknown floor around the unknown floor that a path crosses: beside known floor no corner is cut."""
+        crossed, nodes = (self._near([path], radius) for radius in (0.0, CORRIDOR_RADIUS))
+        crossed, nodes = crossed[~self.ground.is_free[crossed]], nodes[~self.ground.is_free[nodes]]
+        if not len(crossed):
+            return crossed
+        cells = self.ground.cells
+        places = np.column_stack([cells.col, cells.row]).astype(float)
+        away, _ = KDTree(places[crossed]).query(places[nodes])
+        return nodes[away <= CORRIDOR_RADIUS / self._cell]
 
     def _near(self, paths: list[Polyline], radius: float) -> Nodes:
         mark = np.zeros(len(self.is_known), bool)
