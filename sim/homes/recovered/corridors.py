@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from sim.types import GridSpec
 from sim.walk.floor_grid import FloorGrid
@@ -23,7 +22,7 @@ from .recorded import PathLength
 
 PLAN_CLIMB = 0.3
 """Largest height difference of neighbouring cells of a schematic home (metres): recorded heights are noisy."""
-CORRIDOR_RADIUS = 0.2
+CORRIDOR_RADIUS = 0.15
 """Half the width of a corridor for the robot's centre (metres)."""
 _RELUCTANCES = (50.0, 12.0, 4.0, 1.5, 0.6, 0.25, 0.1)  # prices of unknown floor, tried in turn
 _TOO_SHORT, _TOO_LONG = 0.975, 1.025
@@ -36,7 +35,7 @@ _DETOUR_RADII = (0.3, 0.6, 0.9)
 _DETOUR_PRICE = 20.0
 _CLOSED_RADIUS = 2 * CORRIDOR_RADIUS  # a path may follow either side of a corridor
 _CLOSED_PRICE = 2.0  # floor that proved wrong costs this many times as much afterwards
-_CELL_COST = 1e-4  # each cell of a corridor must reduce the misfit by this much
+_CELL_COST = 1.3e-4  # each cell of a corridor must reduce the misfit by this much
 _UNREACHED = 0.4
 
 Polyline = NDArray[np.float64]
@@ -165,7 +164,8 @@ class _Search:
         ratio = polyline_length(path) / self._lengths[i]
         error = round(abs(ratio - 1), 3)
         if ratio <= _LONGEST_WAY and error not in found:
-            nodes = self._corridor(path)
+            nodes = self._near([path], CORRIDOR_RADIUS)
+            nodes = nodes[~self.ground.is_free[nodes]]
             if len(nodes):
                 found[error] = nodes
         return ratio
@@ -184,17 +184,6 @@ class _Search:
     def _route(self, i: int, reluctance: float) -> Polyline:
         limit = 1.06 * self._lengths[i] + 3
         return route(self.ground, self._work, *self._ends[i], reluctance, limit)
-
-    def _corridor(self, path: Polyline) -> Nodes:
-        """Unknown floor around the unknown floor that a path crosses: beside known floor no corner is cut."""
-        crossed, nodes = (self._near([path], radius) for radius in (0.0, CORRIDOR_RADIUS))
-        crossed, nodes = crossed[~self.ground.is_free[crossed]], nodes[~self.ground.is_free[nodes]]
-        if not len(crossed):
-            return crossed
-        cells = self.ground.cells
-        places = np.column_stack([cells.col, cells.row]).astype(float)
-        away, _ = KDTree(places[crossed]).query(places[nodes])
-        return nodes[away <= CORRIDOR_RADIUS / self._cell]
 
     def _near(self, paths: list[Polyline], radius: float) -> Nodes:
         mark = np.zeros(len(self.is_known), bool)
