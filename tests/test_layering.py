@@ -48,6 +48,7 @@ ROOMS = {
 A module belongs to the longest name that matches it, and imports nothing that comes later."""
 ENTRANCES = {
     "personal_viz.__main__",
+    "personal_viz.bench.homes.recast_lab",
     "personal_viz.bench.page",
     "personal_viz.screenshots.make",
     "personal_viz.study_app.server",
