@@ -22,8 +22,10 @@ from .recorded import PathLength
 
 PLAN_CLIMB = 0.3
 """Largest height difference of neighbouring cells of a schematic home (metres): recorded heights are noisy."""
-CORRIDOR_RADIUS = 0.15
+CORRIDOR_RADIUS = 0.2
 """Half the width of a corridor for the robot's centre (metres)."""
+_RADII = (CORRIDOR_RADIUS, 0.1)
+"""Half the widths that are tried in turn: a wide corridor may cut a corner that another record needs."""
 _RELUCTANCES = (50.0, 12.0, 4.0, 1.5, 0.6, 0.25, 0.1)  # prices of unknown floor, tried in turn
 _TOO_SHORT, _TOO_LONG = 0.975, 1.025
 _WRONG = 0.955  # for a path shorter than this share of the record, we look for a corridor to close
@@ -33,9 +35,9 @@ _CHOICES = 3
 _LONGEST_WAY = 1.1
 _DETOUR_RADII = (0.3, 0.6, 0.9)
 _DETOUR_PRICE = 20.0
-_CLOSED_RADIUS = 2 * CORRIDOR_RADIUS  # a path may follow either side of a corridor
+_CLOSED_RADIUS = 0.2
 _CLOSED_PRICE = 2.0  # floor that proved wrong costs this many times as much afterwards
-_CELL_COST = 1.3e-4  # each cell of a corridor must reduce the misfit by this much
+_CELL_COST = 1e-4  # each cell of a corridor must reduce the misfit by this much
 _UNREACHED = 0.4
 
 Polyline = NDArray[np.float64]
@@ -138,8 +140,9 @@ class _Search:
             if self._ratios[i] <= _TOO_LONG:
                 continue
             best: _Opening | None = None
-            for nodes in self._candidates(i):
-                best = self._tried(nodes, best.gain if best else 0.0) or best
+            for radius in _RADII:
+                for nodes in self._candidates(i, radius) if best is None else ():
+                    best = self._tried(nodes, best.gain if best else 0.0) or best
             if best is not None:
                 self._opened[best.nodes] = True
                 self.ground.is_free[best.opened] = True
@@ -147,37 +150,37 @@ class _Search:
                 for j, (ratio, path) in best.measured.items():
                     self._ratios[j], self._paths[j] = ratio, path
 
-    def _candidates(self, i: int) -> list[Nodes]:
-        """The paths over unknown floor whose lengths fit a record best."""
+    def _candidates(self, i: int, radius: float) -> list[Nodes]:
+        """The corridors over unknown floor whose lengths fit a record best; `radius` in metres."""
         found: dict[float, Nodes] = {}
         path = np.empty((0, 3))
         for reluctance in _RELUCTANCES:
             path = self._route(i, reluctance)
-            if not len(path) or self._add_way(i, path, found) < _TOO_SHORT:
+            if not len(path) or self._add_way(i, path, radius, found) < _TOO_SHORT:
                 break
         if len(path) and all(error > _TOO_LONG - 1 for error in found):
-            self._add_detours(i, path, found)
+            self._add_detours(i, path, radius, found)
         return [found[error] for error in sorted(found)[:_CHOICES]]
 
-    def _add_way(self, i: int, path: Polyline, found: dict[float, Nodes]) -> float:
+    def _add_way(self, i: int, path: Polyline, radius: float, found: dict[float, Nodes]) -> float:
         """Adds the unknown floor of a path to `found`, by the error of its length; returns the ratio of the length."""
         ratio = polyline_length(path) / self._lengths[i]
         error = round(abs(ratio - 1), 3)
         if ratio <= _LONGEST_WAY and error not in found:
-            nodes = self._near([path], CORRIDOR_RADIUS)
+            nodes = self._near([path], radius)
             nodes = nodes[~self.ground.is_free[nodes]]
             if len(nodes):
                 found[error] = nodes
         return ratio
 
-    def _add_detours(self, i: int, path: Polyline, found: dict[float, Nodes]) -> None:
+    def _add_detours(self, i: int, path: Polyline, radius: float, found: dict[float, Nodes]) -> None:
         """Adds longer and longer paths around the unknown floor of a path that is too short."""
         price = self.ground.price.copy()
-        for radius in _DETOUR_RADII:
-            nodes = self._near([path], radius)
+        for around in _DETOUR_RADII:
+            nodes = self._near([path], around)
             self.ground.price[nodes] = price[nodes] + _DETOUR_PRICE
             way = self._route(i, 1.0)
-            if not len(way) or self._add_way(i, way, found) >= _TOO_SHORT:
+            if not len(way) or self._add_way(i, way, radius, found) >= _TOO_SHORT:
                 break
         self.ground.price[:] = price
 
