@@ -61,7 +61,7 @@ _WORTH = 200
 """Cells of new floor that are worth the way: half a square metre."""
 _STEPS_PER_CELL, _LONGEST = 8, 60
 """Steps that each cell of the longest frontier adds to the wait for it, and the most cells that count."""
-_SQUEEZE_STEPS, _LAST_STEPS = 80, 200
+_SQUEEZE_STEPS, _LAST_STEPS = 80, 160
 """Steps without floor that was worth it after which plans pass close to things, and after which the robot is done."""
 
 

@@ -136,14 +136,14 @@ def test_a_narrow_passage_is_walked_in_zigzag_whatever_its_direction(degrees: fl
 
 def test_exploring_ends_after_many_steps_without_new_floor_and_later_with_a_long_frontier() -> None:
     seeker, found = Seeker(CAMERA), []
-    for step in (0, 202, 680, 681):
+    for step in (0, 162, 640, 641):
         seeker.see(on_floor(0.0, step))
         found.append(seeker.is_dull())
-    assert found == [False, False, False, True], "200 steps, and 8 for each of 60 cells of the frontier"
-    seeker.see(on_floor(math.pi, 682))
+    assert found == [False, False, False, True], "160 steps, and 8 for each of 60 cells of the frontier"
+    seeker.see(on_floor(math.pi, 642))
     assert not seeker.is_dull(), "the floor behind is new"
     seeker, found = Seeker(CAMERA), []
-    for step in (0, 392, 393):
+    for step in (0, 352, 353):
         seeker.see(observation(Pose((0.0, 0.0, 0.0), 0.0), depth=20.0, step=step))
         found.append(seeker.is_dull())
     assert found == [False, False, True], "a short frontier, of 24 cells, is left"
