@@ -222,7 +222,7 @@ def test_a_released_home_is_walkable_and_shows_its_objects(dataset_root: Path, s
     assert max(away) <= 0.1
     assert np.mean([home.navigation.is_navigable(np.array(place)) for place in on_floor]) >= 0.99
     off = np.abs(np.array(ratios) - 1)
-    assert abs(np.median(ratios) - 1) < 0.03
+    assert abs(np.median(ratios) - 1) < 0.02
     assert np.mean(off <= 0.05) >= 0.75
     assert np.mean(off <= 0.1) >= 0.9
     assert np.mean(seen) >= 0.85

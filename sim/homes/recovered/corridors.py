@@ -37,6 +37,7 @@ _DETOUR_RADII = (0.3, 0.6, 0.9)
 _DETOUR_PRICE = 20.0
 _CLOSED_RADIUS = 0.2
 _CLOSED_PRICE = 2.0  # floor that proved wrong costs this many times as much afterwards
+_SHORT_TIMES = 1.5  # weight of paths that are too short: they certainly lead through a wall
 _CELL_COST = 1e-4  # each cell of a corridor must reduce the misfit by this much
 _UNREACHED = 0.4
 
@@ -274,8 +275,8 @@ def _is_usable(record: PathLength, floor: FloorGrid) -> bool:
 
 
 def _misfit(ratio: float) -> float:
-    """Cost of a path ratio: its error, plus one penalty above 5 % and another above 10 %."""
-    error = min(abs(ratio - 1), 0.3) if math.isfinite(ratio) else _UNREACHED
+    """Cost of a path ratio: its error, plus one penalty above 5 % and another above 10 %; too short counts for more."""
+    error = min(abs(ratio - 1) * (_SHORT_TIMES if ratio < 1 else 1.0), 0.3) if math.isfinite(ratio) else _UNREACHED
     fines = [min(max((error - limit + 0.02) / 0.04, 0.0), 1.0) for limit in (0.05, 0.1)]
     return error + 0.1 * sum(fines)
 
