@@ -215,52 +215,44 @@ def best_heading(weights, to_go, u, v, yaw, step, turn_step, most_forwards, clos
     Returns:
         Cost is inf where every heading is blocked; a way that leads away is chosen where none leads nearer.
     """
-    here = to_go[int(v), int(u)]
     num_turns = round(2 * math.pi / turn_step)
     side = 2 * _FINE * (int(most_forwards * step) + 2)
     was_at = np.zeros((side, side, num_turns), np.bool_)
-    at_u, at_v, gone = np.empty(_MOST_NODES), np.empty(_MOST_NODES), np.empty(_MOST_NODES)
-    headings, firsts = np.empty(_MOST_NODES, np.int32), np.empty(_MOST_NODES, np.int32)
-    forwards = np.empty(_MOST_NODES, np.int32)
-    keys, values = np.empty(num_turns * _MOST_NODES), np.empty(num_turns * _MOST_NODES, np.int32)
-    at_u[0], at_v[0], gone[0], headings[0], firsts[0], forwards[0] = u, v, 0.0, 0, 0, 0
+    nodes = np.empty((_MOST_NODES, 6))  # column, row, cost, heading in turns from now, first turns, forwards
+    nodes[0] = np.array([u, v, 0.0, 0.0, 0.0, 0.0])
+    keys, values = np.empty(_MOST_NODES), np.empty(_MOST_NODES, np.int32)
     count, size = 1, push(keys, values, 0, 0.0, 0)
     best, best_turns = math.inf, 0
     while size:
         node, size = pop(keys, values, size)
-        if node:
-            total = gone[node] + to_go[int(at_v[node]), int(at_u[node])]
-            if forwards[node] >= most_forwards or to_go[int(at_v[node]), int(at_u[node])] < _AT_GOAL:
-                return firsts[node], total
+        at_u, at_v, gone, heading, first, forwards = [nodes[node, i] for i in range(6)]
+        left = to_go[int(at_v), int(at_u)]
+        if node and (forwards >= most_forwards or left < _AT_GOAL):
+            return int(first), gone + left
         for order in range(num_turns):
             turns = (order + 1) // 2 * (1 if order % 2 else -1)
-            heading = (headings[node] + turns) % num_turns
-            cost = gone[node] + abs(turns) + (0.0 if node else extra[heading])
+            facing = (int(heading) + turns) % num_turns
+            cost = gone + abs(turns) + (0.0 if node else extra[facing])
             if not math.isfinite(cost) or count == _MOST_NODES:
                 continue
-            angle = yaw + heading * turn_step
-            walked, entered, moved = _walked(weights, to_go, at_u[node], at_v[node], angle, step, closed_cost)
-            cost += walked
-            if not math.isfinite(cost):
-                continue
-            first = firsts[node] if node else turns
+            walked, entered, moved = _walked(weights, to_go, at_u, at_v, yaw + facing * turn_step, step, closed_cost)
+            first_turns = int(first) if node else turns
             if not entered:  # to leave a place where everything is blocked
-                if cost + 3 * _AWAY_COST < best:
-                    best, best_turns = cost + 3 * _AWAY_COST, first
+                if cost + walked + 3 * _AWAY_COST < best:
+                    best, best_turns = cost + walked + 3 * _AWAY_COST, first_turns
                 continue
-            to_u, to_v = at_u[node] - moved * math.sin(angle), at_v[node] - moved * math.cos(angle)
+            to_u = at_u - moved * math.sin(yaw + facing * turn_step)
+            to_v = at_v - moved * math.cos(yaw + facing * turn_step)
             fine = int(_FINE * (to_v - v) + side // 2), int(_FINE * (to_u - u) + side // 2)
-            if was_at[fine[0], fine[1], heading]:
+            if was_at[fine[0], fine[1], facing]:
                 continue
-            was_at[fine[0], fine[1], heading] = True
-            left = to_go[int(to_v), int(to_u)]
-            total = cost + left + (0.0 if left < here - 0.1 else _AWAY_COST)
+            was_at[fine[0], fine[1], facing] = True
+            cost, left = cost + walked, to_go[int(to_v), int(to_u)]
+            total = cost + left + (0.0 if left < to_go[int(v), int(u)] - 0.1 else _AWAY_COST)
             if total < best - 1e-9:
-                best, best_turns = total, first
-            at_u[count], at_v[count], gone[count] = to_u, to_v, cost
-            headings[count], firsts[count], forwards[count] = heading, first, forwards[node] + 1
-            size = push(keys, values, size, cost + left, count)
-            count += 1
+                best, best_turns = total, first_turns
+            nodes[count] = np.array([to_u, to_v, cost, facing, first_turns, forwards + 1])
+            size, count = push(keys, values, size, cost + left, count), count + 1
     return best_turns, best
 
 

@@ -20,8 +20,8 @@ from grounding.encoders.packed_bert import one_thread
 from grounding.methods.rpg import PRESETS, RegionGated, RpgOptions, grown, nms_peaks, rpg_dense, rpg_packed
 from grounding.phrases.rules import RulePhrases
 
-from .grounding_inputs import MapBatch, SceneInputs, episodes_at_hand, random_map, scene_inputs, solve_batch
-from .harness import Findings, Plan, Progress, Target, empty_cache, interleaved
+from .grounding_inputs import MapBatch, SceneInputs, random_map, scene_inputs, solve_batch
+from .harness import Findings, Plan, Progress, Target, empty_cache, episodes_at_hand, interleaved
 
 PLAN = Plan(
     targets={

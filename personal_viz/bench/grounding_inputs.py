@@ -1,11 +1,7 @@
 """Inputs of the grounding benchmark: the released episodes if they are there, else those of an invented home."""
 
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import torch
@@ -18,14 +14,12 @@ from grounding.methods.rpg import RpgResult, rpg_packed
 from grounding.phrases.ownership_text import parse_phrase
 from grounding.phrases.sources import DatasetPhrases
 from grounding.types import FeatureMap, map_from_cells
-from sim.authoring.generation import invent_dataset
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.types import GridSpec, Task
 
-InputKind = Literal["released", "invented"]
-RELEASE = Path(__file__).parents[3] / "shared/personal-dataset/split"
-"""Folder of the released episodes, beside the repository."""
+from .harness import InputKind, episodes_at_hand
+
 _SEEN = OracleVariant(blur=1.0)
 """Map variant that fills all observed cells: about 7 % of the grid."""
 CELLS = 175
@@ -79,17 +73,6 @@ class SceneInputs:
             vectors[len(different) :],
             torch.tensor(uses),
         )
-
-
-@contextmanager
-def episodes_at_hand() -> Iterator[tuple[InputKind, Path]]:
-    """Yields the folder of the released episodes, or of those of an invented home where they are missing."""
-    if RELEASE.is_dir():
-        yield "released", RELEASE
-        return
-    with tempfile.TemporaryDirectory(prefix="personal-viz-bench-") as name:
-        invent_dataset(Path(name), name="Bench", seed=3)
-        yield "invented", Path(name)
 
 
 def scene_inputs(encoder: TextEncoder, *, limit: int | None = None) -> tuple[InputKind, list[SceneInputs]]:

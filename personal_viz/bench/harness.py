@@ -16,17 +16,21 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import psutil
 from pydantic import BaseModel, ConfigDict
 
 from human_study.export.text_tables import markdown_table
+from sim.authoring.generation import invent_dataset
 from sim.cache import VARIABLE
 from sim.render.raycast import own_cores
 from sim.tasks.provenance import git_commit, package_versions
 
+InputKind = Literal["released", "invented"]
+RELEASE = Path(__file__).parents[3] / "shared/personal-dataset/split"
+"""Folder of the released episodes, beside the repository."""
 Progress = Callable[[str], None]
 """Callback that gets lines about the current work."""
 Values = Mapping[str, Any]
@@ -311,6 +315,17 @@ def empty_cache() -> Iterator[Path]:
             os.environ.pop(VARIABLE)
             if before is not None:
                 os.environ[VARIABLE] = before
+
+
+@contextlib.contextmanager
+def episodes_at_hand() -> Iterator[tuple[InputKind, Path]]:
+    """Yields the folder of the released episodes, or of those of an invented home where they are missing."""
+    if RELEASE.is_dir():
+        yield "released", RELEASE
+        return
+    with tempfile.TemporaryDirectory(prefix="personal-viz-bench-") as name:
+        invent_dataset(Path(name), name="Bench", seed=3)
+        yield "invented", Path(name)
 
 
 def _machine() -> Machine:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from personal_viz.bench import grounding_inputs
+from personal_viz.bench import harness
 from personal_viz.bench.sim import simulator
 from personal_viz.bench.sim.children import in_child, measured_loads
 from personal_viz.bench.sim.homes import home_figures
@@ -174,7 +174,7 @@ def test_parts_without_time_left_are_named_as_left_out() -> None:
 def test_homes_are_built_also_where_the_released_episodes_are_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(grounding_inputs, "RELEASE", tmp_path / "missing")
+    monkeypatch.setattr(harness, "RELEASE", tmp_path / "missing")
     found = home_figures()
     assert found["num_homes"] == 1
     assert found["plan_s"] > 0

@@ -10,7 +10,7 @@ import torch
 from grounding.encoders.by_name import make_encoder
 from grounding.methods.rpg import RpgOptions, rpg_dense
 from personal_viz.bench import grounding as bench
-from personal_viz.bench import grounding_inputs as inputs
+from personal_viz.bench import harness
 from personal_viz.bench.grounding import GroundingSettings, literal_rpg
 from personal_viz.bench.grounding_inputs import random_map, scene_inputs, solve_batch
 from personal_viz.bench.harness import run_benchmark
@@ -25,7 +25,7 @@ KEYS = {"literal_ms", "batch_ms", "packed_ms", "bound_ms", "literal_over_packed"
 @pytest.fixture
 def invented(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Hides the released dataset."""
-    monkeypatch.setattr(inputs, "RELEASE", tmp_path / "none")
+    monkeypatch.setattr(harness, "RELEASE", tmp_path / "none")
 
 
 @pytest.mark.parametrize("options", [RpgOptions(), RpgOptions(top_k=4, nhood=0, nms_r=0)])

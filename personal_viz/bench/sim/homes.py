@@ -8,8 +8,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.homes.open_home import scene_from_plan
 from sim.homes.recovered.plans import recover_plan
 
-from ..grounding_inputs import episodes_at_hand
-from ..harness import empty_cache
+from ..harness import empty_cache, episodes_at_hand
 
 
 def home_figures() -> dict[str, float]:

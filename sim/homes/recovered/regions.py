@@ -4,7 +4,7 @@ Cells and seeds -> labels, for rooms.py. Path lengths are weighted: a path count
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -145,19 +145,29 @@ def groups_of(seeds: Sequence[Seed], distance: NDArray[np.float64], nearest: Lab
         for b in range(a + 1, num)
         if _is_one_room(seeds[a], seeds[b], float(min(ways[a, b], ways[b, a])))
     ]
+    return _grouped(pairs, num)
+
+
+def _grouped(pairs: Sequence[tuple[int, int]], num: int) -> Labels:
+    """Index (N,) of the first of all that are linked to each of `num` things, directly or through others."""
     links = np.array(pairs, np.int64).reshape(-1, 2)
     graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(num, num))
     _, group = connected_components(graph, directed=False)
-    first = np.full(group.max() + 1, num, np.int64)
+    first = np.full(num, num, np.int64)
     np.minimum.at(first, group, np.arange(num))
     return first[group]
+
+
+def _borders(labels: Labels) -> Iterator[tuple[tuple[slice, ...], tuple[slice, ...], NDArray[np.bool_]]]:
+    """Two shifted views of an image of labels, and where different labels (not -1) lie side by side in them."""
+    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1, :], np.s_[1:, :])):
+        yield a, b, (labels[a] >= 0) & (labels[b] >= 0) & (labels[a] != labels[b])
 
 
 def _ways_between(distance: NDArray[np.float64], nearest: Labels, num: int) -> NDArray[np.float64]:
     """Weighted path lengths (N, N) between seeds whose cells touch, else inf; the smaller of both directions counts."""
     ways = np.full((num, num), np.inf)
-    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
-        touch = (nearest[a] >= 0) & (nearest[b] >= 0) & (nearest[a] != nearest[b])
+    for a, b, touch in _borders(nearest):
         np.minimum.at(ways, (nearest[a][touch], nearest[b][touch]), distance[a][touch] + distance[b][touch])
     return ways
 
@@ -184,25 +194,23 @@ def joined(labels: Labels, rooms: Sequence[RoomName | None], goals: Iterable[Goa
         for label, count in votes.items():
             lines[home, label] += count
     borders = np.zeros(lines.shape)
-    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
-        touch = (labels[a] >= 0) & (labels[b] >= 0) & (labels[a] != labels[b])
+    for a, b, touch in _borders(labels):
         np.add.at(borders, (labels[a][touch], labels[b][touch]), grid.cell)
     borders += borders.T
-    links = np.zeros(lines.shape, bool)
-    for a, b in np.argwhere(np.triu(borders) > 0).tolist():
-        first, second = rooms[a], rooms[b]
-        if first is None or second is None or first.kind != second.kind:
-            continue
-        crossing, both = lines[a, b] + lines[b, a], lines[[a, b]].sum()
-        is_crossed = crossing >= max(_LEAST_CROSSED, _CROSSED * both)
-        links[a, b] = is_crossed or (borders[a, b] >= _OPEN_BORDER and _may_be_one(first, second))
-    for a in range(len(rooms)):
-        if rooms[a] is not None and not lines[a].any() and borders[a].max() >= _OPEN_BORDER:
-            links[a, borders[a].argmax()] = True
-    _, group = connected_components(coo_array(links), directed=False)
-    first_of = np.full(len(rooms), len(rooms), np.int64)
-    np.minimum.at(first_of, group, np.arange(len(rooms)))
-    return first_of[group]
+    pairs = [(a, b) for a, b in np.argwhere(np.triu(borders) > 0).tolist() if _is_open(a, b, rooms, lines, borders)]
+    is_empty = [room is not None and not own.any() for room, own in zip(rooms, lines, strict=True)]
+    widest = borders.argmax(axis=1).tolist()
+    pairs += [(k, widest[k]) for k in np.flatnonzero(is_empty).tolist() if borders[k, widest[k]] >= _OPEN_BORDER]
+    return _grouped(pairs, len(rooms))
+
+
+def _is_open(a: int, b: int, rooms: Sequence[RoomName | None], lines: Labels, borders: NDArray[np.float64]) -> bool:
+    """Whether nothing divides two labels of one kind, by lines of sight (L, L) and lengths of borders (L, L)."""
+    first, second = rooms[a], rooms[b]
+    if first is None or second is None or first.kind != second.kind:
+        return False
+    is_crossed = lines[a, b] + lines[b, a] >= max(_LEAST_CROSSED, _CROSSED * lines[[a, b]].sum())
+    return bool(is_crossed) or (bool(borders[a, b] >= _OPEN_BORDER) and _may_be_one(first, second))
 
 
 def _may_be_one(a: RoomName, b: RoomName) -> bool:
