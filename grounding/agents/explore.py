@@ -24,7 +24,7 @@ from .exploration import Exploration as Exploration
 from .frontier import MAX_STEPS, FrontierExplorer
 from .rooms_found import RoomMap
 
-EXPLORER_VERSION = "3"
+EXPLORER_VERSION = "4"
 """Increase it whenever the explorer's starts or ways change, or the coverage, doors and rooms in its files."""
 
 TASK = Task("pan", description="", queries=("explore",), max_steps=MAX_STEPS, actions=PAPER6)

@@ -160,7 +160,7 @@ class FloorMemory:
 
     @property
     def floor_y(self) -> float:
-        """Height of the floor, metres, start frame: the most frequent height of points seen near the feet."""
+        """Height of the floor, metres, start frame: the most frequent height seen, the nearer to the feet the more."""
         return self._mapper.floor_y
 
     @property
@@ -236,7 +236,9 @@ class FloorMemory:
         self._heights += np.bincount(bins[(bins >= 0) & (bins < len(self._heights))], minlength=len(self._heights))
         if not self._heights.any():
             return
-        floor_y = start_low + (int(self._heights.argmax()) + 0.5) * _FLOOR_BIN
+        middles = start_low + (np.arange(len(self._heights)) + 0.5) * _FLOOR_BIN
+        nearness = 1 - np.abs(middles) / _FLOOR_AROUND  # a seat or a step may fill more of the picture than the floor
+        floor_y = float(middles[(self._heights * nearness).argmax()])
         if abs(floor_y - self._mapper.floor_y) > _FLOOR_BIN:
             self._mapper = OccupancyMapper(floor_y=floor_y)
             for earlier in self._frames[:-1]:

@@ -45,7 +45,8 @@ class FrontierExplorer:
         self._turn = Action.LEFT if rng.integers(2) else Action.RIGHT
         self._seeker = Seeker(camera, can_look=Action.LOOK_DOWN in task.actions)
         self._frontiers: list[Frontier] = []
-        self._turns_left, self._planned_at = FULL_TURN, 0
+        self._turns_left, self._has_looked_around = FULL_TURN, False
+        self._planned_at = 0
         self._note = "looking around at the start"
         self._last: tuple[Action, tuple[float, float]] | None = None
         self._unmoved = 0
@@ -80,7 +81,10 @@ class FrontierExplorer:
             if self._frontiers and math.isfinite(self._frontiers[0].cost):
                 self._take(self._frontiers[0], step)
             elif not self._seeker.squeeze() and not self._seeker.forgive():
-                return self._stop("no-frontier", f"{len(self._frontiers)} frontiers are left, out of reach")
+                if not self._frontiers or self._has_looked_around:
+                    return self._stop("no-frontier", f"{len(self._frontiers)} frontiers are left, out of reach")
+                self._turns_left, self._note = FULL_TURN, "no frontier can be reached: looking around"
+                self._has_looked_around = True
         self._turns_left -= 1
         return self._turn
 
@@ -95,7 +99,7 @@ class FrontierExplorer:
 
     def _take(self, frontier: Frontier, step: int) -> None:
         self._seeker.choose(frontier)
-        self._planned_at = step
+        self._planned_at, self._has_looked_around = step, False
         self._note = f"to a frontier of {len(frontier.cells_rc)} cells, counted as {frontier.cost:.0f} actions away"
 
     def _stop(self, reason: StopReason, note: str) -> Action:

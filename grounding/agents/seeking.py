@@ -49,8 +49,9 @@ _MOST_BUMPS = 8
 """Collisions on the way to one goal after which it counts as out of reach."""
 _DETOUR_STEPS = 40
 """Steps for which a frontier is ignored after it could not be reached."""
-_BAN_STEPS = 150
-"""Steps for which a frontier is ignored after it stayed unknown when the robot looked at it."""
+_LOOK_STEPS, _BAN_STEPS = 30, 150
+"""Steps for which a frontier is ignored after it stayed unknown when the robot looked at it, and after the robot found
+no new floor for too long on the way to it."""
 _TRIES = 3
 """A frontier that stayed unknown after this many looks is given up."""
 _DULL_STEPS = 150
@@ -247,7 +248,7 @@ class Seeker:
         level = reach_of(self._camera, self.memory.grid.cell, can_look=self._can_look)[1]
         if self._can_look and distance < level and not self.memory.is_tilted:
             return Action.LOOK_DOWN
-        self._leave(goal, for_steps=_BAN_STEPS, has_looked=True)
+        self._leave(goal, for_steps=_LOOK_STEPS, has_looked=True)
         return None
 
     def _walk(self) -> Action | None:

@@ -46,7 +46,11 @@ def grown(heights: NDArray[np.float64], radius_cells: float) -> NDArray[np.float
     known = ~np.isnan(heights)
     if not known.any():
         return heights
-    return np.where(distance_to(known) <= radius_cells, heights[nearest(known)], np.nan)
+    near = ~known if np.isinf(radius_cells) else ~known & (distance_to(known) <= radius_cells)
+    found = heights.copy()
+    rows, cols = nearest(known)
+    found[near] = heights[rows[near], cols[near]]
+    return found
 
 
 def cells_of(mask: Image) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -12,7 +12,7 @@ from grounding.agents.plan_kernels import best_heading, spread_costs, weigh
 from grounding.agents.seeking import Seeker
 from sim.frames import T_start_camera
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
-from sim.types import FORWARD_STEP, Action, Camera, Observation, Pose
+from sim.types import FORWARD_STEP, TURN_STEP, Action, Camera, Observation, Pose
 
 from .test_explore import CAMERA, observation
 
@@ -29,12 +29,13 @@ def seen(*xz: tuple[float, float], collided: bool = False) -> FloorMemory:
     return memory
 
 
-def on_floor(yaw: float, step: int) -> Observation:
-    """A view of an endless floor without walls."""
+def on_floor(yaw: float, step: int, *, floor_y: float = 0.0, seat: float = 0.0) -> Observation:
+    """A view of an endless floor without walls; a seat of 25 cm fills a share of the picture's columns."""
     down = (np.arange(CAMERA.height) + 0.5 - CAMERA.height / 2) / CAMERA.focal
-    depth = np.where(down > 0.04, CAMERA.mount_height / np.maximum(down, 0.04), 20.0).astype(np.float32)
+    top_y = np.where(np.arange(CAMERA.width) < seat * CAMERA.width, 0.25, floor_y)
+    depth = np.where(down > 0.04, (CAMERA.mount_height - top_y[:, None]) / np.maximum(down, 0.04), 20.0).T
     view = observation(Pose((0.0, 0.0, 0.0), yaw), depth=20.0, step=step)
-    return dataclasses.replace(view, depth_m=np.repeat(depth[:, None], CAMERA.width, axis=1))
+    return dataclasses.replace(view, depth_m=np.ascontiguousarray(depth, np.float32))
 
 
 def weight_at(memory: FloorMemory, xz: tuple[float, float]) -> float:
@@ -132,6 +133,16 @@ def test_a_narrow_passage_is_walked_in_zigzag_whatever_its_direction(degrees: fl
             u, v = to_u, to_v
     assert to_go[int(v), int(u)] <= 1
     assert actions <= 20, "12 forwards, and the turns between them"
+
+
+@pytest.mark.parametrize(("floor_y", "seat"), [(0.0, 0.0), (-0.1, 0.0), (0.0, 0.7), (0.06, 0.6)])
+def test_the_floor_is_found_near_the_feet_even_where_a_seat_fills_more_of_the_picture(
+    floor_y: float, seat: float
+) -> None:
+    memory = FloorMemory()
+    for step in range(14):
+        memory.see(on_floor(step * TURN_STEP, step, floor_y=floor_y, seat=seat))
+    assert memory.floor_y == pytest.approx(floor_y, abs=0.021)
 
 
 def test_exploring_ends_after_many_steps_without_new_floor_and_later_with_a_long_frontier() -> None:

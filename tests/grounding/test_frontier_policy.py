@@ -113,7 +113,7 @@ def test_a_seeker_remembers_the_steps_it_spent_on_a_goal() -> None:
         assert item.cost == pytest.approx(before[place].cost + (10.0 if place == goal.middle_xz else 0.0))
 
 
-def test_the_explorer_looks_around_only_at_the_start() -> None:
+def test_the_explorer_looks_around_at_the_start_and_before_it_stops_with_frontiers_left() -> None:
     notes: list[str] = []
 
     def told(step: Step | None, insight: Insight | None) -> None:
@@ -121,9 +121,24 @@ def test_the_explorer_looks_around_only_at_the_start() -> None:
             notes.append(insight.note)
 
     found = explore(two_room_scene(), START, seed=3, max_steps=600, camera=CAMERA, on_step=told)
-    assert [number for number, note in enumerate(notes) if "looking around" in note] == list(range(FULL_TURN))
+    around = [number for number, note in enumerate(notes) if "looking around" in note]
+    last = len(found.steps) - 1
+    assert around == [*range(FULL_TURN), *range(last - FULL_TURN, last)]
     assert found.stop_reason == "no-frontier"
     assert len({step.action for step in found.steps[:FULL_TURN]} & set(TURNS)) == 1, "one direction"
+
+
+def test_the_explorer_looks_around_once_more_before_it_gives_up_frontiers_out_of_reach(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    nowhere = Frontier(np.zeros((9, 2), np.int64), (0.0, 0.0), math.inf, (0.0, 0.0), (0.0, 0.0))
+    monkeypatch.setattr(Seeker, "frontiers", lambda self, **_: [nowhere])
+    monkeypatch.setattr(Seeker, "forgive", lambda self: False)
+    found = explore(two_room_scene(), START, seed=3, max_steps=600, camera=CAMERA)
+    actions = [step.action for step in found.steps]
+    assert (len(set(actions[:-1])), len(actions), actions[-1]) == (1, 2 * FULL_TURN + 1, Action.STOP)
+    assert actions[0] in TURNS
+    assert found.stop_reason == "no-frontier"
 
 
 def walked(agent: RandomFrontierAgent, *, has_door: bool, seed: int, max_steps: int) -> Iterator[tuple[Action, Pose]]:

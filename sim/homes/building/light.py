@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from sim.cache import cached_bytes
 from sim.compiled import njit
@@ -25,8 +26,6 @@ DARKEST = 0.35
 """Least light on a surface, as a share of its colour."""
 _LIFT = 0.012
 """Rays start this far in front of the surface (metres)."""
-_ASIDE = (0.07, 0.15)
-"""A place inside something takes the light of places this far beside it (metres)."""
 _SUN = np.array([0.55, 0.65, 0.30]) / np.linalg.norm([0.55, 0.65, 0.30])
 _SKY, _SUNLIGHT, _BOUNCE = 0.86, 0.15, 0.10
 _HIDDEN = 0.85
@@ -82,12 +81,23 @@ class _Surroundings:
             list(pool.map(fill, range(0, len(points), _CHUNK)))
         return hidden, is_inside
 
+    def reach(
+        self, origins: NDArray[np.float64], rays: NDArray[np.float64], shares: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Whether nothing lies along the first share (N,) of each ray; origins and rays (N, 3)."""
+        if self._scene is None:
+            return self.caster.cast(origins, rays).range_m >= np.linalg.norm(rays, axis=1) * shares
+        is_clear = np.zeros(len(origins), bool)
+        starts, ways, parts = (np.ascontiguousarray(array, np.float32) for array in (origins, rays, shares))
+        _trace_lines(self._scene.coherent, new_packet(self._width), starts, ways, parts, is_clear)
+        return is_clear
+
     def _sky(self, points: NDArray[np.float64], frames: NDArray[np.float64]) -> _Sky:
         directions = _hemisphere(_NUM_RAYS)
         if self._scene is not None:
             hidden, is_inside = np.zeros(len(points)), np.zeros(len(points), bool)
             origins, axes, local = (np.ascontiguousarray(array, np.float32) for array in (points, frames, directions))
-            _trace_sky(self._scene.incoherent, new_packet(self._width), origins, axes, local, hidden, is_inside)
+            _trace_sky(self._scene.coherent, new_packet(self._width), origins, axes, local, hidden, is_inside)
             return hidden, is_inside
         rays = (directions @ frames).reshape(-1, 3)
         hits = self.caster.cast(np.repeat(points, _NUM_RAYS, axis=0), rays)
@@ -126,28 +136,16 @@ def _light(corners: NDArray[np.float64], patches: Patches, bulbs: NDArray[np.flo
     towards_sun = normals @ _SUN
     direct = _SKY + _SUNLIGHT * towards_sun + _BOUNCE * np.maximum(0, -normals[:, 1])
     light = np.repeat((direct * (1 - _HIDDEN * hidden))[:, None], 3, axis=1)
-    for bulb in bulbs:
-        light += _lamp_light(around.caster, points, normals, bulb)[:, None] * _LAMP_RGB
+    light += _lamp_light(around, points, normals, bulbs)[:, None] * _LAMP_RGB
     return (np.clip(light, DARKEST, 1) * 255).round().astype(np.uint8)
 
 
 def _hidden(around: _Surroundings, patches: Patches) -> NDArray[np.float64]:
-    """Share (S,) of the sky that is hidden, 0 to 1; samples inside something take the share of places beside them."""
-    hidden = np.full(len(patches.points), np.nan)
+    """Share (S,) of the sky that is hidden, 0 to 1; samples inside something take that of others in their patches."""
     right, up = _tangents(patches.normals)
     frames, lifted = np.stack([right, up, patches.normals], axis=1), patches.points + _LIFT * patches.normals
-    left = np.arange(len(hidden))
-    for aside in (0.0, *_ASIDE):
-        moves = ((0, 0),) if aside == 0 else ((1, 0), (-1, 0), (0, 1), (0, -1))
-        total, count = np.zeros(len(left)), np.zeros(len(left))
-        for a, b in moves:
-            found, is_inside = around.sky(lifted[left] + aside * (a * right[left] + b * up[left]), frames[left])
-            total += np.where(is_inside, 0, found)
-            count += ~is_inside
-        done = count > 0
-        hidden[left[done]] = total[done] / count[done]
-        left = left[~done]
-    return _filled(hidden, patches.sample)
+    hidden, is_inside = around.sky(lifted, frames)
+    return _filled(np.where(is_inside, np.nan, hidden), patches.sample)
 
 
 def _filled(values: NDArray[np.float64], sample: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -172,24 +170,22 @@ def _tangents(normals: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
 
 
 def _lamp_light(
-    caster: Raycaster, points: NDArray[np.float64], normals: NDArray[np.float64], bulb: NDArray[np.float64]
+    around: _Surroundings, points: NDArray[np.float64], normals: NDArray[np.float64], bulbs: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Light (S,) of one bulb: less with distance, none behind things."""
-    away = bulb - points
+    """Light (S,) of all bulbs (B, 3): less with distance, none behind things."""
+    which, near = np.nonzero(cdist(bulbs, points) < _LAMP_REACH)
+    away = bulbs[which] - points[near]
     distance = np.linalg.norm(away, axis=1)
-    facing = np.einsum("ij,ij->i", away, normals) / np.maximum(distance, 1e-6)
-    light = np.zeros(len(points))
-    near = np.flatnonzero((distance < _LAMP_REACH) & (facing > 0))
-    if not len(near):
-        return light
-    reached = np.zeros(len(near))
+    facing = np.einsum("ij,ij->i", away, normals[near]) / np.maximum(distance, 1e-6)
+    lit = facing > 0
+    near, bulb, distance, facing = near[lit], bulbs[which[lit]], distance[lit], facing[lit]
+    origins, reached = points[near] + _LIFT * normals[near], np.zeros(len(near))
     for offset in _LAMP_SIZE * 0.5 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3):
-        origins = points[near] + _LIFT * normals[near]
         rays = bulb + offset - origins
-        clear = np.linalg.norm(rays, axis=1) - _LAMP_SIZE
-        reached += caster.cast(origins, rays).range_m >= clear
-    fade = (1 - distance[near] / _LAMP_REACH) / (1 + (distance[near] / _LAMP_HALF) ** 2)
-    light[near] = _LAMP * fade * (0.25 + 0.75 * facing[near]) * reached / 4
+        reached += around.reach(origins, rays, 1 - _LAMP_SIZE / np.maximum(np.linalg.norm(rays, axis=1), _LAMP_SIZE))
+    fade = (1 - distance / _LAMP_REACH) / (1 + (distance / _LAMP_HALF) ** 2)
+    light = np.zeros(len(points))
+    np.add.at(light, near, _LAMP * fade * (0.25 + 0.75 * facing) * reached / 4)
     return light
 
 
@@ -202,14 +198,20 @@ def _hemisphere(count: int) -> NDArray[np.float64]:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _trace_sky(tracer, packets, points, frames, directions, hidden, is_inside):
-    """Fills `hidden` and `is_inside` (N,) for points (N, 3) with frames (N, 3, 3); the rays must fill whole packets."""
+    """Fills `hidden` and `is_inside` (N,) for points (N, 3) with frames (N, 3, 3).
+
+    A packet holds one ray from each of several places in a row, which lie near each other and look alike.
+    """
     packet = packets[0]
     width = len(packet.tfar)
-    for n in range(len(points)):
-        total, num_back = 0.0, 0
-        for first in range(0, len(directions), width):
+    num_back = np.zeros(width, np.int64)
+    for first in range(0, len(points), width):
+        here = min(width, len(points) - first)
+        num_back[:] = 0
+        for d in range(len(directions)):
+            a, b, c = directions[d]
             for i in range(width):
-                a, b, c = directions[first + i, 0], directions[first + i, 1], directions[first + i, 2]
+                n = first + min(i, here - 1)
                 packet.org_x[i], packet.org_y[i], packet.org_z[i] = points[n, 0], points[n, 1], points[n, 2]
                 packet.dir_x[i] = a * frames[n, 0, 0] + b * frames[n, 1, 0] + c * frames[n, 2, 0]
                 packet.dir_y[i] = a * frames[n, 0, 1] + b * frames[n, 1, 1] + c * frames[n, 2, 1]
@@ -217,12 +219,31 @@ def _trace_sky(tracer, packets, points, frames, directions, hidden, is_inside):
                 packet.tfar[i] = _REACH
                 packet.geom[i] = 0xFFFFFFFF
             trace(tracer[0], tracer[1], tracer[2], packets.ctypes.data, width)
-            for i in range(width):
+            for i in range(here):
                 if packet.geom[i] != 0:
                     continue
                 far, close = packet.tfar[i] / _REACH, packet.tfar[i] / _NEAR
-                total += (1 - _CONTACT) * (1 - far * far) + _CONTACT * max(0.0, 1 - close * close)
+                hidden[first + i] += (1 - _CONTACT) * (1 - far * far) + _CONTACT * max(0.0, 1 - close * close)
                 along = packet.ng_x[i] * packet.dir_x[i] + packet.ng_y[i] * packet.dir_y[i]
-                num_back += along + packet.ng_z[i] * packet.dir_z[i] > 0
-        hidden[n] = total / len(directions)
-        is_inside[n] = num_back > _INSIDE * len(directions)
+                num_back[i] += along + packet.ng_z[i] * packet.dir_z[i] > 0
+        for i in range(here):
+            hidden[first + i] /= len(directions)
+            is_inside[first + i] = num_back[i] > _INSIDE * len(directions)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _trace_lines(tracer, packets, origins, rays, shares, is_clear):
+    """Fills `is_clear` (N,): whether nothing lies along the first share (N,) of each ray; origins and rays (N, 3)."""
+    packet = packets[0]
+    width = len(packet.tfar)
+    for first in range(0, len(origins), width):
+        here = min(width, len(origins) - first)
+        for i in range(width):
+            n = first + min(i, here - 1)
+            packet.org_x[i], packet.org_y[i], packet.org_z[i] = origins[n, 0], origins[n, 1], origins[n, 2]
+            packet.dir_x[i], packet.dir_y[i], packet.dir_z[i] = rays[n, 0], rays[n, 1], rays[n, 2]
+            packet.tfar[i] = shares[n]
+            packet.geom[i] = 0xFFFFFFFF
+        trace(tracer[0], tracer[1], tracer[2], packets.ctypes.data, width)
+        for i in range(here):
+            is_clear[first + i] = packet.geom[i] != 0

@@ -15,7 +15,7 @@ from ...scans.equal_rows import numbered
 
 FLOOR_STEP = 0.125
 """Distance of lattice lines on floors, where furniture casts shadows (metres)."""
-WALL_STEP = 0.25
+WALL_STEP = 0.375
 """Distance of lattice lines on other surfaces (metres)."""
 _OBJECT_STEP = 0.4
 """Quads of objects are cut into parts of at most this length (metres)."""
@@ -129,9 +129,13 @@ def _at_corners(first: NDArray[_Number], second: NDArray[_Number]) -> NDArray[_N
 
 def _bilinear(values: NDArray[np.float64], shares: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values (P, C, K) at places (P, C, 2), blended from values (P, 4, K) at quads' corners."""
+    return np.einsum("pcq,pqk->pck", _corner_weights(shares), values)
+
+
+def _corner_weights(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share (P, C, 4) of each corner of a quad in places (P, C, 2) on it."""
     s, t = shares[..., 0], shares[..., 1]
-    weights = np.stack([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t], axis=2)
-    return np.einsum("pcq,pqk->pck", weights, values)
+    return np.stack([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t], axis=2)
 
 
 def _object_part(quads: Quads, chosen: NDArray[np.int64]) -> _Part:
@@ -189,7 +193,7 @@ def _lattice_part(quads: Quads, chosen: NDArray[np.int64]) -> _Part:
     patch_corners = np.repeat(corners[quad][:, :1], 4, axis=1)
     np.put_along_axis(patch_corners, np.repeat(axes[quad][:, None], 4, axis=1), placed, axis=2)
     at = np.clip(placed / step[quad][:, None, None] - cell[:, None], 0, 1)
-    weights = _bilinear(np.broadcast_to(np.eye(4), (len(quad), 4, 4)), at)
+    weights = _corner_weights(at)
     plane = np.stack(
         [across, sign.astype(np.int64), np.round(corners[each, 0, across] / _SAME_PLANE).astype(np.int64)], 1
     )

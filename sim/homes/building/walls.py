@@ -87,9 +87,9 @@ def add_wall_piece(builder: QuadBuilder, piece: WallPiece) -> None:
 
 def _is_convex(plan: NDArray[np.float64]) -> bool:
     """Whether the four corners (4, 2) turn one way; where mitres cross, a rim would stick out of the wall."""
-    sides = np.roll(plan, -1, axis=0) - plan
-    after = np.roll(sides, -1, axis=0)
-    turns = sides[:, 0] * after[:, 1] - sides[:, 1] * after[:, 0]
+    after = [1, 2, 3, 0]
+    sides = plan[after] - plan
+    turns = sides[:, 0] * sides[after, 1] - sides[:, 1] * sides[after, 0]
     return bool((turns >= -1e-9).all() or (turns <= 1e-9).all())
 
 

@@ -13,7 +13,7 @@ from ..quads import QuadBuilder
 from ..stairs import RISER_FINISH, STRING_FINISH, TREAD_FINISH
 from ..walls import WallPiece, add_wall_piece
 from .outlines import Straight, WallLines, outline, straight_lines
-from .storeys import StoreyCells, between
+from .storeys import StoreyCells, between, drawn
 from .surfaces import edges_where, level_quads, side_quads
 
 _RISER = 0.6
@@ -42,18 +42,22 @@ def add_steps(builder: QuadBuilder, grid: GridSpec, surfaces: Heights) -> None:
 
     `surfaces` (2 * S - 1, rows, cols) are heights of drawn floors and steps: even layers are storeys, odd ones flights.
     """
+    around = neighbours(surfaces)
     for layer, surface in enumerate(surfaces):
         if layer % 2:
             quads, _ = level_quads(grid, surface, np.zeros(surface.shape, np.int64))
             builder.add_quads(quads, TREAD_FINISH)
-        for step, beside in neighbours(surfaces):
-            lower = np.where(beside < surface - 0.001, beside, -np.inf).max(axis=0)
-            same = (np.abs(beside - surface) <= 0.001).any(axis=0)
-            rise = surface - lower
-            own = surface - beside[layer]  # within one layer, such as at a platform or bed, every step is closed
-            cells = cells_of(np.isfinite(lower) & ~same & (rise > _EDGE) & ((rise <= _RISER) | (own == rise)))
-            if len(cells[0]):
-                quads, _ = side_quads(grid, cells, (lower[cells], surface[cells]), step)
+        rows, cols = cells_of(~np.isnan(surface))
+        here = surface[rows, cols]
+        for step, image in around:
+            beside = image[:, rows, cols]  # (layers, N)
+            lower = np.where(beside < here - 0.001, beside, -np.inf).max(axis=0)
+            same = (np.abs(beside - here) <= 0.001).any(axis=0)
+            rise = here - lower
+            own = here - beside[layer]  # within one layer, such as at a platform or bed, every step is closed
+            is_open = np.isfinite(lower) & ~same & (rise > _EDGE) & ((rise <= _RISER) | (own == rise))
+            if is_open.any():
+                quads, _ = side_quads(grid, (rows[is_open], cols[is_open]), (lower[is_open], here[is_open]), step)
                 builder.add_quads(quads, RISER_FINISH)
 
 
@@ -62,7 +66,7 @@ def flight_surface(flight: Heights) -> Heights:
     mask = ~np.isnan(flight)
     if not mask.any():
         return flight
-    return np.where(between(mask, straight_lines(outline(mask))), flight[nearest(mask)], np.nan)
+    return np.where(between(mask, drawn(straight_lines(outline(mask)), mask.shape)), flight[nearest(mask)], np.nan)
 
 
 def add_strings(

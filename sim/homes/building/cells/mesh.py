@@ -148,7 +148,8 @@ def _add_wall(builder: QuadBuilder, storey: StoreyCells, line: Straight, surface
         WALL / 2 if all(is_floor) else 0.0 if here or is_front else _shell(storey, line, side)
         for here, side in zip(shown, (1, -1), strict=True)
     ]
-    block_mm = np.nan_to_num(np.fmax(*(storey.space.block[side] for side in sides)) * 1000).astype(np.int64)
+    block = np.fmax(*(storey.space.block[side] for side in sides))
+    block_mm = np.where(np.isnan(block), 0, block * 1000).astype(np.int64)
     rooms = [storey.rooms[side] for side in sides]
     for low, high in _runs(np.stack([*rooms, block_mm])):
         middle = (low + high) // 2
@@ -178,9 +179,9 @@ def _add_wall(builder: QuadBuilder, storey: StoreyCells, line: Straight, surface
 
 def _shell(storey: StoreyCells, line: Straight, side: int) -> float:
     """Thickness (metres) of an outer wall to its left (1) or right (-1): less where there is a room right behind it."""
-    shares = (0.05, 0.25, 0.5, 0.75, 0.95)
+    shares = np.array([[0.05], [0.25], [0.5], [0.75], [0.95]])
     for thickness in (_SHELL, WALL / 2):
-        behind = [line.at(share) + line.miter_at(share) * (side * thickness / storey.grid.cell) for share in shares]
+        behind = line.at(shares) + line.miter_at(shares) * (side * thickness / storey.grid.cell)
         if not storey.space.open[tuple(np.floor(behind).astype(np.int64).T)].any():
             return thickness
     return 0.0
@@ -209,6 +210,8 @@ def _corners(
 
 def _runs(keys: Numbers) -> list[tuple[int, int]]:
     """Stretches of equal keys (K, N) along N; short ones join the one before."""
+    if keys.shape[1] < 2 * _MIN_RUN:
+        return [(0, keys.shape[1])]
     cuts = [0]
     for place in (np.flatnonzero((np.diff(keys) != 0).any(axis=0)) + 1).tolist():
         if place - cuts[-1] >= _MIN_RUN and keys.shape[1] - place >= _MIN_RUN:

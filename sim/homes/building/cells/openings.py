@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ...images import distance_to, widened
+from ...images import cells_of, distance_to, widened
 from ...plan import Rect
 from ..fittings import add_strip, add_window
 from ..quads import QuadBuilder, spot_on_wall
@@ -130,13 +130,16 @@ def lamp_cells(storey: StoreyCells, ceiling: NDArray[np.bool_]) -> list[tuple[fl
     free = space.inside & ~space.well & ceiling & ~near_wall
     for number in sorted(set(np.unique(storey.rooms[space.inside]).tolist())):
         mine = free & (storey.rooms == number)
-        away = distance_to(~mine) * storey.grid.cell
+        if not mine.any():
+            continue
+        (first, last), (left, right) = ((int(at.min()), int(at.max())) for at in cells_of(mine))
+        away = distance_to(~mine[first - 1 : last + 2, left - 1 : right + 2]) * storey.grid.cell
         reach = int(_LAMP_EVERY / storey.grid.cell)
         for _ in range(_MAX_LAMPS):
             row, col = divmod(int(away.argmax()), away.shape[1])
             if away[row, col] < _MIN_LAMP_ROOM:
                 break
-            x, z = storey.grid.xz_from_rc(np.array([row, col])).tolist()
+            x, z = storey.grid.xz_from_rc(np.array([first - 1 + row, left - 1 + col])).tolist()
             found.append((x, z))
             away[max(0, row - reach) : row + reach + 1, max(0, col - reach) : col + reach + 1] = 0
     return found

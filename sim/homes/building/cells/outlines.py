@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from sim.compiled import njit
+
 _STUMP = 10
 """A wall with a free end and fewer cells than this is left out."""
 _SCRAP = 40
@@ -80,27 +82,28 @@ def chains_of(walls: WallLines) -> list[Chain]:
     for start in ends.tolist():
         for way in range(4):
             if left[start[0], start[1], way]:
-                found.append(Chain(_followed(start, way, left, degree), False))
+                found.append(Chain(_followed(start[0], start[1], way, left, degree), False))
     for start in np.argwhere((degree == 2) & left.any(axis=2)).tolist():
         if left[start[0], start[1]].any():
             way = int(left[start[0], start[1]].argmax())
-            found.append(Chain(_followed(start, way, left, degree), True))
+            found.append(Chain(_followed(start[0], start[1], way, left, degree), True))
     return found
 
 
-def _followed(start: list[int], way: int, left: NDArray[np.bool_], degree: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The corners from `start` to a fork, an end or back to the start; removes the steps from `left`."""
-    row, col = start
+@njit(cache=True)
+def _followed(row, col, way, left, degree):
+    """(N, 2) corners from a start to a fork, an end or back to the start; removes the steps from `left`."""
     corners = [(row, col)]
-    while True:
+    while way >= 0:
         left[row, col, way] = False
         row, col = row + _STEPS[way][0], col + _STEPS[way][1]
         left[row, col, way ^ 1] = False
         corners.append((row, col))
-        following = left[row, col].nonzero()[0]
-        if degree[row, col] != 2 or not len(following):
-            return np.array(corners)
-        way = int(following[0])
+        way = -1
+        if degree[row, col] == 2:
+            for other in range(3, -1, -1):
+                way = other if left[row, col, other] else way
+    return np.array(corners)
 
 
 def without_bits(walls: WallLines) -> WallLines:
@@ -179,12 +182,12 @@ class Straight(NamedTuple):
         """Length in cells."""
         return float(np.hypot(*(self.end - self.start)))
 
-    def at(self, share: float) -> Points:
-        """The point (2,) at a share of the way from start to end."""
+    def at(self, share: float | Points) -> Points:
+        """The point (2,) at a share of the way from start to end; (N, 2) for shares (N, 1)."""
         return self.start + (self.end - self.start) * share
 
-    def miter_at(self, share: float) -> Points:
-        """The offset (2,) at a share of the way to the line one cell to the left."""
+    def miter_at(self, share: float | Points) -> Points:
+        """The offset (2,) at a share of the way to the line one cell to the left; (N, 2) for shares (N, 1)."""
         return self.start_miter + (self.end_miter - self.start_miter) * share
 
 

@@ -160,7 +160,7 @@ def _storey_space(plan: HomePlan, k: int, floors: Heights, plinth: Heights, *, g
     for layer in range(2 * k + 2, len(floors), 2):  # the last steps of a flight belong to the storey above
         flights |= (floors[layer] >= storey.floor_y + _HEADROOM) & (floors[layer] < ceiling_y)
     seen = is_level | flights
-    everywhere = np.where(np.isnan(grown(level, np.inf)), storey.floor_y, grown(level, np.inf))
+    everywhere = grown(level, np.inf) if is_level.any() else np.full(level.shape, storey.floor_y)
     ground = (plinth < everywhere + _LEAST_BLOCK) & ~flights
     block = np.where(seen | ground, np.nan, plinth)
     seen |= ground

@@ -90,7 +90,9 @@ class StoreyCells(NamedTuple):
 
     def placed(self, line: Straight) -> StoreyLine:
         """One of its walls or borders in the world."""
-        has_left, has_right = (bool(self.space.open[tuple(side.T)].mean() >= 0.5) for side in (line.left, line.right))
+        has_left, has_right = (
+            bool(2 * np.count_nonzero(self.space.open[tuple(side.T)]) >= len(side)) for side in (line.left, line.right)
+        )
         return StoreyLine(self.xz(line.start), self.xz(line.end), has_left, has_right)
 
     def xz(self, rc: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -104,15 +106,16 @@ def storeys_of_cells(plan: HomePlan, floors: NDArray[np.float64]) -> list[Storey
     spaces, ceilings = storey_spaces(plan, floors), ceiling_heights(plan.storeys)
     cell = plan.cells.cell
     origin = (plan.cells.origin_xz[0] - PAD * cell, plan.cells.origin_xz[1] - PAD * cell)
-    rows, cols = floors.shape[1:]
-    grid = GridSpec(origin, cell, (rows, cols))
+    rows_cols = floors.shape[1], floors.shape[2]
+    grid = GridSpec(origin, cell, rows_cols)
     found = []
     for k, space in enumerate(spaces):
         lines = straight_lines(space.walls, clear=space.inside)
-        covered = between(space.inside, lines)
+        at_wall = drawn(lines, rows_cols)
+        covered = between(space.inside, at_wall)
         is_block = ~np.isnan(space.block)
         block = (
-            np.where(between(is_block, lines) & ~covered, grown(space.block, np.inf), np.nan)
+            np.where(between(is_block, at_wall) & ~covered, grown(space.block, np.inf), np.nan)
             if is_block.any()
             else space.block
         )
@@ -120,15 +123,14 @@ def storeys_of_cells(plan: HomePlan, floors: NDArray[np.float64]) -> list[Storey
         flights = [~np.isnan(floors[layer]) for layer in (2 * k - 1, 2 * k + 1) if 0 <= layer < len(floors)]
         floor = space.inside & ~np.any(flights, axis=0) if flights else space.inside
         borders = straight_lines(_open_borders(floor, space.walls, rooms), tolerance=_BORDER)
-        rooms = _with_straight_borders(rooms, space, [*lines, *borders])
+        rooms = _with_straight_borders(rooms, space, at_wall | drawn(borders, rows_cols))
         below = ceilings[k - 1] if k else None
         found.append(StoreyCells(plan, k, grid, space, lines, covered, block, rooms, borders, ceilings[k], below))
     return found
 
 
-def between(inside: NDArray[np.bool_], lines: list[Straight]) -> NDArray[np.bool_]:
-    """The inside between straightened walls, and the cells under these."""
-    at_wall = _drawn(lines, inside.shape)
+def between(inside: NDArray[np.bool_], at_wall: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The inside between straightened walls, and the cells that these touch (`at_wall`)."""
     near = widened(inside, 4) & ~at_wall
     parts, count = parts_of(near)
     share = np.bincount(parts.ravel(), inside.ravel(), count + 1) / np.maximum(np.bincount(parts.ravel()), 1)
@@ -136,14 +138,15 @@ def between(inside: NDArray[np.bool_], lines: list[Straight]) -> NDArray[np.bool
     return (share >= 0.5)[parts] | at_wall
 
 
-def _drawn(lines: list[Straight], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def drawn(lines: list[Straight], shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Mask (rows, cols) of the cells that lines touch."""
     found = np.zeros(shape, bool)
-    for line in lines:
-        points = np.linspace(line.start, line.end, max(2, int(line.length * 3)))
-        row, col = np.floor(points).astype(int).T
-        for dr, dc in ((0, 0), (-1, 0), (0, -1), (-1, -1)):
-            found[row + dr, col + dc] = True
+    if not lines:
+        return found
+    points = [np.linspace(line.start, line.end, max(2, int(line.length * 3))) for line in lines]
+    row, col = np.floor(np.concatenate(points)).astype(int).T
+    for dr, dc in ((0, 0), (-1, 0), (0, -1), (-1, -1)):
+        found[row + dr, col + dc] = True
     return found
 
 
@@ -157,11 +160,11 @@ def _open_borders(floor: NDArray[np.bool_], walls: WallLines, rooms: Numbers) ->
     return edges_where(is_border)
 
 
-def _with_straight_borders(rooms: Numbers, space: StoreySpace, lines: list[Straight]) -> Numbers:
-    """The rooms, with every part between walls and borders given to the room that holds most of it."""
+def _with_straight_borders(rooms: Numbers, space: StoreySpace, at_line: NDArray[np.bool_]) -> Numbers:
+    """The rooms, with every part between walls and borders (`at_line`) given to the room that holds most of it."""
     if not space.inside.any():
         return rooms
-    parts, count = parts_of(space.inside & ~_drawn(lines, rooms.shape))
+    parts, count = parts_of(space.inside & ~at_line)
     most = np.full(count + 1, -1)
     held = np.zeros(count + 1, np.int64)
     for number in np.unique(rooms[space.inside]).tolist():
