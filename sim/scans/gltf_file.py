@@ -26,6 +26,7 @@ _MAX_VALUES = 8_000_000
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 _PLAIN = "Export the scene without it."
 _KNOWN = {
+    "EXT_texture_webp",
     "GOOGLE_texture_basis",
     "KHR_texture_basisu",
     "KHR_texture_transform",

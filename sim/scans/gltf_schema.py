@@ -88,13 +88,14 @@ class Sampler(Json):
     wrap_t: Int = REPEAT
 
 
-class BasisSource(Json):
+class TextureSource(Json):
     source: Index
 
 
 class TextureExtensions(Json):
-    google: BasisSource | None = Field(default=None, alias="GOOGLE_texture_basis")
-    khronos: BasisSource | None = Field(default=None, alias="KHR_texture_basisu")
+    google: TextureSource | None = Field(default=None, alias="GOOGLE_texture_basis")
+    khronos: TextureSource | None = Field(default=None, alias="KHR_texture_basisu")
+    webp: TextureSource | None = Field(default=None, alias="EXT_texture_webp")
 
 
 class Texture(Json):

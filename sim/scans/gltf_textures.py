@@ -195,12 +195,12 @@ class TextureSet:
 def _image_of(file: GltfFile, index: int) -> int:
     """The image of a texture; a plain one is preferred to a Basis one, because it needs no extra."""
     texture = file.document.textures[index]
-    basis = texture.extensions.khronos or texture.extensions.google
-    source = texture.source if texture.source is not None else basis and basis.source
+    other = texture.extensions.webp or texture.extensions.khronos or texture.extensions.google
+    source = texture.source if texture.source is not None else other and other.source
     if source is None:
         used = ", ".join(file.document.extensions_used[:5]) or "none"
         found = f"textures.{index} has no image that we know (the file's extensions: {used})"
-        raise file.refused(found, "PNG, JPEG or Basis", advice="Export the scene with such textures.")
+        raise file.refused(found, "PNG, JPEG, WebP or Basis", advice="Export the scene with such textures.")
     file.get("images", source, of=f"textures.{index}")
     return source
 

@@ -1,4 +1,4 @@
-"""PNG, JPEG and Basis images as arrays; sizes are read from the headers first, to refuse images that are too large."""
+"""PNG, JPEG, WebP and Basis images as arrays; sizes are read from the headers first, so that huge images are refused."""
 
 import io
 import struct
@@ -21,20 +21,22 @@ _PNG_CHANNELS = {0: 2, 2: 4, 3: 4, 4: 2, 6: 4}
 """Channels by colour type; types without alpha may have a transparent colour, which becomes an alpha channel."""
 _BASIS_WORK = 8
 """Bytes per texel: RGBA, its flipped rows, and the packed copy."""
+_WEBP_WORK = 8
+"""Bytes per texel: RGBA, and RGB with its copy in another tint."""
 _CMYK_WORK = 12
 _PROGRESSIVE = frozenset({0xC2, 0xC6, 0xCA, 0xCE})
 _MAX_SCANS = 100
 """Most scans of a progressive JPEG; encoders make fewer, and more would take minutes to decode."""
 _SIZE_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD8)})
-_KIND = "a PNG, JPEG or Basis image"
+_KIND = "a PNG, JPEG, WebP or Basis image"
 
 
 class EncodedImage(NamedTuple):
     """An image in the form of its file."""
 
     data: Bytes
-    kind: Literal["png", "jpeg", "basis"]
+    kind: Literal["png", "jpeg", "webp", "basis"]
     width: int
     height: int
     work: int
@@ -56,6 +58,8 @@ def measured(data: Bytes, part: FilePart) -> EncodedImage:
         kind, size, each = "png", struct.unpack(">II", head[16:24]), _png_work(head)
     elif head.startswith(b"\xff\xd8"):
         kind, (*size, each) = "jpeg", _jpeg_size(data, part)
+    elif (webp := _webp_size(head)) is not None:
+        kind, size, each = "webp", webp, _WEBP_WORK
     elif is_basis(data):
         size, each = basis_size(data, part), _BASIS_WORK
     else:
@@ -80,9 +84,11 @@ def decoded(image: EncodedImage) -> NDArray[np.uint8]:
             texels = basis_rgb(image.data, (image.width, image.height), image.part)
         elif image.kind == "png":
             texels = _rgb(imagecodecs.png_decode(bytes(image.data)))
+        elif image.kind == "webp":
+            texels = _rgb(imagecodecs.webp_decode(bytes(image.data)))
         else:
             texels = _jpeg(bytes(image.data))
-    except (imagecodecs.PngError, imagecodecs.Jpeg8Error, OSError, ValueError) as error:
+    except (imagecodecs.PngError, imagecodecs.Jpeg8Error, imagecodecs.WebpError, OSError, ValueError) as error:
         reason = " ".join(str(error).split())[:80]
         raise image.part.refused(f"cannot be decoded ({reason})", f"a whole {image.kind.upper()} image") from None
     if texels.shape != (image.height, image.width, 3):
@@ -122,6 +128,22 @@ def _jpeg(data: bytes) -> NDArray[np.uint8]:
         with Image.open(io.BytesIO(data), formats=["JPEG"]) as image:
             return np.array(image.convert("RGB"))
     return _rgb(texels)
+
+
+def _webp_size(head: bytes) -> tuple[int, int] | None:
+    """(width, height) from the first 30 bytes of a WebP image, None if they begin no such image.
+
+    Its first part is a lossy picture (`VP8 `), a lossless one (`VP8L`), or says what follows (`VP8X`).
+    """
+    if len(head) < 30 or head[:4] != b"RIFF" or head[8:12] != b"WEBP":
+        return None
+    if head[12:16] == b"VP8X":
+        return int.from_bytes(head[24:27], "little") + 1, int.from_bytes(head[27:30], "little") + 1
+    if head[12:16] == b"VP8L":
+        bits = int.from_bytes(head[21:25], "little")
+        return (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+    width, height = struct.unpack("<HH", head[26:30])
+    return (width & 0x3FFF, height & 0x3FFF) if head[12:16] == b"VP8 " else None
 
 
 def _png_work(head: bytes) -> int:

@@ -249,7 +249,7 @@ def test_file_names_outside_the_folder_are_refused(tmp_path, uri):
     [
         ("data:image/png;base64,@@@", "images.0 has a damaged data: URI"),
         ("data:image/png", "images.0 has a damaged data: URI (no comma)"),
-        ("data:image/png;base64,AAAA", "images.0 starts with b'\\x00\\x00\\x00'; expected a PNG, JPEG or Basis image"),
+        ("data:image/png;base64,AAAA", "images.0 starts with b'\\x00\\x00\\x00'; expected a PNG, JPEG, WebP or Ba"),
         ("", "images.0 names ''; expected a file, but there is none"),
     ],
 )
@@ -290,6 +290,12 @@ def deep_png(width: int, height: int) -> bytes:
     return bytes(data)
 
 
+def huge_webp(width: int, height: int) -> bytes:
+    """A header without content."""
+    sides = (width - 1).to_bytes(3, "little") + (height - 1).to_bytes(3, "little")
+    return b"RIFF\x16\0\0\0WEBPVP8X\x0a\0\0\0\0\0\0\0" + sides
+
+
 def huge_jpeg(width: int, height: int, *, mode: str = "RGB", progressive: bool = False) -> bytes:
     """A JPEG without subsampling whose header announces this size."""
     file = io.BytesIO()
@@ -314,6 +320,8 @@ def huge_jpeg(width: int, height: int, *, mode: str = "RGB", progressive: bool =
         (png(np.zeros((4, 4, 3), np.uint8)).replace(b"IDAT", b"IDAX"), "images.0 cannot be decoded"),
         (png(np.zeros((99, 99, 3), np.uint8))[:-40], "images.0 cannot be decoded"),
         (b"RIFF\0\0\0\0WEBPVP8 ", "images.0 starts with b'RIFF"),
+        (huge_webp(16384, 9000), "images.0 has 16384 x 9000 texels; expected at least 1, at most 16384 a side and 536"),
+        (huge_webp(8, 8), "images.0 cannot be decoded"),
         (b"", "images.0 starts with b''"),
         (jpeg()[:-2], "images.0 cannot be decoded (it has no end)"),
         (jpeg()[:30], "is a JPEG without size"),
@@ -321,7 +329,7 @@ def huge_jpeg(width: int, height: int, *, mode: str = "RGB", progressive: bool =
         (b"\xff\xd8" + b"\xff" * 2000, "is a JPEG without size"),
         (b"\xff\xd8\xff\0\0\x08" + bytes(6) + jpeg()[2:], "is a JPEG without size"),
     ],
-    ids=range(18),
+    ids=range(20),
 )  # fmt: skip
 def test_an_image_that_cannot_be_read_is_refused_and_never_replaced_by_grey(tmp_path, content, expected):
     assert expected in refusal(with_image(content).save(tmp_path / "a.glb"))

@@ -86,6 +86,24 @@ def test_jpeg_images_of_every_kind_are_read(tmp_path, mode):
     assert texture.flags.c_contiguous
 
 
+@pytest.mark.parametrize("options", [{"lossless": True}, {"quality": 100}, {"quality": 100, "exif": b"Exif\0\0"}])
+@pytest.mark.parametrize("mode", ["RGB", "RGBA"])
+def test_webp_images_are_read_where_the_file_requires_their_extension(tmp_path, mode, options):
+    file = io.BytesIO()
+    Image.fromarray(four_colours(32)).resize((32, 24)).convert(mode).save(file, "WEBP", **options)
+
+    def shown(writer):
+        source = writer.add("images", {"bufferView": writer.view(file.getvalue()), "mimeType": "image/webp"})
+        texture = writer.add("textures", {"extensions": {"EXT_texture_webp": {"source": source}}})
+        writer.json["extensionsUsed"] = writer.json["extensionsRequired"] = ["EXT_texture_webp"]
+        return writer.square(uv=UV, material=writer.material(texture))
+
+    (texture,) = drawn(tmp_path, shown).textures
+    expected = np.array(Image.open(file).convert("RGB"))
+    assert texture.shape == (24, 32, 3)
+    np.testing.assert_allclose(texture.astype(int), expected, atol=0 if "lossless" in options else 3)
+
+
 CLAMP, MIRROR = 33071, 33648
 
 
