@@ -4,6 +4,7 @@ Plan -> scene -> goals with view points -> ownership graphs -> content files. No
 """
 
 import gzip
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -56,8 +57,8 @@ def dataset_files(name: str, *, seed: int, episodes_per_split: int = EPISODES_PE
     folder to content.
 
     `scenes/<name>.plan.json`; for `--scenes-dir <out>/scenes`, in HM3D's form (z-up), `scenes/<name>.glb`,
-    `scenes/<name>.semantic.glb` and `scenes/<name>.semantic.txt`; and for each split `<split>/content/<name>.json.gz`
-    and the index `<split>/<split>.json.gz`, which is the same for all homes.
+    `scenes/<name>.semantic.glb`, `scenes/<name>.semantic.txt` and Habitat's `scenes/<name>.stage_config.json`; and for
+    each split `<split>/content/<name>.json.gz` and the index `<split>/<split>.json.gz`, the same for all homes.
 
     Raises:
         SceneError: The seed gives no home.
@@ -155,8 +156,10 @@ def _scene_files(scene: Scene, plan: HomePlan) -> dict[str, bytes]:
     name = plan.name
     semantics = semantic_files(scene.mesh, scene.objects, region_of=rooms_of_objects(plan))
     zup = glb_zup_from_world(scene.mesh.vertices).astype(np.float32)
+    stage = {"render_asset": f"{name}.glb", "up": [0, 0, 1], "front": [0, 1, 0]}
     return {
         f"scenes/{name}.plan.json": plan_bytes(plan),
+        f"scenes/{name}.stage_config.json": json.dumps(stage, indent=1).encode(),
         f"scenes/{name}.glb": glb_from_mesh(replace(scene.mesh, vertices=zup)),
         f"scenes/{name}.semantic.glb": semantics.glb,
         f"scenes/{name}.semantic.txt": semantics.txt,

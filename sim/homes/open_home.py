@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
+from sim.frames import world_from_glb_zup
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, ClutterLevel, SceneKind
 from sim.walk.floor_grid import floor_grid_from_mesh
 
@@ -26,6 +28,7 @@ from .recovered.plans import recover_plan
 if TYPE_CHECKING:
     from sim.walk.navmesh import NavMesh
 
+_HM3D_UP: Up = "z"
 _LEAST_FLOOR = 1.0
 """Least floor of a recovered home, square metres: a map of its mesh leaves out smaller islands, as Habitat's does."""
 _SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
@@ -47,8 +50,9 @@ def open_scene(
         name: Scene name, as in the content files.
         scenes_dir: Folder of scans; the file that `find_scan` finds in any folder below is loaded. Beside it,
             `<name>.semantic.glb` and `.semantic.txt` give the objects, and a `.navmesh` for a robot of our size gives
-            the navigation map; without one the map is made from the mesh. Files are z-up like HM3D's, unless Habitat's
-            configuration files say otherwise (`up_axis`). None = a plan, or else a schematic home.
+            the navigation map; without one the map is made from the mesh. Habitat's configuration files and HM3D's
+            names say which axis is up (`up_axis`), and so do episodes in HM3D; otherwise it is y, as glTF says, and a
+            warning names the other axis where it gives floor too. None = a plan, or else a schematic home.
         clutter: Level of furniture without a caption that is added to a plan or schematic home (`with_clutter`).
         labels: Whether robots' pictures name the category of each object in view; vision agents can read that.
 
@@ -66,7 +70,10 @@ def open_scene(
                 "shows its own. Leave out --clutter, or --scenes-dir to use the home made from its plan or episodes."
             )
         scan = find_scan(name, scenes_dir)
-        scene = _scan(scan, name, scene_kind(dataset, name, scenes_dir), up_axis(scan, root=scenes_dir))
+        up = up_axis(scan, root=scenes_dir) or (_HM3D_UP if _is_in_hm3d(dataset, name) else None)
+        scene = _scan(scan, name, scene_kind(dataset, name, scenes_dir), up or "y")
+        if up is None:
+            _warn_of_doubt(scan, scene)
     else:
         scene = scene_from_plan(home_plan(dataset, name, clutter=clutter))
     return replace(scene, labels=True) if labels else scene
@@ -172,6 +179,27 @@ def _scan(path: Path, name: str, kind: SceneKind, up: Up) -> Scene:
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
     return Scene(name, kind, mesh, objects, navigation, mesh.digest())
+
+
+def _is_in_hm3d(dataset: PersonalDataset, name: str) -> bool:
+    """Whether the scene's episodes name a file of HM3D."""
+    first = next(dataset.episodes(scenes=(name,)), None)
+    return first is not None and first.record.scene_id.startswith("hm3d")
+
+
+def _warn_of_doubt(path: Path, scene: Scene) -> None:
+    """Warns of a scan that nothing says to be y-up, if it has floor too where z is up."""
+    turned = replace(scene.mesh, vertices=world_from_glb_zup(scene.mesh.vertices))
+    try:
+        floor_grid_from_mesh(turned)
+    except SceneError:
+        return
+    config = path.with_name(f"{path.name.split('.')[0]}.stage_config.json").name
+    warnings.warn(
+        f"{path}: read as y-up, as glTF is; with z up it has floor too. If it lies on its side, put "
+        f'{{"up": [0, 0, 1]}} in {config} beside it; [0, 1, 0] there ends this warning.',
+        stacklevel=3,
+    )
 
 
 def _fitting_navmesh(path: Path, name: str, mesh: TriangleMesh) -> "NavMesh | None":

@@ -1,4 +1,4 @@
-"""PNG, JPEG, WebP and Basis images as arrays; sizes are read from the headers first, so that huge images are refused."""
+"""PNG, JPEG, WebP and Basis images as arrays; sizes are read from the headers first, to refuse images that are huge."""
 
 import io
 import struct

@@ -1,5 +1,6 @@
-"""The up axis of a scan's file, from Habitat's own configuration files beside the scans."""
+"""The up axis of a scan's file, from Habitat's own configuration files beside the scans, or from HM3D's names."""
 
+import re
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -8,9 +9,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from sim.errors import SceneError, line_from_validation_error
 
 Up = Literal["z", "y"]
-HM3D_UP: Up = "z"
-"""The up axis of HM3D's scans, and of all scans without such a file."""
-_ADVICE = "Correct the file, or remove it for z-up scans such as HM3D's."
+_HM3D_UP: Up = "z"
+_ADVICE = "Correct the file, or remove it for HM3D's own scans, which are z-up."
 
 
 class _Part(BaseModel):
@@ -34,18 +34,20 @@ class _Dataset(_Part):
     stages: _Stages = _Stages()
 
 
-def up_axis(scan: Path, *, root: Path) -> Up:
-    """The up axis that Habitat would use for a scan.
+def up_axis(scan: Path, *, root: Path) -> Up | None:
+    """The up axis that Habitat would use for a scan; None where nothing says it, and then glTF means y.
 
     Args:
-        scan: The file; `<its name>.stage_config.json` beside it counts first.
+        scan: The file; `<its name>.stage_config.json` beside it counts first. Without any such file, HM3D's names mean
+            z: `<Scene>.basis.glb`, or a folder `00800-<Scene>`; so does a plan beside it, as `invent` once wrote it.
         root: Last folder to search. The nearest folder from the scan upwards counts next, if it has
-            `*.scene_dataset_config.json` files with a `stages.default_attributes.up`. Scans without any file are z-up.
+            `*.scene_dataset_config.json` files with a `stages.default_attributes.up`.
 
     Raises:
         SceneError: A file is damaged, names another axis, or two in one folder differ.
     """
-    own = scan.with_name(f"{scan.name.split('.')[0]}.stage_config.json")
+    name = scan.name.split(".")[0]
+    own = scan.with_name(f"{name}.stage_config.json")
     if own.is_file():
         found = _axis(own, _read(own, _Stage).up)
         if found is not None:
@@ -61,7 +63,8 @@ def up_axis(scan: Path, *, root: Path) -> Up:
             return next(iter(axes.values()))
         if folder == root:
             break
-    return HM3D_UP
+    is_hm3d = ".basis." in scan.name or re.fullmatch(rf"\d{{5}}-{re.escape(name)}", scan.parent.name) is not None
+    return _HM3D_UP if is_hm3d or scan.with_name(f"{name}.plan.json").is_file() else None
 
 
 def _read(path: Path, model: type[_AnyPart]) -> _AnyPart:

@@ -337,7 +337,7 @@ def floor_grid_from_mesh(
         raise SceneError(
             f"navigation: found no floor of 1 m2 or more on {len(mesh.faces)} faces where a robot of radius {radius!r} "
             f"and height {height!r} fits; expected a furnished home in metres, y up "
-            f'(files are read as z-up, as HM3D\'s are, unless a <Name>.stage_config.json with "up" says otherwise). '
+            f'(files are y-up, as glTF is, but for HM3D\'s and where "up" in a <Name>.stage_config.json says z). '
             f"Check the file's unit and up axis.{hint}"
         )
     return FloorGrid(places.cells, places.grid, covered=places.covered, digest=_digest(places.cells, places.grid))

@@ -2,17 +2,16 @@
 
 import gzip
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 
 from personal_viz.cli.import_runs import Import
 from recordings.habitat_writer import RunWriter as HabitatWriter
 from sim.episodes.dataset import PersonalDataset
-from sim.frames import glb_zup_from_world
 from sim.tasks.run_files import EpisodeRun, Measures, read_run
 
 from .foreign_runs import Rows, goal_row, write_dataset
@@ -53,26 +52,20 @@ def play_golden(rows: Rows, house: str, path: Path) -> None:
         writer.end_episode(None if row["episode_over"] else "abandoned")
 
 
-def as_zup_glb(source: Path, target: Path) -> None:
-    """Writes the golden GLB, which is y-up, as a z-up file like a scan."""
-    scene = trimesh.load_scene(source)
-    for mesh in scene.geometry.values():
-        mesh.vertices = glb_zup_from_world(np.asarray(mesh.vertices))
-    target.parent.mkdir(parents=True)
-    scene.export(str(target))
-
-
 @pytest.mark.release
 @pytest.mark.parametrize("house", ["dev_a", "dev_b"])
 def test_imported_golden_runs_have_the_measures_of_habitat_lab(golden_root: Path, tmp_path: Path, house: str) -> None:
     rows = golden_episodes(golden_root, house)
     dataset = golden_dataset(rows, house, tmp_path / "data")
     play_golden(rows, house, tmp_path / "habitat.jsonl")
-    as_zup_glb(golden_root / f"{house}.glb", tmp_path / "scans" / house / f"{house}.glb")
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    shutil.copy(golden_root / f"{house}.glb", scans)
+    (scans / f"{house}.stage_config.json").write_text('{"up": [0, 1, 0]}')
     Import(
         files=(tmp_path / "habitat.jsonl",),
         dataset=dataset.root,
-        scenes_dir=tmp_path / "scans",
+        scenes_dir=scans,
         out=tmp_path / "runs",
         who="follower",
         run_id="golden",

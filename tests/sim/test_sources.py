@@ -1,6 +1,8 @@
 """Scenes are found in the folders that are given, and errors name the file that was looked for."""
 
+import gzip
 import shutil
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -175,13 +177,48 @@ def y_up(folder: Path) -> None:
     (folder / "own.scene_dataset_config.json").write_text(text)
 
 
-def test_the_up_axis_comes_from_habitats_configuration(episodes: PersonalDataset, tmp_path: Path) -> None:
+def test_a_scan_without_configuration_is_y_up_and_another_axis_comes_from_habitats_configuration(
+    episodes: PersonalDataset, tmp_path: Path
+) -> None:
     (tmp_path / "Demo.obj").write_text("v -3 0 -3\nv -3 0 3\nv 3 0 3\nv 3 0 -3\nf 1 2 3\nf 1 3 4\n")
+    scene = open_scene(episodes, "Demo", scenes_dir=tmp_path)
+    assert scene.navigation.storey_heights == pytest.approx((0.0,), abs=0.01)
+    (tmp_path / "Demo.stage_config.json").write_text('{"up": [0, 0, 1]}')
     with pytest.raises(SceneError, match=r"Demo\.obj: .*stage_config\.json"):  # on its side, it has no floor
         open_scene(episodes, "Demo", scenes_dir=tmp_path)
     y_up(tmp_path)
+    (tmp_path / "Demo.stage_config.json").unlink()
     scene = open_scene(episodes, "Demo", scenes_dir=tmp_path)
     assert scene.navigation.storey_heights == pytest.approx((0.0,), abs=0.01)
+
+
+def test_a_home_with_floor_both_ways_is_opened_with_a_warning_unless_a_configuration_or_hm3d_says_the_axis(
+    demo_root: Path, episodes: PersonalDataset, tmp_path: Path
+) -> None:
+    mesh = open_scene(PersonalDataset(demo_root), "Demo").mesh
+    (tmp_path / "Demo.glb").write_bytes(glb_from_mesh(mesh))
+    doubt = r'Demo\.glb: read as y-up.*\{"up": \[0, 0, 1\]\} in Demo\.stage_config\.json'
+    with pytest.warns(UserWarning, match=doubt) as said:
+        scene = open_scene(episodes, "Demo", scenes_dir=tmp_path)
+    assert len(said) == 1
+    assert scene.navigation.storey_heights == pytest.approx((0.0, 2.8), abs=0.05)
+    (tmp_path / "Demo.stage_config.json").write_text('{"up": [0, 1, 0]}')
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert open_scene(episodes, "Demo", scenes_dir=tmp_path).digest == scene.digest
+
+
+def test_episodes_in_hm3d_make_a_file_z_up_whatever_its_folder(
+    demo_root: Path, episodes: PersonalDataset, tmp_path: Path
+) -> None:
+    shutil.copytree(episodes.root, tmp_path / "data")
+    for path in tmp_path.glob("data/*/content/Demo.json.gz"):
+        text = gzip.decompress(path.read_bytes()).replace(b'"invented/Demo/', b'"hm3d_v0.2/val/00800-Demo/')
+        path.write_bytes(gzip.compress(text))
+    mesh = open_scene(PersonalDataset(demo_root), "Demo").mesh
+    (tmp_path / "Demo.glb").write_bytes(glb_from_mesh(replace(mesh, vertices=glb_zup_from_world(mesh.vertices))))
+    scene = open_scene(PersonalDataset(tmp_path / "data"), "Demo", scenes_dir=tmp_path)
+    assert scene.navigation.storey_heights == pytest.approx((0.0, 2.8), abs=0.05)
 
 
 def test_a_navmesh_beside_the_scan_is_used_if_it_fits_the_robot(

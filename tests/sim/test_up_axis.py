@@ -14,10 +14,27 @@ def write_config(path: Path, up: list[float] | None) -> None:
     path.write_text(json.dumps({"stages": {"paths": {}, "default_attributes": {} if up is None else {"up": up}}}))
 
 
-def test_scans_without_configuration_are_z_up_like_hm3d(tmp_path: Path) -> None:
-    assert up_axis(tmp_path / "val" / "A.glb", root=tmp_path) == "z"
+@pytest.mark.parametrize(
+    ("scan", "up"),
+    [
+        ("val/00800-A/A.glb", "z"),
+        ("val/A.basis.glb", "z"),
+        ("val/A.glb", None),
+        ("00800-B/A.glb", None),
+        ("0800-A/A.glb", None),
+        ("00800-A/textured/A.ply", None),
+    ],
+)
+def test_without_configuration_only_hm3ds_names_say_an_axis(tmp_path: Path, scan: str, up: str | None) -> None:
+    assert up_axis(tmp_path / scan, root=tmp_path) == up
     write_config(tmp_path / "a.scene_dataset_config.json", None)
-    assert up_axis(tmp_path / "val" / "A.glb", root=tmp_path) == "z"
+    assert up_axis(tmp_path / scan, root=tmp_path) == up
+
+
+def test_a_plan_beside_the_file_says_z_as_invent_wrote_it_before_it_wrote_configurations(tmp_path: Path) -> None:
+    (tmp_path / "A.plan.json").touch()
+    assert up_axis(tmp_path / "A.glb", root=tmp_path) == "z"
+    assert up_axis(tmp_path / "B.glb", root=tmp_path) is None
 
 
 def test_the_nearest_file_counts_and_none_above_the_root(tmp_path: Path) -> None:
