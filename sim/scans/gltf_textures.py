@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .gltf_file import GltfFile
 from .gltf_schema import CLAMP_TO_EDGE, MIRRORED_REPEAT, REPEAT, Sampler, TextureInfo
 from .images import MAX_TEXELS, MAX_WORK, EncodedImage, decoded, measured, tinted
-from .scene_files import FilePart, resource
+from .scene_files import FilePart, MissingFileError, file_beside, resource, warn_of_missing
 
 MAX_TEXTURES = 1 << 15
 _MAX_ENCODED = 1 << 30
@@ -69,10 +69,10 @@ class _Texture(NamedTuple):
 
 
 def look_of(file: GltfFile, material: int | None) -> Look:
-    """The look of a material; lights, other maps and alpha are left out.
+    """The look of a material; lights, other maps and alpha are left out. A missing file of an image is a warning.
 
     Raises:
-        SceneError: The material names a missing texture or image, or one in a format that we cannot read.
+        SceneError: The material names a texture or image that the file does not list, or a format that we cannot read.
     """
     if material is None:
         return Look()
@@ -89,13 +89,16 @@ def look_of(file: GltfFile, material: int | None) -> Look:
     if info is None:
         return look
     texture = file.get("textures", info.index, of=f"materials.{material}")
+    image = _image_of(file, info.index)
+    if _is_missing(file, image):
+        return look
     sampler = Sampler()
     if texture.sampler is not None:
         sampler = file.get("samplers", texture.sampler, of=f"textures.{info.index}")
     transform = info.extensions.transform
     uv_set = info.tex_coord if transform is None or transform.tex_coord is None else transform.tex_coord
     return look._replace(
-        image=_image_of(file, info.index),
+        image=image,
         coordinates=f"TEXCOORD_{uv_set}",
         uv_from_uv=_uv_from_uv(info),
         wrap=(sampler.wrap_s, sampler.wrap_t),
@@ -203,6 +206,19 @@ def _image_of(file: GltfFile, index: int) -> int:
         raise file.refused(found, "PNG, JPEG, WebP or Basis", advice="Export the scene with such textures.")
     file.get("images", source, of=f"textures.{index}")
     return source
+
+
+def _is_missing(file: GltfFile, index: int) -> bool:
+    """Whether an image should lie in a file of its own and does not, after a warning."""
+    uri = file.document.images[index].uri
+    if uri is None or uri.startswith("data:"):
+        return False
+    try:
+        file_beside(FilePart(file.path, f"images.{index}"), uri)
+    except MissingFileError as error:
+        warn_of_missing(error)
+        return True
+    return False
 
 
 def _uv_from_uv(info: TextureInfo) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:

@@ -19,13 +19,14 @@ from ..mesh import FLAT, VERTEX_COLOURS, TriangleMesh
 from .glb import mean_rgb, require_near
 from .gltf_file import MAX_ELEMENTS
 from .images import MAX_SIDE, MAX_TEXELS, measured, tinted
-from .scene_files import Bytes, FilePart, file_beside, mapped, refused
+from .scene_files import Bytes, FilePart, MissingFileError, file_beside, mapped, refused, warn_of_missing
 
 _MAX_BYTES = 1 << 30
 _MAX_PARTS = 1 << 13
 """Most changes of material in an OBJ file; trimesh's time grows with their square, to 11 s at this number."""
 _MAX_IMAGE_TEXELS = 1 << 26
 """8192 x 8192; Pillow takes 11 bytes per texel while it decodes."""
+_IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tga", ".tif", ".tiff")
 _PLAIN_RGB = (200, 200, 200)
 """Colour of faces without any colour."""
 _DAMAGES = (
@@ -42,10 +43,10 @@ _MEASURED = (b"\x89PN", b"\xff\xd8\xff")
 def load_ply_or_obj(path: Path, *, up: Literal["z", "y"]) -> TriangleMesh:
     """The triangles of a `.ply` or `.obj` file in the world frame; colours as in `load_glb`.
 
-    The materials and images that it names must be in its folder.
+    The materials and images that it names must be in its folder; a missing image is a warning.
 
     Raises:
-        SceneError: The file is missing, damaged, too large, without faces, or names missing files.
+        SceneError: The file is missing, damaged, too large, without faces, or names materials that are missing.
     """
     kind = path.suffix.lower()
     data = mapped(path, what=f"a {kind} file")
@@ -76,7 +77,7 @@ def load_ply_or_obj(path: Path, *, up: Literal["z", "y"]) -> TriangleMesh:
 class _Folder(Resolver):
     """Gives trimesh the files that a scene file names, if they are in its folder.
 
-    trimesh continues without files that it cannot get; the first such problem is stored here.
+    trimesh continues without files that it cannot get; the first such problem is stored here, but for missing images.
     """
 
     def __init__(self, path: Path) -> None:
@@ -94,7 +95,10 @@ class _Folder(Resolver):
                 measured(data, FilePart(self._path, f"the image {short(name)}"))
             return bytes(data)
         except SceneError as error:
-            self.problem = self.problem or error
+            if isinstance(error, MissingFileError) and name.lower().endswith(_IMAGES):
+                warn_of_missing(error)
+            else:
+                self.problem = self.problem or error
             raise
 
     def write(self, name: str, data: Any) -> None:

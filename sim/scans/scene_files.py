@@ -5,6 +5,7 @@ import binascii
 import mmap
 import re
 import stat
+import warnings
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote, unquote_to_bytes
@@ -17,6 +18,10 @@ from sim.errors import SceneError, short
 Bytes = NDArray[np.uint8]
 COPY_AGAIN = "Copy the file again from its source."
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]*:")
+
+
+class MissingFileError(SceneError):
+    """A file that a scene file names is not there."""
 
 
 def refused(path: Path, found: str, expected: str, *, advice: str = COPY_AGAIN) -> SceneError:
@@ -88,7 +93,8 @@ def file_beside(part: FilePart, uri: str) -> Path:
     the folder are refused.
 
     Raises:
-        SceneError: The URI names another place, or no file.
+        MissingFileError: There is no file of this name.
+        SceneError: The URI names another place.
     """
     name = unquote(uri)
     folder = part.path.parent.resolve()
@@ -101,7 +107,15 @@ def file_beside(part: FilePart, uri: str) -> Path:
             found = not outside and target.is_file()
     except (OSError, RuntimeError, ValueError):  # a name too long or with zeros, a cycle of links
         outside = True
+    advice = "Put the file beside the scene."
+    if outside:
+        raise part.refused(f"names {short(uri)}", "a file in the folder of the scene", advice=advice)
     if not found:
-        expected = "a file in the folder of the scene" if outside else "a file, but there is none of this name"
-        raise part.refused(f"names {short(uri)}", expected, advice="Put the file beside the scene.")
+        text = part.refused(f"names {short(uri)}", "a file, but there is none of this name", advice=advice)
+        raise MissingFileError(str(text))
     return target
+
+
+def warn_of_missing(texture: MissingFileError) -> None:
+    """Warns that faces are shown in a plain colour because the file of their texture is missing."""
+    warnings.warn(f"{texture} Its faces have a plain colour until then.", stacklevel=2)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from sim.mesh import FLAT
+
 from .gltf_files import BLUE, DATA, GREEN, RED, UV, YELLOW, GltfWriter, drawn, four_colours, loaded, png, shown
 
 
@@ -102,6 +104,21 @@ def test_webp_images_are_read_where_the_file_requires_their_extension(tmp_path, 
     expected = np.array(Image.open(file).convert("RGB"))
     assert texture.shape == (24, 32, 3)
     np.testing.assert_allclose(texture.astype(int), expected, atol=0 if "lossless" in options else 3)
+
+
+@pytest.mark.parametrize("uri", ["none.png", "", "textures/none.jpg"])
+@pytest.mark.parametrize(("factor", "rgb"), [(None, 200), ([0.2, 0.2, 0.2, 1.0], 51)])
+def test_a_missing_image_file_is_a_warning_and_its_faces_have_the_materials_colour(tmp_path, uri, factor, rgb):
+    def shown(writer):
+        texture = writer.add("textures", {"source": writer.add("images", {"uri": uri})})
+        return writer.square(uv=UV, material=writer.material(texture, factor))
+
+    with pytest.warns(
+        UserWarning, match=rf"images\.0 names '{uri}'; expected a file, but there is none .* plain colour"
+    ):
+        mesh = drawn(tmp_path, shown)
+    assert (set(mesh.face_texture.tolist()), mesh.textures) == ({FLAT}, ())
+    assert np.unique(mesh.face_rgb).tolist() == [rgb]
 
 
 CLAMP, MIRROR = 33071, 33648

@@ -106,7 +106,6 @@ def test_an_obj_file_shows_its_image_upright_or_else_its_colour_or_grey(tmp_path
         ("newmtl wall\nmap_Kd ../secret.png\n", "the file names '../secret.png'; expected a file in the folder"),
         ("newmtl wall\nmap_Kd /etc/passwd\n", "the file names '/etc/passwd'; expected a file in the folder"),
         ("newmtl wall\nmap_Kd http://127.0.0.1/a.png\n", "expected a file in the folder of the scene"),
-        ("newmtl wall\nmap_Kd none.png\n", "the file names 'none.png'; expected a file, but there is none"),
     ],
 )  # fmt: skip
 def test_an_obj_file_reads_nothing_outside_its_folder(tmp_path, material, expected):
@@ -115,6 +114,18 @@ def test_an_obj_file_reads_nothing_outside_its_folder(tmp_path, material, expect
     assert expected in refusal(obj(tmp_path / "home" / "a.obj", material=material))
     text = OBJ.replace("a.mtl", "../a.mtl")
     assert "names '../a.mtl'; expected a file in the folder" in refusal(obj(tmp_path / "home" / "a.obj", text=text))
+    text = OBJ.replace("a.mtl", "none.mtl")
+    assert "names 'none.mtl'; expected a file, but there is none" in refusal(
+        obj(tmp_path / "home" / "a.obj", text=text)
+    )
+
+
+def test_a_missing_image_of_an_obj_file_is_a_warning_and_its_faces_have_their_materials_colour(tmp_path):
+    path = obj(tmp_path / "a.obj", material="newmtl wall\nKd 0.2 0.4 0.6\nmap_Kd none.png\n")
+    with pytest.warns(UserWarning, match=r"a\.obj: the file names 'none\.png'; expected a file, .* plain colour"):
+        mesh = load_mesh(path)
+    assert (mesh.face_texture.tolist(), mesh.textures) == ([FLAT] * 2, ())
+    assert mesh.face_rgb.tolist() == [[51, 102, 153]] * 2
 
 
 @pytest.mark.parametrize(
