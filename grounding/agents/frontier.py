@@ -1,5 +1,7 @@
 """Exploration: look at the frontier that takes the fewest actions to see, again and again, until none is left.
 
+Before it stops with frontiers out of reach, the robot looks around once more.
+
 The cost of a frontier of K cells is multiplied by 1 + 60 / K; otherwise the robot would look at slivers beside things
 one by one. It includes actions already spent on the frontier, as the nearest one may be out of reach behind a wall that
 cannot be seen.

@@ -23,7 +23,6 @@ import psutil
 from pydantic import BaseModel, ConfigDict
 
 from human_study.export.text_tables import markdown_table
-from sim.authoring.generation import invent_dataset
 from sim.cache import VARIABLE
 from sim.render.raycast import own_cores
 from sim.tasks.provenance import git_commit, package_versions
@@ -323,6 +322,8 @@ def episodes_at_hand() -> Iterator[tuple[InputKind, Path]]:
     if RELEASE.is_dir():
         yield "released", RELEASE
         return
+    from sim.authoring.generation import invent_dataset  # takes half a second to import, for this case only
+
     with tempfile.TemporaryDirectory(prefix="personal-viz-bench-") as name:
         invent_dataset(Path(name), name="Bench", seed=3)
         yield "invented", Path(name)

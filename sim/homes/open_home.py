@@ -12,12 +12,12 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError
 from sim.frames import world_from_glb_zup
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, ClutterLevel, SceneKind
-from sim.walk.floor_grid import floor_grid_from_mesh
+from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
 
 from ..mesh import Scene, SceneObject, TriangleMesh
 from ..scans.hm3d import find_semantics, load_semantics
 from ..scans.meshes import load_mesh
-from ..scans.up_axis import Up, up_axis
+from ..scans.up_axis import HM3D_UP, Up, up_axis
 from .building.house import mesh_from_plan
 from .cells import cells_from_runs
 from .clutter.plans import with_clutter
@@ -28,7 +28,6 @@ from .recovered.plans import recover_plan
 if TYPE_CHECKING:
     from sim.walk.navmesh import NavMesh
 
-_HM3D_UP: Up = "z"
 _LEAST_FLOOR = 1.0
 """Least floor of a recovered home, square metres: a map of its mesh leaves out smaller islands, as Habitat's does."""
 _SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
@@ -51,13 +50,13 @@ def open_scene(
         scenes_dir: Folder of scans; the file that `find_scan` finds in any folder below is loaded. Beside it,
             `<name>.semantic.glb` and `.semantic.txt` give the objects, and a `.navmesh` for a robot of our size gives
             the navigation map; without one the map is made from the mesh. Habitat's configuration files and HM3D's
-            names say which axis is up (`up_axis`), and so do episodes in HM3D; otherwise it is y, as glTF says, and a
-            warning names the other axis where it gives floor too. None = a plan, or else a schematic home.
+            names say which axis is up (`up_axis`); z is up in invented homes and where episodes name HM3D. In others it
+            is y, as glTF says, and a warning says so where z gives floor too. None = a plan, or a schematic home.
         clutter: Level of furniture without a caption that is added to a plan or schematic home (`with_clutter`).
         labels: Whether robots' pictures name the category of each object in view; vision agents can read that.
 
     Raises:
-        DatasetError: The dataset has no such scene.
+        DatasetError: The dataset has no such scene, or its episodes are damaged.
         SceneError: The scan, a file beside it or the plan is missing or damaged, the robot cannot walk in it, or
             clutter is requested for a scan.
         MissingDependencyError: The scan has Basis textures and the extra `basis` is not installed.
@@ -70,8 +69,10 @@ def open_scene(
                 "shows its own. Leave out --clutter, or --scenes-dir to use the home made from its plan or episodes."
             )
         scan = find_scan(name, scenes_dir)
-        up = up_axis(scan, root=scenes_dir) or (_HM3D_UP if _is_in_hm3d(dataset, name) else None)
-        scene = _scan(scan, name, scene_kind(dataset, name, scenes_dir), up or "y")
+        kind, up = scene_kind(dataset, name, scenes_dir), up_axis(scan, root=scenes_dir)
+        if up is None and (kind == "invented" or _is_in_hm3d(dataset, name)):
+            up = HM3D_UP
+        scene = _scan(scan, name, kind, up or "y")
         if up is None:
             _warn_of_doubt(scan, scene)
     else:
@@ -184,20 +185,22 @@ def _scan(path: Path, name: str, kind: SceneKind, up: Up) -> Scene:
 def _is_in_hm3d(dataset: PersonalDataset, name: str) -> bool:
     """Whether the scene's episodes name a file of HM3D."""
     first = next(dataset.episodes(scenes=(name,)), None)
-    return first is not None and first.record.scene_id.startswith("hm3d")
+    return first is not None and any(part.startswith("hm3d") for part in first.record.scene_id.split("/"))
 
 
 def _warn_of_doubt(path: Path, scene: Scene) -> None:
-    """Warns of a scan that nothing says to be y-up, if it has floor too where z is up."""
+    """Warns of a scan that nothing says to be y-up, if it has floor too where z is up; a navmesh leaves no doubt."""
+    if not isinstance(scene.navigation, FloorGrid):
+        return
     turned = replace(scene.mesh, vertices=world_from_glb_zup(scene.mesh.vertices))
     try:
-        floor_grid_from_mesh(turned)
+        other = floor_grid_from_mesh(turned)
     except SceneError:
         return
-    config = path.with_name(f"{path.name.split('.')[0]}.stage_config.json").name
     warnings.warn(
-        f"{path}: read as y-up, as glTF is; with z up it has floor too. If it lies on its side, put "
-        f'{{"up": [0, 0, 1]}} in {config} beside it; [0, 1, 0] there ends this warning.',
+        f"{path}: read as y-up, as glTF is, it has {scene.navigation.area:.1f} m2 of floor; with z up {other.area:.1f} "
+        f'm2. If it lies on its side, put {{"up": [0, 0, 1]}} in {path.name.split(".")[0]}.stage_config.json beside '
+        "it; [0, 1, 0] there ends this warning.",
         stacklevel=3,
     )
 

@@ -196,7 +196,7 @@ class TextureSet:
 
 
 def _image_of(file: GltfFile, index: int) -> int:
-    """The image of a texture; a plain one is preferred to a Basis one, because it needs no extra."""
+    """The image of a texture; a plain one is preferred to WebP, and both to Basis, which needs an extra."""
     texture = file.document.textures[index]
     other = texture.extensions.webp or texture.extensions.khronos or texture.extensions.google
     source = texture.source if texture.source is not None else other and other.source

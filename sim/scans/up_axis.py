@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from sim.errors import SceneError, line_from_validation_error
 
 Up = Literal["z", "y"]
-_HM3D_UP: Up = "z"
+HM3D_UP: Up = "z"
 _ADVICE = "Correct the file, or remove it for HM3D's own scans, which are z-up."
 
 
@@ -35,11 +35,11 @@ class _Dataset(_Part):
 
 
 def up_axis(scan: Path, *, root: Path) -> Up | None:
-    """The up axis that Habitat would use for a scan; None where nothing says it, and then glTF means y.
+    """The up axis that Habitat's files or HM3D's names say; None where nothing does, and then glTF means y.
 
     Args:
         scan: The file; `<its name>.stage_config.json` beside it counts first. Without any such file, HM3D's names mean
-            z: `<Scene>.basis.glb`, or a folder `00800-<Scene>`; so does a plan beside it, as `invent` once wrote it.
+            z: `<Scene>.basis.glb`, or a folder `00800-<Scene>`.
         root: Last folder to search. The nearest folder from the scan upwards counts next, if it has
             `*.scene_dataset_config.json` files with a `stages.default_attributes.up`.
 
@@ -64,7 +64,7 @@ def up_axis(scan: Path, *, root: Path) -> Up | None:
         if folder == root:
             break
     is_hm3d = ".basis." in scan.name or re.fullmatch(rf"\d{{5}}-{re.escape(name)}", scan.parent.name) is not None
-    return _HM3D_UP if is_hm3d or scan.with_name(f"{name}.plan.json").is_file() else None
+    return HM3D_UP if is_hm3d else None
 
 
 def _read(path: Path, model: type[_AnyPart]) -> _AnyPart:

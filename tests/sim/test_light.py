@@ -195,7 +195,7 @@ def test_both_backends_for_rays_give_the_same_light(monkeypatch, tmp_path) -> No
         builder = QuadBuilder()
         room(builder)
         add_box(builder, (2, 0.4, 1.2), (0.9, 0.8, 0.5), yaw=0.3, instance=1)
-        vertex_rgb = builder.mesh().vertex_rgb
+        vertex_rgb = builder.mesh(lamps=[(3.0, 1.4, 0.5)]).vertex_rgb
         assert vertex_rgb is not None
         return vertex_rgb
 

@@ -197,7 +197,7 @@ def test_a_home_with_floor_both_ways_is_opened_with_a_warning_unless_a_configura
 ) -> None:
     mesh = open_scene(PersonalDataset(demo_root), "Demo").mesh
     (tmp_path / "Demo.glb").write_bytes(glb_from_mesh(mesh))
-    doubt = r'Demo\.glb: read as y-up.*\{"up": \[0, 0, 1\]\} in Demo\.stage_config\.json'
+    doubt = r'Demo\.glb: read as y-up, .* m2 of floor; with z up .*\{"up": \[0, 0, 1\]\} in Demo\.stage_config\.json'
     with pytest.warns(UserWarning, match=doubt) as said:
         scene = open_scene(episodes, "Demo", scenes_dir=tmp_path)
     assert len(said) == 1
@@ -208,12 +208,23 @@ def test_a_home_with_floor_both_ways_is_opened_with_a_warning_unless_a_configura
         assert open_scene(episodes, "Demo", scenes_dir=tmp_path).digest == scene.digest
 
 
+def test_homes_that_invent_wrote_before_it_wrote_configurations_are_z_up(demo_root: Path, tmp_path: Path) -> None:
+    shutil.copytree(demo_root, tmp_path / "data")
+    (tmp_path / "data" / "scenes" / "Demo.stage_config.json").unlink()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene = open_scene(PersonalDataset(tmp_path / "data"), "Demo", scenes_dir=tmp_path / "data" / "scenes")
+    assert scene.kind == "invented"
+    assert scene.navigation.storey_heights == pytest.approx((0.0, 2.8), abs=0.05)
+
+
+@pytest.mark.parametrize("folder", [b"hm3d_v0.2/val", b"data/scene_datasets/hm3d/val"])
 def test_episodes_in_hm3d_make_a_file_z_up_whatever_its_folder(
-    demo_root: Path, episodes: PersonalDataset, tmp_path: Path
+    demo_root: Path, episodes: PersonalDataset, tmp_path: Path, folder: bytes
 ) -> None:
     shutil.copytree(episodes.root, tmp_path / "data")
     for path in tmp_path.glob("data/*/content/Demo.json.gz"):
-        text = gzip.decompress(path.read_bytes()).replace(b'"invented/Demo/', b'"hm3d_v0.2/val/00800-Demo/')
+        text = gzip.decompress(path.read_bytes()).replace(b'"invented/Demo/', b'"' + folder + b"/00800-Demo/")
         path.write_bytes(gzip.compress(text))
     mesh = open_scene(PersonalDataset(demo_root), "Demo").mesh
     (tmp_path / "Demo.glb").write_bytes(glb_from_mesh(replace(mesh, vertices=glb_zup_from_world(mesh.vertices))))

@@ -31,12 +31,6 @@ def test_without_configuration_only_hm3ds_names_say_an_axis(tmp_path: Path, scan
     assert up_axis(tmp_path / scan, root=tmp_path) == up
 
 
-def test_a_plan_beside_the_file_says_z_as_invent_wrote_it_before_it_wrote_configurations(tmp_path: Path) -> None:
-    (tmp_path / "A.plan.json").touch()
-    assert up_axis(tmp_path / "A.glb", root=tmp_path) == "z"
-    assert up_axis(tmp_path / "B.glb", root=tmp_path) is None
-
-
 def test_the_nearest_file_counts_and_none_above_the_root(tmp_path: Path) -> None:
     scan = tmp_path / "scans" / "val" / "00800-A" / "A.basis.glb"
     write_config(tmp_path / "above.scene_dataset_config.json", [0, 1, 0])

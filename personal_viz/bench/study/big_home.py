@@ -58,7 +58,7 @@ def measure_big_home(settings: BigHomeSettings, *, folder: Path, dataset: Path, 
     shutil.copytree(dataset, data)
     invent_dataset(data, name=BIG_HOME, seed=settings.seed)
     scans.mkdir()
-    for path in (data / "scenes").glob(f"{HOME}.*"):
+    for path in (*(data / "scenes").glob(f"{HOME}.*"), data / "scenes" / f"{BIG_HOME}.stage_config.json"):
         shutil.copy(path, scans)
     scan = scans / f"{BIG_HOME}.glb"
     num_faces = _write_scan(scan, data, num_faces=settings.faces, seed=settings.seed)

@@ -6,7 +6,7 @@ replaces them, several times slower.
 """
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 
@@ -61,7 +61,7 @@ class _Surroundings:
 
     @cached_property
     def caster(self) -> Raycaster:
-        """A raycaster for single rays."""
+        """A raycaster, for where packets cannot be used."""
         return Raycaster(self._mesh)
 
     def sky(self, points: NDArray[np.float64], frames: NDArray[np.float64]) -> _Sky:
@@ -73,24 +73,26 @@ class _Surroundings:
         """
         hidden, is_inside = np.zeros(len(points)), np.zeros(len(points), bool)
 
-        def fill(begin: int) -> None:
-            here = slice(begin, begin + _CHUNK)
+        def fill(here: slice) -> None:
             hidden[here], is_inside[here] = self._sky(points[here], frames[here])
 
-        with ThreadPoolExecutor(own_cores()) as pool:
-            list(pool.map(fill, range(0, len(points), _CHUNK)))
+        _in_chunks(fill, len(points))
         return hidden, is_inside
 
-    def reach(
+    def are_clear(
         self, origins: NDArray[np.float64], rays: NDArray[np.float64], shares: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
         """Whether nothing lies along the first share (N,) of each ray; origins and rays (N, 3)."""
         if self._scene is None:
             return self.caster.cast(origins, rays).range_m >= np.linalg.norm(rays, axis=1) * shares
-        is_clear = np.zeros(len(origins), bool)
+        tracer, width, found = self._scene.coherent, self._width, np.zeros(len(origins), bool)
         starts, ways, parts = (np.ascontiguousarray(array, np.float32) for array in (origins, rays, shares))
-        _trace_lines(self._scene.coherent, new_packet(self._width), starts, ways, parts, is_clear)
-        return is_clear
+
+        def fill(here: slice) -> None:
+            _trace_lines(tracer, new_packet(width), starts[here], ways[here], parts[here], found[here])
+
+        _in_chunks(fill, len(origins))
+        return found
 
     def _sky(self, points: NDArray[np.float64], frames: NDArray[np.float64]) -> _Sky:
         directions = _hemisphere(_NUM_RAYS)
@@ -106,6 +108,12 @@ class _Surroundings:
         is_back = (np.einsum("ij,ij->i", self._normals[hits.face_ids // 2], rays) > 0) & (hits.range_m < _REACH)
         share = is_back.reshape(-1, _NUM_RAYS).mean(axis=1)
         return weight.reshape(-1, _NUM_RAYS).mean(axis=1), share > _INSIDE
+
+
+def _in_chunks(fill: Callable[[slice], None], count: int) -> None:
+    """Calls `fill` for parts of `count` things, on this process's own cores."""
+    with ThreadPoolExecutor(own_cores()) as pool:
+        list(pool.map(fill, [slice(begin, begin + _CHUNK) for begin in range(0, count, _CHUNK)]))
 
 
 def baked_light(
@@ -182,7 +190,9 @@ def _lamp_light(
     origins, reached = points[near] + _LIFT * normals[near], np.zeros(len(near))
     for offset in _LAMP_SIZE * 0.5 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3):
         rays = bulb + offset - origins
-        reached += around.reach(origins, rays, 1 - _LAMP_SIZE / np.maximum(np.linalg.norm(rays, axis=1), _LAMP_SIZE))
+        reached += around.are_clear(
+            origins, rays, 1 - _LAMP_SIZE / np.maximum(np.linalg.norm(rays, axis=1), _LAMP_SIZE)
+        )
     fade = (1 - distance / _LAMP_REACH) / (1 + (distance / _LAMP_HALF) ** 2)
     light = np.zeros(len(points))
     np.add.at(light, near, _LAMP * fade * (0.25 + 0.75 * facing) * reached / 4)

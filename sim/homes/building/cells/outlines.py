@@ -90,7 +90,7 @@ def chains_of(walls: WallLines) -> list[Chain]:
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _followed(row, col, way, left, degree):
     """(N, 2) corners from a start to a fork, an end or back to the start; removes the steps from `left`."""
     corners = [(row, col)]
