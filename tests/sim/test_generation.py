@@ -144,7 +144,7 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process(root: Path) -> No
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     paths = [line.split()[0] for line in done.stdout.splitlines()]
-    assert len(paths) == 10
+    assert len(paths) == 11
     assert done.stdout.splitlines() == [f"{p} {hashlib.sha256((root / p).read_bytes()).hexdigest()}" for p in paths]
 
 
@@ -186,7 +186,8 @@ def test_the_invent_verb_writes_whole_homes_and_says_what_is_next(tmp_path: Path
     assert Invent(homes=1, seed=7, out=tmp_path / "homes").run() == 0
     names = sorted(str(path.relative_to(tmp_path / "homes")) for path in (tmp_path / "homes").rglob("*.*"))
     episodes = [f"{split}/{file}.json.gz" for split in SPLITS for file in ("content/Invented7", split)]
-    scene = [f"scenes/Invented7.{kind}" for kind in ("glb", "plan.json", "semantic.glb", "semantic.txt")]
+    kinds = ("glb", "plan.json", "semantic.glb", "semantic.txt", "stage_config.json")
+    scene = [f"scenes/Invented7.{kind}" for kind in kinds]
     assert names == sorted(episodes + scene)
     assert "personal-viz validate --dataset" in capsys.readouterr().out
     with pytest.raises(PersonalVizError, match="--homes is 0; expected a whole number from 1"):
