@@ -46,7 +46,7 @@ def arrived(study: PlannedStudy, browser: BrowserContext, task: TaskKind = "pan"
     start(page, study.links[code])
     if task == "pan":
         see_step(page, 0)
-        expect(page.get_by_text(LABEL)).to_be_hidden()  # the script hides it when it has heard of the participant's keys
+        expect(page.get_by_text(LABEL)).to_be_hidden()  # the page has heard of the participant's keys
         page.evaluate("() => new Promise((done) => requestIdleCallback(done))")  # messages of a busy page come too late
     return page, code
 
