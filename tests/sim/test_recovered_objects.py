@@ -10,7 +10,7 @@ from personal_viz.bench.homes.sightlines import sights_of, view_points_ok
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.furniture.families import look_of
 from sim.homes.open_home import scene_from_plan
-from sim.homes.recovered.footprints import clipped, fitted_footprint
+from sim.homes.recovered.footprints import fitted_footprint, kept_clear
 from sim.homes.recovered.plans import recover_plan
 from sim.homes.recovered.recorded import recorded_facts
 from sim.homes.recovered.unhidden import made_way, unhidden
@@ -32,24 +32,57 @@ def test_the_front_faces_the_view_points(side: tuple[int, int], yaw: float) -> N
     offsets = np.array([1.2 * np.array(side) + step * across for step in (-0.5, -0.25, 0, 0.25, 0.5)])
     found = fitted_footprint(offsets, offsets, usual=(0.9, 0.5), blocked=NO_POINTS)
     assert found.yaw == pytest.approx(yaw)
-    assert (found.width, found.depth) == (0.9, 0.5)
+    assert found.size == (0.9, 0.5)
+    assert found.middle == (0.0, 0.0)
 
 
 def test_boxes_stretch_towards_far_view_points_and_shrink_away_from_blind_and_standing_places() -> None:
     row = np.array([(x, 0.9) for x in np.arange(-1.75, 1.76, 0.25)] + [(-1.75, 0.0), (1.75, 0.0)])
     found = fitted_footprint(row, row, usual=(1.2, 0.6), blocked=NO_POINTS)
     assert found.yaw == 0.0
-    assert found.width == pytest.approx(2 * (0.75 + 0.0625))
-    assert found.depth == 0.6
+    assert found.size == pytest.approx((2 * (0.75 + 0.0625), 0.6))
     seen = np.array([(x, 0.0) for x in (-1.25, 1.25)] + [(0.0, 0.7), (0.0, 1.0)])
     others = np.array([(x, 0.0) for x in (-1.75, -1.625, 1.625, 1.75)])
     found = fitted_footprint(seen, np.concatenate([seen, others]), usual=(1.5, 0.5), blocked=NO_POINTS)
-    assert found.width == pytest.approx(2 * (0.25 + 0.125), abs=0.2)
-    assert found.width < 1.5
-    half = clipped(np.array([0.6, 0.4]), np.array([[0.5, 0.1], [-0.2, 0.45]]))
+    assert found.size[0] == pytest.approx(2 * (0.25 + 0.125), abs=0.2)
+    assert found.size[0] < 1.5
+
+
+LEAST = np.array([0.36, 0.36])
+
+
+@pytest.mark.parametrize(
+    ("places", "bounds"),
+    [
+        pytest.param([[0.5, 0.1], [-0.2, 0.45]], [[-0.25, -0.2], [0.25, 0.2]], id="thinner on both sides"),
+        pytest.param([[x, 0.2] for x in (-0.3, 0.0, 0.3)], [[-0.3, -0.41], [0.3, -0.05]], id="it moves behind a front"),
+        pytest.param([[0.02, 0.2 * k] for k in range(-6, 7)], [[-0.63, -0.18], [-0.27, 0.18]], id="to a side of a way"),
+        pytest.param([[0.0, 0.2], [0.0, -0.55]], [[-0.63, -0.18], [-0.27, 0.18]], id="beside a way that is too narrow"),
+    ],
+)
+def test_a_box_keeps_its_least_size_beside_the_places_where_somebody_stood(
+    places: list[list[float]], bounds: list[list[float]]
+) -> None:
     # the body takes 0.2 m in whole cells, and a map of the box loses one cell
-    assert half.tolist() == pytest.approx([0.5 - 0.25, 0.45 - 0.25])
-    assert clipped(np.array([0.2, 0.2]), np.array([[0.5, 0.0]])).tolist() == [0.2, 0.2]
+    found = kept_clear(np.array([0.3, 0.3]), np.array(places), least=LEAST)
+    assert found == pytest.approx(np.array(bounds), abs=0.05)
+    assert all((found[0] - place).max() > 0.24 or (place - found[1]).max() > 0.24 for place in np.array(places))
+
+
+def test_a_box_stays_thin_where_people_walked_all_around_and_through_it() -> None:
+    steps = np.arange(-1.5, 1.6, 0.25)
+    found = kept_clear(
+        np.array([0.5, 0.3]), np.array([(x, z) for x in steps for z in steps]), least=np.array([0.6, 0.36])
+    )
+    assert found[1] - found[0] == pytest.approx([0.08, 0.08])
+
+
+def test_a_dishwasher_reaches_back_from_the_front_that_the_record_calls_its_centre() -> None:
+    near = [(0.1 * k, 0.0, 0.21) for k in range(-6, 7)]
+    found = objects_of(recorded_of(recorded_goal("dishwasher_1", (0.0, 0.43, 0.0), SOUTH + near)))["dishwasher_1"].piece
+    assert found.size == pytest.approx((0.6, 0.86, 0.36))
+    assert found.rect.z1 == pytest.approx(0.21 - 0.25)
+    assert found.centre[:2] == pytest.approx((0.0, 0.43))
 
 
 def test_a_couch_is_twice_as_high_as_its_centre_and_a_picture_hangs_flat_on_the_wall() -> None:
@@ -126,7 +159,7 @@ def test_the_colour_comes_from_the_caption() -> None:
 
 def test_an_oven_stands_out_of_its_cabinet_and_a_piece_in_front_shrinks_to_its_least_size() -> None:
     cabinet = piece("cabinet_1", (0.0, 1.0, 0.0), (1.0, 2.0, 0.6))
-    oven, same = made_way(piece("oven_2", (0.0, 1.1, 0.05), (0.6, 0.6, 0.3)), cabinet)
+    oven, same = made_way(piece("oven_2", (0.0, 1.1, 0.05), (0.6, 0.6, 0.3)), cabinet, least=(0.1, 0.1))
     assert same == cabinet
     assert 0.3 < oven.centre[2] + oven.size[2] / 2 < 0.33
     assert oven.centre == (0.0, 1.1, 0.05)
@@ -158,11 +191,15 @@ def test_a_hidden_object_can_be_seen_after_the_hiding_one_shrinks() -> None:
         *(pytest.param(name, marks=pytest.mark.release) for name in ("XB4GS9ShBRE", "QaLdnwvtxbs")),
     ],
 )
-def test_every_goal_of_a_released_home_is_at_its_recorded_centre_and_visible(dataset_root: Path, scene: str) -> None:
+def test_every_goal_of_a_released_home_is_near_its_recorded_centre_and_visible(dataset_root: Path, scene: str) -> None:
     dataset = PersonalDataset(dataset_root)
     goals, plan = dataset.goals(scene), recover_plan(dataset, scene)
     captioned = {item.name: item for item in plan.furniture if item.role == "captioned"}
-    assert {name: item.centre for name, item in captioned.items()} == {name: g.position for name, g in goals.items()}
+    away = np.array([np.subtract(captioned[name].centre, goal.position) for name, goal in goals.items()])
+    assert len(captioned) == len(goals)
+    assert (away[:, 1] == 0).all()
+    assert np.abs(away).max() <= 0.8
+    assert (away != 0).any(axis=1).mean() < 0.5
     assert [item.category for item in captioned.values()] == [goals[name].object_category for name in captioned]
     recorded = recorded_facts(dataset, scene)
     for item in captioned.values():
@@ -180,3 +217,19 @@ def test_every_goal_of_a_released_home_is_at_its_recorded_centre_and_visible(dat
     assert num_ok >= 0.95 * num
     sights = sights_of(home, goals)
     assert [name for name, found in sights.items() if len(found.ok) and not found.ok.any()] == []
+
+
+@pytest.mark.release
+def test_things_of_released_homes_are_at_least_as_wide_and_deep_as_the_least_of_their_kind(dataset_root: Path) -> None:
+    dataset = PersonalDataset(dataset_root)
+    own = [
+        (f"{scene} {item.name}", item, np.array(item.size)[[0, 2]] / np.array(look_of(item.category).size)[[0, 2]])
+        for scene in dataset.scenes
+        for item in recover_plan(dataset, scene).furniture
+        if item.role == "captioned"
+    ]
+    built_in = [(name, item) for name, item, _ in own if look_of(item.category).family in ("dishwasher", "wardrobe")]
+    assert len(built_in) > 30
+    assert [name for name, item in built_in if min(item.size[0], item.size[2]) < 0.35] == []
+    # a few stand where the record says that people walked all around and through them
+    assert len([name for name, _, share in own if share.min() < 0.59]) <= 0.01 * len(own)

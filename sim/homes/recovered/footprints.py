@@ -14,24 +14,55 @@ from sim.types import CAMERA_HEIGHT
 REACH = 1.0
 """Largest planar distance from a view point to the object's box (metres; GOAT's view points, DATA_FORMAT.md)."""
 _LATTICE = 0.25
-_LARGEST, _SMALLEST = 1.6, 0.6
+_LARGEST, SMALLEST = 1.6, 0.6
 """Largest and smallest factor by which the places may change the usual width and depth."""
 _CLEAR = 0.25
 """Distance of a box from places (metres): the body in whole cells, and one cell that a map of the box loses."""
-_THINNEST = 0.04
+_BEHIND = 0.1
+"""Largest distance of a recorded centre from a box that places pushed back behind it (metres)."""
+_THINNEST = 0.08
+_FARTHEST, _STEP = 0.8, 0.05
+"""Largest distance along x and z of a box's middle from a recorded centre that somebody walked over, and the raster of
+such middles (metres)."""
+_TINY = 1e-6
 _BESIDE = 0.3
 _SIDES = (0.0, math.pi / 2, math.pi, -math.pi / 2)
 
 Points = NDArray[np.float64]
 
 
+def _shifts() -> Points:
+    """Distances (S, 2) of middles from a recorded centre, the least first."""
+    steps = np.arange(-_FARTHEST, _FARTHEST + _STEP / 2, _STEP)
+    shifts = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    return shifts[np.argsort(np.round(np.hypot(*shifts.T), 6), kind="stable")]
+
+
+_SHIFTS = _shifts()
+
+
 class Footprint(NamedTuple):
-    """The area of an object on the floor plane, around its recorded centre."""
+    """The area of an object on the floor plane, around its recorded centre.
+
+    The record's centre of a built-in thing (a dishwasher, a wardrobe) lies on its front: the scan shows no more of it.
+    """
 
     yaw: float
     """Turn about +y in radians, a multiple of 90 degrees; at 0 the front faces +z."""
-    width: float
-    depth: float
+    bounds: Points
+    """(2, 2) its lowest and its highest x and z, from the recorded centre (metres)."""
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and depth in its own axes, metres."""
+        x, z = (self.bounds[1] - self.bounds[0]).tolist()
+        return (z, x) if abs(math.sin(self.yaw)) > 0.5 else (x, z)
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """x and z of its middle, from the recorded centre (metres)."""
+        x, z = self.bounds.mean(axis=0).tolist()
+        return x, z
 
 
 def fitted_footprint(
@@ -48,7 +79,7 @@ def fitted_footprint(
     """
     distance = np.linalg.norm(offsets, axis=1)
     middle = (offsets / np.maximum(distance, 1e-6)[:, None]).mean(axis=0) if len(offsets) else np.zeros(2)
-    best = (-math.inf, Footprint(0.0, *usual))
+    best = (-math.inf, Footprint(0.0, around(np.array(usual) / 2)))
     for yaw in _SIDES:
         is_sideways = yaw in (_SIDES[1], _SIDES[3])
         half = np.array(usual[::-1] if is_sideways else usual) / 2
@@ -60,25 +91,65 @@ def fitted_footprint(
             if is_thin:
                 depth_axis = 0 if is_sideways else 1
                 stretched[depth_axis] = half[depth_axis]
-            x, z = (2 * clipped(stretched, blocked)).tolist()
-            best = (score, Footprint(yaw, z, x) if is_sideways else Footprint(yaw, x, z))
+            best = (score, Footprint(yaw, kept_clear(stretched, blocked, least=SMALLEST * 2 * half)))
     return best[1]
 
 
-def clipped(half: Points, blocked: Points) -> Points:
-    """The half extents (2,), shrunk until every place (B, 2) is _CLEAR away from the box, if it can be so thin."""
-    half = half.copy()
-    away = np.abs(blocked)
-    away = away[(away < half + _CLEAR).all(axis=1)]
-    for point in away[np.argsort(away.max(axis=1), kind="stable")]:
-        if (point < half + _CLEAR).all():
-            axes = np.flatnonzero(point - _CLEAR >= _THINNEST)
-            choices = []
-            for axis in axes if len(axes) else (0, 1):
-                choices.append(half.copy())
-                choices[-1][axis] = min(half[axis], max(_THINNEST, point[axis] - _CLEAR))
-            half = max(choices, key=lambda choice: float(min(choice) + 0.1 * choice.sum()))
-    return half
+def around(half: Points) -> Points:
+    """The bounds (2, 2) of a box with these half extents (2,) and its middle at the recorded centre."""
+    return np.stack([-half, half])
+
+
+def kept_clear(half: Points, blocked: Points, *, least: Points) -> Points:
+    """The bounds (2, 2) of a box with half extents (2,), changed until it is _CLEAR away from the places (B, 2).
+
+    The box stays in the middle if that leaves the `least` extents (2,). Otherwise only the sides move that places are
+    on, at most _BEHIND past the recorded centre, and an opposite side moves outwards. If this does not help, a box with
+    the least extents is drawn as near to the centre as it is clear; if there is none, it is cut to what is left.
+    """
+    free = _free(around(np.maximum(half, least + _BEHIND)), blocked, least=least)
+    in_the_middle = np.minimum(half, np.minimum(-free[0], free[1]))
+    if (2 * in_the_middle > least - _TINY).all():
+        return around(in_the_middle)
+    if (free[1] - free[0] < least - _TINY).any():
+        meets = np.all(np.abs(blocked - _SHIFTS[:, None]) < least / 2 + _CLEAR, axis=2)
+        is_clear = ~np.any(meets, axis=1)
+        if is_clear.any():
+            return _SHIFTS[is_clear.argmax()] + around(least / 2)
+    low, high = np.clip(free, -half, half)
+    return moved_into(free, middle=(low + high) / 2, size=np.maximum(high - low, least))
+
+
+def moved_into(outer: Points, *, middle: Points, size: Points) -> Points:
+    """The bounds (2, 2) of a box of this size (2,), cut to `outer` (2, 2), as near to the middle (2,) as it fits."""
+    size = np.minimum(size, outer[1] - outer[0])
+    return np.clip(middle, outer[0] + size / 2, outer[1] - size / 2) + around(size / 2)
+
+
+def _free(bounds: Points, blocked: Points, *, least: Points) -> Points:
+    """The bounds (2, 2) with sides moved inwards until every place (B, 2) is _CLEAR away, or less than _THINNEST is
+    left. Of the sides that a place can move, it moves the one that leaves more.
+    """
+    near = blocked[_is_near(bounds, blocked)]
+    for place in near[np.argsort(np.abs(near).max(axis=1), kind="stable")]:
+        if not _is_near(bounds, place):
+            continue
+        gap, side = np.abs(place) - _CLEAR, (place > 0).astype(int)
+        axes = np.flatnonzero(gap >= -_BEHIND)
+        choices = []
+        for axis in axes if len(axes) else (int(gap.argmax()),):
+            sign, opposite = 2 * side[axis] - 1, bounds[1 - side[axis], axis]
+            moved = max(gap[axis], -_BEHIND, sign * opposite + _THINNEST)
+            choices.append(bounds.copy())
+            choices[-1][side[axis], axis] = sign * min(sign * bounds[side[axis], axis], moved)
+        sizes = [choice[1] - choice[0] for choice in choices]
+        bounds = choices[int(np.argmax([min((size / least).min(), 1.0) + 0.1 * size.sum() for size in sizes]))]
+    return bounds
+
+
+def _is_near(bounds: Points, places: Points) -> NDArray[np.bool_]:
+    """Whether the places (..., 2) are less than _CLEAR away from a box, along x and along z."""
+    return np.asarray(((places > bounds[0] - _CLEAR) & (places < bounds[1] + _CLEAR)).all(axis=-1))
 
 
 def in_the_way(places: Points, *, bottom: float, top: float) -> NDArray[np.bool_]:
@@ -96,7 +167,8 @@ def _misfit(half: Points, offsets: Points) -> float:
 
 def _lost(half: Points, blocked: Points) -> float:
     """Share of the box that places take away."""
-    return 1 - float(np.prod(clipped(half, blocked)) / np.prod(half))
+    bounds = kept_clear(half, blocked, least=SMALLEST * 2 * half)
+    return 1 - float(np.prod(bounds[1] - bounds[0]) / np.prod(2 * half))
 
 
 def _stretched(half: Points, offsets: Points, others: Points) -> Points:
@@ -111,5 +183,5 @@ def _stretched(half: Points, offsets: Points, others: Points) -> Points:
         if reach > half[axis]:
             found[axis] = min(reach + _LATTICE / 4, _LARGEST * half[axis])
         elif np.any((along > reach + REACH + _LATTICE) & (along < half[axis] + REACH)):
-            found[axis] = max(_SMALLEST * half[axis], reach + _LATTICE / 2)
+            found[axis] = max(SMALLEST * half[axis], reach + _LATTICE / 2)
     return found

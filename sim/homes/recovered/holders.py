@@ -53,13 +53,13 @@ def holders(
         turns, reach = ((2,), _BEHIND) if mountings[piece.name] == "wall" else (range(4), _TOUCH)
         beside = grid.grid.rc_from_xz(np.concatenate([_beside(piece, turn * math.pi / 2, reach) for turn in turns]))
         is_at_wall = not is_open[max(2 * k - 1, 0) : 2 * k + 2, beside[:, 0], beside[:, 1]].any(axis=0).all()
-        is_carried = (
+        is_held = (
             mountings[piece.name] in ("floor", "ceiling")
             or (mountings[piece.name] == "wall" and is_at_wall)
             or piece.bottom_y - floors_y[k] <= _TOUCH
-            or any(_touches(piece, other) for other in pieces if other is not piece and _is_carrier(other))
+            or is_carried(piece, pieces)
         )
-        if is_carried:
+        if is_held:
             continue
         if piece.bottom_y - floors_y[k] < _HEADROOM:
             found.append(_stand(piece, floors_y[k], number=number + len(found)))
@@ -77,6 +77,11 @@ def _beside(piece: Furniture, turn: float, reach: float) -> NDArray[np.float64]:
     out, across = np.array([math.sin(yaw), math.cos(yaw)]), np.array([math.cos(yaw), -math.sin(yaw)])
     width, depth = np.array([piece.size[0], piece.size[2]])[:: 1 if round(math.sin(turn)) == 0 else -1]
     return np.array([x, z]) + (depth / 2 + reach) * out + np.array([[-0.25], [0.0], [0.25]]) * width * across
+
+
+def is_carried(piece: Furniture, pieces: Sequence[Furniture]) -> bool:
+    """Whether another piece is near enough to carry this one."""
+    return any(_is_carrier(other) and _touches(piece, other) for other in pieces if other is not piece)
 
 
 def _is_carrier(piece: Furniture) -> bool:

@@ -17,7 +17,7 @@ from ..furniture.appearance import finish_from_text
 from ..furniture.families import Family, Mounting, look_of
 from ..plan import Furniture, Storey
 from .approaches import APART, NEAR_ENOUGH, came_near
-from .footprints import Footprint, Points, clipped, fitted_footprint, in_the_way
+from .footprints import Footprint, Points, around, fitted_footprint, in_the_way, kept_clear, moved_into
 from .recorded import Recorded, original_places
 
 _SAME_FLOOR = 0.17
@@ -167,11 +167,12 @@ def _furniture(fact: _Facts, recorded: Recorded, *, height: float, on: Furniture
     if on is not None:
         footprint = _within(footprint, goal, on, is_soft=fact.family in _SOFT)
     caption = recorded.captions.get(goal.object_name, "")
+    (width, depth), (dx, dz) = footprint.size, footprint.middle
     return Furniture(
         name=goal.object_name,
         category=goal.object_category,
-        centre=(x, y, z),
-        size=(footprint.width, height, footprint.depth),
+        centre=(x + dx, y, z + dz),
+        size=(width, height, depth),
         yaw=footprint.yaw,
         finish=finish_from_text(caption, goal.object_category),
         caption=caption,
@@ -198,8 +199,9 @@ def _footprint(fact: _Facts, recorded: Recorded, *, height: float) -> Footprint:
     )
     if fact.mounting != "floor" or _was_reached(fact):
         return footprint
-    yaw, width, depth = footprint
-    return Footprint(yaw, min(width, _NARROW), depth) if width < depth else Footprint(yaw, width, min(depth, _NARROW))
+    extents = footprint.bounds[1] - footprint.bounds[0]
+    extents[extents.argmin()] = min(extents.min(), _NARROW)
+    return footprint._replace(bounds=footprint.bounds.mean(axis=0) + around(extents / 2))
 
 
 def _was_reached(fact: _Facts) -> bool:
@@ -240,14 +242,15 @@ def _lying(fact: _Facts, recorded: Recorded, below: Furniture | None) -> Furnitu
 
 
 def _within(footprint: Footprint, goal: Goal, on: Furniture, *, is_soft: bool) -> Footprint:
-    """The footprint cut to its support; soft things are spread over the support and take its direction."""
-    rect, (x, _, z) = on.rect, goal.position
-    room = np.maximum([min(x - rect.x0, rect.x1 - x), min(z - rect.z0, rect.z1 - z)], 0.1) + 0.01
-    yaw = on.yaw if is_soft else footprint.yaw
-    is_sideways = abs(math.sin(yaw)) > 0.5
-    size = np.array([footprint.depth, footprint.width] if is_sideways else [footprint.width, footprint.depth])
-    along_x, along_z = np.minimum(size, 2 * room).tolist()
-    return Footprint(yaw, along_z, along_x) if is_sideways else Footprint(yaw, along_x, along_z)
+    """The footprint cut to its support and moved into it; soft things take its direction."""
+    (x0, z0, x1, z1), (x, _, z) = on.rect, goal.position
+    extents = np.array(footprint.size)
+    if is_soft:
+        footprint = footprint._replace(yaw=on.yaw)
+    if abs(math.sin(footprint.yaw)) > 0.5:
+        extents = extents[::-1]
+    outer = np.array([np.minimum([x0 - x, z0 - z], -0.1) - 0.01, np.maximum([x1 - x, z1 - z], 0.1) + 0.01])
+    return footprint._replace(bounds=moved_into(outer, middle=np.array(footprint.middle), size=extents))
 
 
 def _new_support(fact: _Facts, piece: Furniture, recorded: Recorded, *, number: int) -> Furniture | None:
@@ -264,14 +267,15 @@ def _new_support(fact: _Facts, piece: Furniture, recorded: Recorded, *, number: 
     height = 0.3 if category == _SHELF else top - fact.ground
     blocked = _blocked(recorded.places - (x, 0, z), bottom=top - height, top=top)
     rect = piece.rect
-    half = clipped(np.array([max(0.4, rect.x1 - rect.x0 + 0.1), max(0.4, rect.z1 - rect.z0 + 0.1)]) / 2, blocked)
-    if half.min() < 0.08:
+    half = np.array([max(0.4, rect.x1 - rect.x0 + 0.1), max(0.4, rect.z1 - rect.z0 + 0.1)]) / 2
+    footprint = Footprint(piece.yaw, kept_clear(half, blocked, least=half))
+    (width, depth), (dx, dz) = footprint.size, footprint.middle
+    if min(width, depth) < 0.16:
         return None
-    width, depth = (2 * half[::-1] if abs(math.sin(piece.yaw)) > 0.5 else 2 * half).tolist()
     return Furniture(
         name=f"{category}_{number}",
         category=category,
-        centre=(x, top - height / 2, z),
+        centre=(x + dx, top - height / 2, z + dz),
         size=(width, height, depth),
         yaw=piece.yaw,
         finish=finish_from_text("", category),

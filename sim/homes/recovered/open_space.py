@@ -18,6 +18,7 @@ from ..cells import CELL, CellGrid, Cells
 from ..furniture.families import Mounting
 from ..images import grown, parts_of
 from ..plan import Furniture, Storey
+from .holders import is_carried
 from .recorded import Recorded, original_places
 
 BLOCKS = (0.0, 0.45, 0.65)
@@ -92,6 +93,7 @@ def _marks(
     shape = (len(floor_y), *grid.shape)
     marks = _Open(np.full(shape, np.inf), np.zeros(shape, bool), np.zeros(shape, bool))
     taken, hung, held = np.zeros((3, *shape), bool)
+    standing = [piece for piece in pieces if mountings[piece.name] == "floor"]
     for piece in pieces:
         goal = recorded.goals.get(piece.name)
         own_y = piece.bottom_y if goal is None else goal.floor_y
@@ -109,7 +111,8 @@ def _marks(
             behind = piece.yaw + math.pi
             marks.wall[k][piece.rect.beside(behind, _BEHIND).cells(grid.grid)] = True
             hung[k][own] = True
-            held[k][piece.rect.beside(behind, _RIGHT_BEHIND).cells(grid.grid)] = mounting == "wall"
+            needs_wall = mounting == "wall" and not is_carried(piece, standing)
+            held[k][piece.rect.beside(behind, _RIGHT_BEHIND).cells(grid.grid)] = needs_wall
         taken[k][own] = True
     marks.wall[taken & ~held | hung | np.isfinite(marks.least)] = False
     return marks

@@ -17,7 +17,9 @@ from sim.walk.object_surface import object_surface
 
 from ...mesh import TriangleMesh
 from ..building.quads import QuadBuilder, add_piece
+from ..furniture.families import look_of
 from ..plan import Furniture
+from .footprints import SMALLEST
 from .recorded import original_places
 
 _ROUNDS = 6
@@ -25,8 +27,8 @@ _ENOUGH = 0.97
 """Share of an object's view points that must see it; with fewer, the pieces that hide it are changed."""
 _SAMPLES = 32
 _SHRUNK = 0.8
-_SMALLEST, _LEAST_SHARE = 0.08, 0.55
-"""Least width and depth of a shrunk blocker (metres), and their least share of the original sizes."""
+_LEAST_SHARE = 0.55
+"""Least width and depth of a shrunk blocker, as a share of its original ones."""
 _LIP = 0.01
 """Distance by which a thing inside another piece reaches out of it (metres)."""
 _FARTHEST_OUT = 0.4
@@ -56,16 +58,16 @@ def unhidden(found: Sequence[Furniture], goals: Mapping[str, Goal]) -> tuple[Fur
                 if pieces[index].role == "clutter":
                     dropped.add(index)
                 else:
-                    width, _, depth = found[index].size
-                    least = (max(_SMALLEST, _LEAST_SHARE * width), max(_SMALLEST, _LEAST_SHARE * depth))
-                    pieces[case.index], pieces[index] = made_way(pieces[case.index], pieces[index], least=least)
+                    own, usual = found[index].size, look_of(found[index].category).size
+                    width, _, depth = np.maximum(_LEAST_SHARE * np.array(own), SMALLEST * np.array(usual)).tolist()
+                    pieces[case.index], pieces[index] = made_way(
+                        pieces[case.index], pieces[index], least=(width, depth)
+                    )
         pieces = [piece for index, piece in enumerate(pieces) if index not in dropped]
     return tuple(pieces)
 
 
-def made_way(
-    piece: Furniture, blocker: Furniture, *, least: tuple[float, float] = (_SMALLEST, _SMALLEST)
-) -> tuple[Furniture, Furniture]:
+def made_way(piece: Furniture, blocker: Furniture, *, least: tuple[float, float]) -> tuple[Furniture, Furniture]:
     """The hidden piece and the blocker, one of them with a new size.
 
     A piece whose centre lies inside the blocker reaches a little out of its front or top, like an oven in a cabinet or
