@@ -22,8 +22,8 @@ _BEHIND = 0.1
 """Largest distance of a recorded centre from a box that places pushed back behind it (metres)."""
 _THINNEST = 0.08
 _FARTHEST, _STEP = 0.8, 0.05
-"""Largest distance along x and z of a box's middle from a recorded centre that somebody walked over, and the raster of
-such middles (metres)."""
+"""Largest distance of a box's middle from a recorded centre that somebody walked over, and the raster of such middles
+(metres)."""
 _TINY = 1e-6
 _BESIDE = 0.3
 _SIDES = (0.0, math.pi / 2, math.pi, -math.pi / 2)
@@ -35,7 +35,9 @@ def _shifts() -> Points:
     """Distances (S, 2) of middles from a recorded centre, the least first."""
     steps = np.arange(-_FARTHEST, _FARTHEST + _STEP / 2, _STEP)
     shifts = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    return shifts[np.argsort(np.round(np.hypot(*shifts.T), 6), kind="stable")]
+    away = np.round(np.hypot(*shifts.T), 6)
+    order = np.argsort(away, kind="stable")
+    return shifts[order[away[order] <= _FARTHEST]]
 
 
 _SHIFTS = _shifts()
@@ -111,7 +113,7 @@ def kept_clear(half: Points, blocked: Points, *, least: Points) -> Points:
     in_the_middle = np.minimum(half, np.minimum(-free[0], free[1]))
     if (2 * in_the_middle > least - _TINY).all():
         return around(in_the_middle)
-    if (free[1] - free[0] < least - _TINY).any():
+    if (free[1] - free[0] < least - _TINY).any() or _is_near(free, blocked).any():
         meets = np.all(np.abs(blocked - _SHIFTS[:, None]) < least / 2 + _CLEAR, axis=2)
         is_clear = ~np.any(meets, axis=1)
         if is_clear.any():

@@ -1,4 +1,4 @@
-"""Places the objects of a scene as furniture at their recorded centres, on floors, walls or each other, facing viewers.
+"""Places the objects of a scene as furniture near their recorded centres, on floors, walls or each other.
 
 `Recorded` -> `Furniture`. Widths and depths come from footprints.py; unhidden.py makes all pieces visible.
 """
@@ -17,7 +17,7 @@ from ..furniture.appearance import finish_from_text
 from ..furniture.families import Family, Mounting, look_of
 from ..plan import Furniture, Storey
 from .approaches import APART, NEAR_ENOUGH, came_near
-from .footprints import Footprint, Points, around, fitted_footprint, in_the_way, kept_clear, moved_into
+from .footprints import SMALLEST, Footprint, Points, around, fitted_footprint, in_the_way, kept_clear, moved_into
 from .recorded import Recorded, original_places
 
 _SAME_FLOOR = 0.17
@@ -254,7 +254,7 @@ def _within(footprint: Footprint, goal: Goal, on: Furniture, *, is_soft: bool) -
 
 
 def _new_support(fact: _Facts, piece: Furniture, recorded: Recorded, *, number: int) -> Furniture | None:
-    """A small piece below a thing without support; None where it is on the floor or no piece fits."""
+    """A small piece below the middle of a thing without support; None where it is on the floor or no piece fits."""
     x, y, z = piece.centre
     top = y - piece.size[1] / 2
     if top - fact.ground < 0.12:
@@ -268,9 +268,9 @@ def _new_support(fact: _Facts, piece: Furniture, recorded: Recorded, *, number: 
     blocked = _blocked(recorded.places - (x, 0, z), bottom=top - height, top=top)
     rect = piece.rect
     half = np.array([max(0.4, rect.x1 - rect.x0 + 0.1), max(0.4, rect.z1 - rect.z0 + 0.1)]) / 2
-    footprint = Footprint(piece.yaw, kept_clear(half, blocked, least=half))
+    footprint = Footprint(piece.yaw, kept_clear(half, blocked, least=SMALLEST * 2 * half))
     (width, depth), (dx, dz) = footprint.size, footprint.middle
-    if min(width, depth) < 0.16:
+    if min(width, depth) < 0.16 or (footprint.bounds * [[1], [-1]] > 0).any():
         return None
     return Furniture(
         name=f"{category}_{number}",

@@ -59,8 +59,8 @@ def block_cells(
 ) -> Cells:
     """Cells that are open but not walkable, with the heights of the blocks on them, or of the floor below objects.
 
-    A piece that hangs on a wall, by its mounting, keeps a wall behind it where no line of sight passes; `grid` has its
-    walkable cells.
+    A piece that hangs on a wall, by its mounting, keeps a wall behind it where no line of sight passes, unless a
+    standing piece carries it; `grid` has its walkable cells.
     """
     floor_y = np.array([storey.floor_y for storey in storeys])
     marks = _marks(recorded, pieces, mountings, floor_y, grid)
@@ -112,7 +112,7 @@ def _marks(
             marks.wall[k][piece.rect.beside(behind, _BEHIND).cells(grid.grid)] = True
             hung[k][own] = True
             needs_wall = mounting == "wall" and not is_carried(piece, standing)
-            held[k][piece.rect.beside(behind, _RIGHT_BEHIND).cells(grid.grid)] = needs_wall
+            held[k][piece.rect.beside(behind, _RIGHT_BEHIND).cells(grid.grid)] |= needs_wall
         taken[k][own] = True
     marks.wall[taken & ~held | hung | np.isfinite(marks.least)] = False
     return marks

@@ -36,8 +36,10 @@ _MAX_LINK_DY = 0.25
 """Largest rise of a link and of a level strip (metres)."""
 _PLACE_RADIUS = 0.05
 """Radius of floor around a recorded place (metres); with the robot's larger radius, paths would cut every corner."""
-_STRIP_RADIUS = 0.05
-"""Half the width of links and of proven strips (metres)."""
+_LINK_RADIUS = 0.05
+"""Half the width of links (metres)."""
+_STRIP_RADIUS = 0.1
+"""Half the width of proven strips (metres): with a single cell, a way of some metres bumps at every other step."""
 _UNKNOWN_REACH = 1.2
 """Largest distance of guessed floor from known floor (metres)."""
 _STRAIGHT = 1.003  # a recorded length this near to the straight line's proves that the line is free
@@ -183,17 +185,19 @@ def _known_floor(
     links = _links(places)
     places = np.column_stack([places[:, 0], _levelled(places[:, 1], floors_y), places[:, 2]])
     middles = [places[links[:, 0]] * (1 - share) + places[links[:, 1]] * share for share in (0.25, 0.5, 0.75)]
+    strips = [np.zeros((0, 3))]
     for record in recorded.lengths:
         start, end = np.array(record.start), np.array(record.end)
         start[1], end[1] = _levelled(np.array([start[1], end[1]]), floors_y)
         is_level = abs(start[1] - end[1]) <= _MAX_LINK_DY
         if record.is_possible and is_level and record.length < _STRAIGHT * math.dist(start, end):
-            middles.append(_along(start, end))
-    strips = np.concatenate(middles)
-    # many links are similar, so one disc per half cell is enough
-    strips = strips[np.sort(np.unique(np.round(strips / (CELL / 2)), axis=0, return_index=True)[1])]
-    parts = (_cells_of_discs(places, _PLACE_RADIUS, grid=grid), _cells_of_discs(strips, _STRIP_RADIUS, grid=grid))
-    return _KnownFloor(places, _merged(*parts))
+            strips.append(_along(start, end))
+    cells = _cells_of_discs(places, _PLACE_RADIUS, grid=grid)
+    for points, radius in ((np.concatenate(middles), _LINK_RADIUS), (np.concatenate(strips), _STRIP_RADIUS)):
+        # many links are similar, so one disc per half cell is enough
+        kept = points[np.sort(np.unique(np.round(points / (CELL / 2)), axis=0, return_index=True)[1])]
+        cells = _merged(cells, _cells_of_discs(kept, radius, grid=grid))
+    return _KnownFloor(places, cells)
 
 
 def _along(start: Points, end: Points) -> Points:
