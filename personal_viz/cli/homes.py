@@ -1,4 +1,4 @@
-"""Verb `homes`: how well schematic and invented homes serve their episodes, per scene and in total."""
+"""Verb `homes`: how well homes serve their episodes, per scene and in total."""
 
 import sys
 from collections.abc import Sequence
@@ -18,14 +18,14 @@ from personal_viz.bench.homes.playability import (
     report_of,
 )
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import DatasetError
+from sim.errors import DatasetError, PersonalVizError
 from sim.homes.kind import scene_terms
 from sim.homes.plan import save_plan
 from sim.tasks.workers import run_jobs
 from sim.words.english import how_many
 
 from ..progress import counted
-from .options import Dataset, Evidence, Json, Scenes
+from .options import Dataset, Evidence, Json, Scenes, ScenesDir
 from .output import print_table
 from .refusals import check_options
 
@@ -56,6 +56,7 @@ class _HomeJob:
 
     dataset_root: Path
     evidence: tuple[Path, ...]
+    scenes_dir: Path | None
     test_on: Path | None
     scene: str
     out: Path | None
@@ -64,10 +65,11 @@ class _HomeJob:
 
 @dataclass
 class Homes:
-    """Report how well homes without a scan serve their episodes: paths, view points, what can be told apart."""
+    """Report how well homes serve their episodes: paths, view points, what can be told apart, picture and walk."""
 
     dataset: Dataset
     evidence: Evidence = ()
+    scenes_dir: ScenesDir = None
     test_on: Annotated[
         Path | None, arg(help="Another edition, not used to make the homes: reports how they serve its episodes.")
     ] = None
@@ -79,13 +81,18 @@ class Homes:
 
     def run(self) -> int:
         check_options(self)
+        if self.out is not None and self.scenes_dir is not None:
+            raise PersonalVizError("--out: found it with --scenes-dir; expected one of them, since scans have no plan.")
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         for name in self.scene:
             episodes.require_scene(name)
         names = list(dict.fromkeys(self.scene or episodes.scenes))
         if self.test_on is not None:
             _require_unseen(self.test_on, episodes, names)
-        work = [_HomeJob(self.dataset, self.evidence, self.test_on, name, self.out, self.folds) for name in names]
+        work = [
+            _HomeJob(self.dataset, self.evidence, self.scenes_dir, self.test_on, name, self.out, self.folds)
+            for name in names
+        ]
         facts: list[HomeFacts] = []
         with counted("homes", len(work)) as progress:
             for found in run_jobs(_measure, work, processes=self.jobs):
@@ -121,8 +128,8 @@ def _require_unseen(test_on: Path, dataset: PersonalDataset, scenes: Sequence[st
 def _measure(job: _HomeJob) -> HomeFacts:
     dataset = PersonalDataset(job.dataset_root, evidence=job.evidence)
     with empty_cache():
-        home = build_home(dataset, job.scene)
-    if job.out is not None:
+        home = build_home(dataset, job.scene, scenes_dir=job.scenes_dir)
+    if job.out is not None and home.plan is not None:
         save_plan(home.plan, job.out / f"{job.scene}.plan.json")
     test_on = None if job.test_on is None else PersonalDataset(job.test_on)
     return measure_home(dataset, home, folds=job.folds, test_on=test_on)
@@ -132,7 +139,7 @@ def _print_report(report: HomesReport) -> None:
     rows = [(name, *_cells(figures, _COLUMNS)) for name, figures in report.scenes.items()]
     total = ("total", *_cells(report.total, _COLUMNS)) if len(rows) > 1 else ()
     heads = ("scene", *(head for _, head in _COLUMNS))
-    print_table("Homes without their scans", heads, rows, total=total, width=_MIN_WIDTH)
+    print_table("How homes serve their episodes", heads, rows, total=total, width=_MIN_WIDTH)
     for label in report.labels:
         print(f"{label}.")
     for terms in {scene_terms(figures.scene_kind) for figures in report.scenes.values()} - {""}:

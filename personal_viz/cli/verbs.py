@@ -22,6 +22,7 @@ VERBS = {
     "validate": "validate.Validate",
     "stats": "stats.Stats",
     "invent": "invent.Invent",
+    "check-scans": "check_scans.CheckScans",
     "homes": "homes.Homes",
     "contact-sheet": "contact_sheet.ContactSheet",
     "run": "run.Run",

@@ -69,10 +69,8 @@ def open_scene(
                 "shows its own. Leave out --clutter, or --scenes-dir to use the home made from its plan or episodes."
             )
         scan = find_scan(name, scenes_dir)
-        kind, up = scene_kind(dataset, name, scenes_dir), up_axis(scan, root=scenes_dir)
-        if up is None and (kind == "invented" or _is_in_hm3d(dataset, name)):
-            up = HM3D_UP
-        scene = _scan(scan, name, kind, up or "y")
+        up = said_up(dataset, name, scan, scenes_dir=scenes_dir)
+        scene = _scan(scan, name, scene_kind(dataset, name, scenes_dir), up or "y")
         if up is None:
             _warn_of_doubt(scan, scene)
     else:
@@ -143,6 +141,12 @@ def find_scan(name: str, scenes_dir: Path) -> Path:
     )
 
 
+def navmeshes_beside(scan: Path, name: str) -> list[Path]:
+    """The `.navmesh` files beside a scan, in the order in which they are tried, whatever robot they are made for."""
+    named = (scan.with_suffix(".navmesh"), *(scan.with_name(f"{name}{end}") for end in (".navmesh", ".basis.navmesh")))
+    return [path for path in dict.fromkeys(named) if path.is_file()]
+
+
 def _files_below(root: Path, names: set[str]) -> Iterator[tuple[Path, int]]:
     """Files of these names in any folder below `root`, each with the number of links to folders that lead to it.
 
@@ -182,6 +186,18 @@ def _scan(path: Path, name: str, kind: SceneKind, up: Up) -> Scene:
     return Scene(name, kind, mesh, objects, navigation, mesh.digest())
 
 
+def said_up(dataset: PersonalDataset, name: str, scan: Path, *, scenes_dir: Path) -> Up | None:
+    """The up axis of a scan by the files beside it, its name, its kind or its episodes; None where nothing says it.
+
+    Raises:
+        SceneError: A file of Habitat's is damaged, or two differ.
+    """
+    up = up_axis(scan, root=scenes_dir)
+    if up is None and (scene_kind(dataset, name, scenes_dir) == "invented" or _is_in_hm3d(dataset, name)):
+        return HM3D_UP
+    return up
+
+
 def _is_in_hm3d(dataset: PersonalDataset, name: str) -> bool:
     """Whether the scene's episodes name a file of HM3D."""
     first = next(dataset.episodes(scenes=(name,)), None)
@@ -209,13 +225,8 @@ def _fitting_navmesh(path: Path, name: str, mesh: TriangleMesh) -> "NavMesh | No
     """The `.navmesh` beside a scan, if it is made for our robot; HM3D's own is for a taller and thinner robot."""
     from sim.walk.navmesh import load_navmesh
 
-    for beside in (
-        path.with_suffix(".navmesh"),
-        path.with_name(f"{name}.navmesh"),
-        path.with_name(f"{name}.basis.navmesh"),
-    ):
-        if beside.is_file():
-            navmesh = load_navmesh(beside, mesh=mesh)
-            if navmesh.fits(AGENT_RADIUS, AGENT_HEIGHT):
-                return navmesh
+    for beside in navmeshes_beside(path, name):
+        navmesh = load_navmesh(beside, mesh=mesh)
+        if navmesh.fits(AGENT_RADIUS, AGENT_HEIGHT):
+            return navmesh
     return None

@@ -56,10 +56,10 @@ def test_build_times_are_those_of_a_first_visit(
     used = []
     built = module.build_home
 
-    def build_home(dataset: PersonalDataset, name: str):
+    def build_home(dataset: PersonalDataset, name: str, *, scenes_dir: Path | None):
         folder = Path(os.environ[VARIABLE])
         used.append((folder, list(folder.iterdir())))
-        return built(dataset, name)
+        return built(dataset, name, scenes_dir=scenes_dir)
 
     before = os.environ[VARIABLE]
     monkeypatch.setattr(module, "build_home", build_home)
@@ -215,3 +215,15 @@ def test_runs_on_different_kinds_of_homes_share_no_run_table_or_recording(mixed:
         Replay(runs=runs[1:], out=tmp_path / "a.rrd", dataset=mixed, episode=key).run()
     with pytest.raises(RunFileError, match=r"found scene kinds invented .* scan"):
         Metrics(runs=runs).run()
+
+
+def test_a_scan_is_measured_like_every_home_and_has_no_plan_to_write(
+    small_home_root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenes = small_home_root / "scenes"
+    found = report(small_home_root, capsys, scenes_dir=scenes)["scenes"]["Small"]
+    assert (found["scene_kind"], found["playable"], found["viewpoints_ok"]) == ("invented", 1.0, 1.0)
+    assert (found["heldout_n"], found["findable"], found["not_findable"]) == (None, None, [])
+    assert found["storeys"] == 1
+    with pytest.raises(PersonalVizError, match=r"^--out: .*scans have no plan"):
+        Homes(dataset=small_home_root, scenes_dir=scenes, out=tmp_path).run()

@@ -7,6 +7,7 @@ import itertools
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.homes.cells import cells_from_runs
 from sim.homes.kind import scene_label, scene_labels
-from sim.homes.open_home import scene_from_plan
+from sim.homes.open_home import open_scene, scene_from_plan
 from sim.homes.plan import HomePlan, plan_of
 from sim.homes.recovered.plans import recover_plan
 from sim.homes.recovered.recorded import original_places
@@ -42,10 +43,11 @@ _PLACES = 50
 class BuiltHome:
     """A home ready to be measured."""
 
-    plan: HomePlan
+    plan: HomePlan | None
+    """None for a scan."""
     scene: Scene
     is_recovered: bool
-    """False if its plan lies beside the episodes: invented, or corrected by hand."""
+    """False if its plan lies beside the episodes (invented, or corrected by hand), or if it is a scan."""
     build_s: float
     """Wall-clock seconds."""
 
@@ -202,16 +204,20 @@ class HomesReport(BaseModel):
         return scene_labels(home.scene_kind for home in self.scenes.values())
 
 
-def build_home(dataset: PersonalDataset, name: str) -> BuiltHome:
-    """The plan that lies beside the episodes, or else the recovered one, with its scene and the time that both took.
+def build_home(dataset: PersonalDataset, name: str, *, scenes_dir: Path | None = None) -> BuiltHome:
+    """The scan, or else the plan that lies beside the episodes, or else the recovered one, with its scene and the time
+    that it took.
 
     The time is a first visitor's wait only if the cache folder is empty.
 
     Raises:
         DatasetError: The scene is unknown or its files are damaged.
-        SceneError: The home cannot be built.
+        SceneError: The home cannot be built, or its scan cannot be used.
     """
     began = time.perf_counter()
+    if scenes_dir is not None:
+        scene = open_scene(dataset, name, scenes_dir=scenes_dir)
+        return BuiltHome(None, scene, is_recovered=False, build_s=time.perf_counter() - began)
     given = plan_of(dataset, name)
     plan = given or recover_plan(dataset, name)
     scene = scene_from_plan(plan)
@@ -221,13 +227,14 @@ def build_home(dataset: PersonalDataset, name: str) -> BuiltHome:
 def measure_home(
     dataset: PersonalDataset, home: BuiltHome, *, folds: bool = True, test_on: PersonalDataset | None = None
 ) -> HomeFacts:
-    """All facts of one home; its scan is not needed.
+    """All facts of one home. A scan has no plan, so nothing of it is guessed, and which targets texts tell apart is not
+    known.
 
     Args:
         dataset: Holds the home's episodes.
         home: From `build_home`.
-        folds: Whether to recover the home three more times, each from two splits. Homes whose plan lies beside the
-            episodes have no folds.
+        folds: Whether to recover the home three more times, each from two splits. Scans, and homes whose plan lies
+            beside the episodes, have no folds.
         test_on: Another edition, for whose episodes the home is asked.
 
     Raises:
@@ -235,36 +242,36 @@ def measure_home(
         SceneError: The home cannot be built from two splits.
     """
     plan, scene = home.plan, home.scene
-    episodes = list(dataset.episodes(scenes=(plan.name,)))
+    episodes, goals = list(dataset.episodes(scenes=(scene.name,))), dataset.goals(scene.name)
     ratios = path_ratios(map(recorded_walk, episodes), scene.navigation)
-    cells = None if plan.cells is None else cells_from_runs(plan.cells.walkable)
+    cells = None if plan is None or plan.cells is None else cells_from_runs(plan.cells.walkable)
     caster = Raycaster(scene.mesh)
     return HomeFacts(
-        name=plan.name,
+        name=scene.name,
         scene_kind=scene.kind,
         is_playable=np.isfinite(ratios)
         & _starts_and_targets_exist(episodes, scene)
         & _can_be_won(episodes, scene.navigation),
         ratios=ratios,
-        held_out=held_out_ratios(dataset, plan.name) if folds and home.is_recovered else None,
-        view_points=view_points_ok(scene, dataset.goals(plan.name)),
+        held_out=held_out_ratios(dataset, scene.name) if folds and home.is_recovered else None,
+        view_points=view_points_ok(scene, goals),
         cells=(0, 0) if cells is None else (int(cells.guessed.sum()), len(cells.guessed)),
-        verdicts=find_verdicts(episodes, plan, scene, renderer=caster),
+        verdicts=() if plan is None else find_verdicts(episodes, plan, scene, renderer=caster),
         agreement=picture_and_walk(
             scene,
             starts=np.array([episode.start.position for episode in episodes]),
-            views=np.concatenate([original_places(goal) for goal in dataset.goals(plan.name).values()]),
+            views=np.concatenate([original_places(goal) for goal in goals.values()]),
             caster=caster,
         ),
         area_m2=_area(scene, plan),
-        storeys=len(plan.storeys),
+        storeys=len(scene.navigation.storey_heights if plan is None else plan.storeys),
         lifts=_lifts(scene.navigation),
-        missing_storeys=plan.missing_storeys,
+        missing_storeys=scene.missing_storeys,
         build_s=home.build_s,
         triangles=len(scene.mesh.faces),
         glb_mb=len(glb_from_mesh(scene.mesh)) / 1e6,
-        sources=_sources(dataset, plan) if home.is_recovered else (),
-        other=None if test_on is None else served(test_on, dataset, plan.name, scene.navigation),
+        sources=() if plan is None or not home.is_recovered else _sources(dataset, plan),
+        other=None if test_on is None else served(test_on, dataset, scene.name, scene.navigation),
     )
 
 
@@ -333,9 +340,9 @@ def _sources(dataset: PersonalDataset, plan: HomePlan) -> tuple[EditionFigures, 
     )
 
 
-def _area(scene: Scene, plan: HomePlan) -> float:
+def _area(scene: Scene, plan: HomePlan | None) -> float:
     """Walkable square metres, each storey once."""
-    if plan.cells is not None:
+    if plan is not None and plan.cells is not None:
         return len(cells_from_runs(plan.cells.walkable).y) * plan.cells.grid.cell**2
     return sum(
         float(top_down.free.sum()) * top_down.grid.cell**2
