@@ -3,7 +3,7 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from tyro.conf import arg
 
@@ -18,7 +18,7 @@ from sim.words.english import how_many
 from ..progress import counted
 from .options import Dataset, Json, Scenes
 from .output import print_json, print_table, say, write_report
-from .refusals import check_options
+from .refusals import check_options, require_folder
 
 _WIDTH = 175
 """Columns that the table needs."""
@@ -53,21 +53,17 @@ class CheckScans:
             episodes.require_scene(name)
         names = list(dict.fromkeys(self.scene or episodes.scenes))
         work = [_ScanJob(self.dataset, self.scenes_dir, name) for name in names]
+        require_folder(self.out)
         found: dict[str, tuple[ScanFigures, dict[str, str]]] = {}
+        document: dict[str, Any] = {}
         with counted("scans", len(work)) as progress:
-            for name, figures_of, drawn in run_jobs(_checked, work, processes=self.jobs):
+            for name, figures_of, drawn in run_jobs(
+                _checked, work, processes=self.jobs, kept=f"see {self.out / FIGURES}"
+            ):
                 found[name] = (figures_of, drawn)
+                document = self._written({name: found[name] for name in names if name in found}, episodes.digest())
                 progress.add()
         figures = {name: found[name][0] for name in names}
-        document = {
-            "program": program_release(),
-            "dataset_digest": episodes.digest(),
-            "usable": sum(not one.problem for one in figures.values()),
-            "scenes": {name: one.model_dump() for name, one in figures.items()},
-        }
-        drawings = {name: found[name][1] for name in names if found[name][1]}
-        files = {PAGE: page_of(figures, drawings), FIGURES: json.dumps(document, indent=1) + "\n"}
-        write_report(self.out, files, earlier=())
         if self.json:
             print_json(document)
         else:
@@ -78,9 +74,23 @@ class CheckScans:
             say(line)
         say(
             f"{document['usable']} of {how_many(len(names), 'scan')} can be used. {self.out / PAGE} draws the worst "
-            f"cases; {self.out / FIGURES} holds figures and hashes only, and can be sent to the makers of this program."
+            f"cases; {self.out / FIGURES} holds figures, hashes and reasons only: please send it to the makers of this "
+            "program."
         )
         return 1 if document["usable"] < len(names) else 0
+
+    def _written(self, found: dict[str, tuple[ScanFigures, dict[str, str]]], digest: str) -> dict[str, Any]:
+        """Writes the page and the figures of the scans that are checked so far; returns the figures."""
+        figures = {name: figures for name, (figures, _) in found.items()}
+        document = {
+            "program": program_release(),
+            "dataset_digest": digest,
+            "usable": sum(not one.problem for one in figures.values()),
+            "scenes": {name: one.model_dump() for name, one in figures.items()},
+        }
+        page = page_of(figures, {name: drawings for name, (_, drawings) in found.items() if drawings})
+        write_report(self.out, {PAGE: page, FIGURES: json.dumps(document, indent=1) + "\n"}, earlier=())
+        return document
 
 
 def _checked(job: _ScanJob) -> tuple[str, ScanFigures, dict[str, str]]:

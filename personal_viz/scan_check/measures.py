@@ -1,6 +1,6 @@
 """Measures how one scan fits its episodes: files, axis, objects, places, lines of sight, path lengths, time, memory.
 
-Dataset + scan -> `ScanCheck`: figures (no path, picture or text of the scan or the episodes) and the worst cases.
+Dataset + scan -> `ScanCheck`: figures, hashes and one-line reasons (no folder, picture or episode) and the worst cases.
 """
 
 import contextlib
@@ -20,6 +20,7 @@ from pydantic import BaseModel, ConfigDict
 from personal_viz.bench.harness import peak_mb
 from personal_viz.bench.homes.held_out import Walk, path_ratios, recorded_walk, starts_on_floor
 from personal_viz.bench.homes.sightlines import sights_of
+from personal_viz.printed import one_line
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Goal
 from sim.errors import PersonalVizError, SceneError
@@ -35,8 +36,8 @@ from sim.walk.navmesh import NavMesh, load_navmesh
 MapName = Literal["navmesh", "grid"]
 SAME_PLACE = 0.5
 """Largest distance of an object's centre in the scan from the recorded one (metres)."""
-LEAST_PLAYABLE = 0.5
-"""Least share of episodes with a path; a scan with less is another home, another version, or lies on its side."""
+LEAST = 0.5
+"""A scan with a smaller share of starts on its floor, of paths, or of centres near, is no scan of the home."""
 NUM_WORST = 3
 """Number of worst path lengths, and of worst centres, that are kept of a scan."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
@@ -54,11 +55,11 @@ class MapFigures(BaseModel):
     view_points: float | None
     """Share of original view points at which the robot can stand."""
     paths: float | None
-    """Share of episodes with a path from the start to `view_points[0]` of the target."""
+    """Share of compared episodes (see `impossible`) with a path from the start to `view_points[0]` of the target."""
     ratio_median: float | None
-    """Median of our path length over the recorded one, over episodes with a path."""
+    """Median of our path length over the recorded one, over those with a path."""
     within_1: float | None
-    """Share of episodes whose length is within 1 % of the recorded one; impossible records are left out."""
+    """Share of compared episodes whose length is within 1 % of the recorded one."""
     within_5: float | None
 
 
@@ -73,22 +74,22 @@ class ScanFigures(BaseModel):
     """What may be wrong with a scan that can be used."""
     file: str = ""
     """Name of the file, without its folder."""
-    sha256: str = ""
-    """Of the file."""
+    sha256: dict[str, str] = {}
+    """Of the file, its semantic files and each `.navmesh`, by name."""
     digest: str = ""
     """`Scene.digest`: everything that distances and pictures depend on."""
-    up: Literal["y", "z", ""] = ""
+    up: Literal["y", "z"] | None = None
     """Axis that is up in the file; y where nothing says it."""
-    triangles: int = 0
-    textures: int = 0
-    texture_mpx: float = 0.0
+    triangles: int | None = None
+    textures: int | None = None
+    texture_mpx: float | None = None
     """10^6 pixels of all textures."""
-    objects: int = 0
+    objects: int | None = None
     """Number of objects that the semantic files name and show."""
-    goals: int = 0
+    goals: int | None = None
     """Number of the episodes' goal objects."""
     goals_found: float | None = None
-    """Share of goals whose `object_id` is an object of the scan, of the goal's category."""
+    """Share of goals whose `object_id` is an object of the scan with the goal's `object_name`."""
     centres_near: float | None = None
     """Share of goals whose object has its centre within 0.5 m of the recorded one."""
     centre_median_m: float | None = None
@@ -97,17 +98,17 @@ class ScanFigures(BaseModel):
     """Share of goals that at least one of their original view points sees."""
     views_seeing: float | None = None
     """Share of original view points from which the goal can be seen, standable or not."""
-    episodes: int = 0
-    impossible: int = 0
-    """Episodes whose recorded length is below the straight line: it belongs to another place, and is not compared."""
+    episodes: int | None = None
+    impossible: int | None = None
+    """Episodes whose recorded length is 0 or below the straight line; they are not compared."""
     used: MapName | None = None
     """Map that this program walks on: the `.navmesh` if it is made for our robot, else our grid."""
     maps: dict[MapName, MapFigures] = {}
     """Figures on the shipped `.navmesh`, whatever robot it is made for, and on our grid of the mesh."""
-    load_s: float = 0.0
-    check_s: float = 0.0
+    load_s: float | None = None
+    check_s: float | None = None
     """Wall-clock seconds to open the scan, and to measure it."""
-    peak_mb: float = 0.0
+    peak_mb: float | None = None
     """Largest resident memory meanwhile, 10^6 bytes."""
 
 
@@ -149,30 +150,36 @@ class ScanCheck(NamedTuple):
 
 
 def check_scan(dataset: PersonalDataset, name: str, *, scenes_dir: Path) -> ScanCheck:
-    """Opens the scan of a scene and measures it; a scan that cannot be used has its reason in `figures.problem`.
+    """Opens the scan of a scene and measures it; where this fails, `figures.problem` has the reason."""
+    scenes_dir = scenes_dir.resolve()
+    found: dict[str, object] = {}
+    try:
+        return _measured(dataset, name, scenes_dir, found)
+    except PersonalVizError as error:
+        return ScanCheck(name, ScanFigures.model_validate(found | {"problem": _without_folder(error, scenes_dir)}))
 
-    Raises:
-        DatasetError: The scene's episodes are damaged.
-    """
-    dataset.require_scene(name)
+
+def _measured(dataset: PersonalDataset, name: str, scenes_dir: Path, found: dict[str, object]) -> ScanCheck:
+    """The check of a scan; `found` is filled with figures as they become known."""
+    found["kind"] = scene_kind(dataset, name, scenes_dir)
     walks = [recorded_walk(episode) for episode in dataset.episodes(scenes=(name,))]
+    goals = dataset.goals(name)
+    found |= {"episodes": len(walks), "goals": len(goals)}
+    scan = find_scan(name, scenes_dir)
+    semantics = [scan.with_name(f"{name}.semantic{end}") for end in (".glb", ".txt")]
+    files = [path for path in (scan, *semantics, *navmeshes_beside(scan, name)) if path.is_file()]
+    found |= {"file": scan.name, "sha256": {path.name: _sha256(path) for path in files}}
+    found["up"] = said_up(dataset, name, scan, scenes_dir=scenes_dir) or "y"
     begin_peak()
     began = time.perf_counter()
-    found: dict[str, object] = {"episodes": len(walks), "kind": scene_kind(dataset, name, scenes_dir)}
-    try:
-        scan = find_scan(name, scenes_dir)
-        found |= {"file": scan.name, "sha256": _sha256(scan)}
-        found |= {"up": said_up(dataset, name, scan, scenes_dir=scenes_dir) or "y"}
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter("always")
-            scene = open_scene(dataset, name, scenes_dir=scenes_dir)
-    except PersonalVizError as error:
-        return ScanCheck(name, ScanFigures.model_validate(found | {"problem": _without_folder(str(error), scenes_dir)}))
-    found |= {"load_s": round(time.perf_counter() - began, 1)}
-    began = time.perf_counter()
-    goals = dataset.goals(name)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        scene = open_scene(dataset, name, scenes_dir=scenes_dir)
+    opened = time.perf_counter()
+    compared = [walk for walk in walks if walk.recorded > max(0.0, math.dist(walk.start, walk.end) - 1e-3)]
     maps = _maps_of(scene, scan)
-    figures = {kind: _map_figures(navigation, walks, goals) for kind, navigation in maps.items()}
+    ratios = {kind: path_ratios(compared, navigation) for kind, navigation in maps.items()}
+    used: MapName = "grid" if isinstance(scene.navigation, FloorGrid) else "navmesh"
     centres = _centres(scene, goals)
     found |= _object_figures(scene, goals, centres)
     found |= {
@@ -180,21 +187,19 @@ def check_scan(dataset: PersonalDataset, name: str, *, scenes_dir: Path) -> Scan
         "triangles": len(scene.mesh.faces),
         "textures": len(scene.mesh.textures),
         "texture_mpx": round(sum(image.shape[0] * image.shape[1] for image in scene.mesh.textures) / 1e6, 1),
-        "impossible": sum(_is_impossible(walk) for walk in walks),
-        "used": "grid" if isinstance(scene.navigation, FloorGrid) else "navmesh",
-        "maps": figures,
+        "impossible": len(walks) - len(compared),
+        "used": used,
+        "maps": {kind: _map_figures(navigation, ratios[kind], walks, goals) for kind, navigation in maps.items()},
+        "load_s": round(opened - began, 1),
+        "check_s": round(time.perf_counter() - opened, 1),
+        "peak_mb": round(peak_mb(psutil.Process())),
     }
-    checked = ScanFigures.model_validate(found)
-    checked = checked.model_copy(
-        update={
-            "problem": _problem(checked),
-            "doubts": (*(_without_folder(str(one.message), scenes_dir) for one in said), *_doubts(checked)),
-            "check_s": round(time.perf_counter() - began, 1),
-            "peak_mb": round(peak_mb(psutil.Process()), 0),
-        }
-    )
-    worst = sorted((one for one in centres if one.apart > SAME_PLACE), key=lambda one: -one.apart)[:NUM_WORST]
-    return ScanCheck(name, checked, _worst_walks(walks, scene.navigation), tuple(worst), scene.navigation)
+    figures = ScanFigures.model_validate(found)
+    doubts = [_without_folder(one.message, scenes_dir) for one in said if issubclass(one.category, UserWarning)]
+    figures = figures.model_copy(update={"problem": _problem(figures), "doubts": (*doubts, *_doubts(figures))})
+    apart = sorted((one for one in centres if one.apart > SAME_PLACE), key=lambda one: -one.apart)
+    worst = _worst_walks(compared, ratios[used], scene.navigation)
+    return ScanCheck(name, figures, worst, tuple(apart[:NUM_WORST]), scene.navigation)
 
 
 def begin_peak() -> None:
@@ -214,9 +219,9 @@ def _sha256(path: Path) -> str:
         return ""
 
 
-def _without_folder(text: str, scenes_dir: Path) -> str:
-    """The text without the folder of the scans, which nobody else needs to know."""
-    return text.replace(f"{scenes_dir}/", "").replace(str(scenes_dir), "--scenes-dir")
+def _without_folder(said: object, scenes_dir: Path) -> str:
+    """The text on one line, without the folder of the scans, which nobody else needs to know."""
+    return one_line(str(said)).replace(f"{scenes_dir}/", "").replace(str(scenes_dir), "the folder of the scans")
 
 
 def _maps_of(scene: Scene, scan: Path) -> dict[MapName, NavMesh | FloorGrid]:
@@ -232,42 +237,37 @@ def _maps_of(scene: Scene, scan: Path) -> dict[MapName, NavMesh | FloorGrid]:
     return found
 
 
-def _map_figures(navigation: NavMesh | FloorGrid, walks: Sequence[Walk], goals: dict[str, Goal]) -> MapFigures:
+def _map_figures(
+    navigation: NavMesh | FloorGrid, ratios: NDArray[np.float64], walks: Sequence[Walk], goals: dict[str, Goal]
+) -> MapFigures:
     starts = [walk.start for walk in walks]
     views = np.concatenate([original_places(goal) for goal in goals.values()] or [np.zeros((0, 3))])
-    possible = [walk for walk in walks if not _is_impossible(walk)]
-    ratios = path_ratios(possible, navigation)
-    finite = ratios[np.isfinite(ratios)]
+    has_path = np.isfinite(ratios)
     off = np.abs(ratios - 1)
     return MapFigures(
         area_m2=round(navigation.area, 1),
         starts=_share([navigation.is_navigable(np.array(start)) for start in starts]),
         starts_near=_share(starts_on_floor(starts, navigation)),
         view_points=_share([navigation.is_navigable(place) for place in views]),
-        paths=_share(np.isfinite(path_ratios(walks, navigation))),
-        ratio_median=round(float(np.median(finite)), 4) if len(finite) else None,
+        paths=_share(has_path),
+        ratio_median=_rounded(float(np.median(ratios[has_path]))) if has_path.any() else None,
         within_1=_share(off <= 0.01),
         within_5=_share(off <= 0.05),
     )
 
 
-def _is_impossible(walk: Walk) -> bool:
-    """Whether the recorded length is below the straight line, as in 12 of the release's 2,000 episodes."""
-    return walk.recorded < math.dist(walk.start, walk.end) - 1e-3
-
-
 def _centres(scene: Scene, goals: dict[str, Goal]) -> list[WorstCentre]:
-    """The recorded and the found centre of every goal whose id and category the scan has."""
+    """The recorded and the found centre of every goal whose id and name the scan has."""
     items = {item.instance_id: item for item in scene.objects}
     return [
         WorstCentre(name, goal.position, item.centre)
         for name, goal in goals.items()
-        if (item := items.get(goal.object_id)) is not None and item.category == goal.object_category
+        if (item := items.get(goal.object_id)) is not None and item.name == name
     ]
 
 
 def _object_figures(scene: Scene, goals: dict[str, Goal], centres: Sequence[WorstCentre]) -> dict[str, object]:
-    found: dict[str, object] = {"objects": len(scene.objects), "goals": len(goals)}
+    found: dict[str, object] = {"objects": len(scene.objects)}
     if not scene.objects or not goals:
         return found
     apart = [one.apart for one in centres]
@@ -281,29 +281,33 @@ def _object_figures(scene: Scene, goals: dict[str, Goal], centres: Sequence[Wors
     }
 
 
-def _worst_walks(walks: Sequence[Walk], navigation: NavigationMap) -> tuple[WorstWalk, ...]:
-    """The possible walks that are more than 5 % off, the worst first; those without a path come before all."""
-    possible = [walk for walk in walks if not _is_impossible(walk) and walk.recorded > 0]
-    ratios = path_ratios(possible, navigation)
+def _worst_walks(
+    walks: Sequence[Walk], ratios: NDArray[np.float64], navigation: NavigationMap
+) -> tuple[WorstWalk, ...]:
+    """The walks that are more than 5 % off, the worst first; those without a path come before all."""
     off = np.abs(np.log(np.maximum(ratios, 1e-6)))
-    worst = [index for index in np.argsort(-off, kind="stable")[:NUM_WORST] if off[index] > 0.05]
     found = []
-    for walk, ratio in ((possible[index], float(ratios[index])) for index in worst):
+    for index in (index for index in np.argsort(-off, kind="stable")[:NUM_WORST] if off[index] > 0.05):
+        walk = walks[index]
         path = navigation.shortest_path(np.array(walk.start), np.array([walk.end]))
         ends = np.array([walk.start, walk.end]) if path is None else path
-        found.append(WorstWalk(walk.key, walk.recorded, ratio * walk.recorded, ends))
+        found.append(WorstWalk(walk.key, walk.recorded, float(ratios[index]) * walk.recorded, ends))
     return tuple(found)
 
 
 def _problem(found: ScanFigures) -> str:
     """The reason why an opened scan cannot be used; empty = it can."""
-    paths = found.maps[found.used].paths if found.used else None
-    if paths is not None and paths < LEAST_PLAYABLE:
+    walked = found.maps[found.used] if found.used else None
+    if (
+        walked is not None
+        and min(share for share in (walked.starts_near, walked.paths, 1.0) if share is not None) < LEAST
+    ):
         return (
-            f"{found.file}: {paths:.0%} of the episodes have a path from their start to a view point; expected nearly "
-            "all. It is another home, another version of the scan, or lies on its side: compare it with HM3D v0.2."
+            f"{found.file}: {walked.starts_near or 0:.0%} of the starts are on its floor, {walked.paths or 0:.0%} of "
+            "the episodes have a path; expected nearly all. It is another home, another version, or lies on its side: "
+            "compare it with HM3D v0.2."
         )
-    if found.objects and found.centres_near is not None and found.centres_near < LEAST_PLAYABLE:
+    if found.centres_near is not None and found.centres_near < LEAST:
         return (
             f"{found.file}: {found.centres_near:.0%} of the episodes' objects are within {SAME_PLACE} m of their "
             "recorded centres; expected nearly all. Its semantic files are of another scan or version: copy all files "
@@ -320,6 +324,11 @@ def _doubts(found: ScanFigures) -> list[str]:
         said.append("no .navmesh beside it: only our own grid is checked")
     if "grid" not in found.maps:
         said.append("our grid has no place to stand")
+    within = found.maps[found.used].within_5 if found.used else None
+    if within is not None and within < LEAST:
+        said.append(
+            f"{within:.0%} of the path lengths are within 5 % of the recorded ones: is it the same home, unturned?"
+        )
     return said
 
 

@@ -28,7 +28,7 @@ Drawings = dict[str, str]
 """SVG by file name."""
 HEADS = (
     *("scene", "use", "up", "10^3\ntriangles", "objects", "ids\nfound", "centres\n< 0.5 m", "seen"),
-    *("map", "m2", "starts", "view\npoints", "paths", "median\nratio", "within\n1 %", "within\n5 %"),
+    *("map", "m2", "starts", "within\n25 cm", "view\npoints", "paths", "median\nratio", "within\n1 %", "within\n5 %"),
     *("open\ns", "check\ns", "GB"),
 )
 TEXT_HEADS = ("use", "up", "map")
@@ -63,6 +63,7 @@ def page_of(figures: dict[str, ScanFigures], drawings: dict[str, dict[str, str]]
         lines=table_lines(figures),
         figures=figures,
         cases=cases,
+        impossible=sum(one.impossible or 0 for one in figures.values()),
         labels=scene_labels(one.kind for one in figures.values()),
     )
     return html_page(text, pictures)
@@ -73,7 +74,7 @@ def table_lines(figures: dict[str, ScanFigures]) -> list[list[str]]:
     lines = []
     for name, one in figures.items():
         kinds = sorted(one.maps, key=lambda kind: kind != one.used)
-        costs = [f"{one.load_s:.1f}", f"{one.check_s:.1f}", f"{one.peak_mb / 1e3:.1f}"]
+        costs = [_number(one.load_s), _number(one.check_s), _number(one.peak_mb and one.peak_mb / 1e3)]
         lines.append([name, "no" if one.problem else "yes", *_own_cells(one), *_map_cells(one, kinds[:1]), *costs])
         if kinds[1:]:
             lines.append(["", "", *[""] * len(_own_cells(one)), *_map_cells(one, kinds[1:]), *[""] * len(costs)])
@@ -82,16 +83,21 @@ def table_lines(figures: dict[str, ScanFigures]) -> list[list[str]]:
 
 def _own_cells(one: ScanFigures) -> list[str]:
     shares = (one.goals_found, one.centres_near, one.goals_seen)
-    return [one.up or "-", f"{one.triangles / 1e3:,.0f}", f"{one.objects:,}", *(_percent(share) for share in shares)]
+    sizes = [_number(one.triangles and one.triangles / 1e3, 0), _number(one.objects, 0)]
+    return [one.up or "-", *sizes, *map(_percent, shares)]
 
 
 def _map_cells(one: ScanFigures, kinds: Sequence[MapName]) -> list[str]:
     if not kinds:
-        return ["-"] * 8
+        return ["-"] * 9
     of_map = one.maps[kinds[0]]
-    median = "-" if of_map.ratio_median is None else f"{of_map.ratio_median:.3f}"
-    places = [_percent(share) for share in (of_map.starts, of_map.view_points, of_map.paths)]
-    return [kinds[0], f"{of_map.area_m2:,.0f}", *places, median, _percent(of_map.within_1), _percent(of_map.within_5)]
+    places = map(_percent, (of_map.starts, of_map.starts_near, of_map.view_points, of_map.paths))
+    lengths = [_number(of_map.ratio_median, 3), _percent(of_map.within_1), _percent(of_map.within_5)]
+    return [kinds[0], _number(of_map.area_m2, 0), *places, *lengths]
+
+
+def _number(value: float | None, digits: int = 1) -> str:
+    return "-" if value is None else f"{value:,.{digits}f}"
 
 
 def _percent(share: float | None) -> str:

@@ -254,7 +254,7 @@ def measure_home(
         & _can_be_won(episodes, scene.navigation),
         ratios=ratios,
         held_out=held_out_ratios(dataset, scene.name) if folds and home.is_recovered else None,
-        view_points=view_points_ok(scene, goals),
+        view_points=view_points_ok(scene, goals) if scene.objects else (0, 0),
         cells=(0, 0) if cells is None else (int(cells.guessed.sum()), len(cells.guessed)),
         verdicts=() if plan is None else find_verdicts(episodes, plan, scene, renderer=caster),
         agreement=picture_and_walk(
@@ -281,9 +281,9 @@ def report_of(homes: Sequence[HomeFacts]) -> HomesReport:
 
 
 def _starts_and_targets_exist(episodes: Sequence[Episode], scene: Scene) -> NDArray[np.bool_]:
-    """(N,) whether the start is on the map and the home holds every right object."""
+    """(N,) whether the start is on the map and the home holds every right object; without semantics nobody knows."""
     names = {item.name for item in scene.objects}
-    has_targets = [names.issuperset(episode.record.object_names) for episode in episodes]
+    has_targets = [not names or names.issuperset(episode.record.object_names) for episode in episodes]
     is_near = starts_on_floor([episode.record.start_position for episode in episodes], scene.navigation)
     return is_near & np.array(has_targets, bool)
 
