@@ -25,6 +25,7 @@ table + p { color: #4d4d4d; font-size: 12.5px; margin: 0 0 1rem; }
 figure { margin: 1rem 0; overflow-x: auto; }
 figcaption { color: #4d4d4d; font-size: 13px; }
 """
+_BESIDE = "figure:has(> svg[role=img]) {{ display: inline-block; width: {}px; margin: .6rem; vertical-align: top; }}\n"
 
 
 def filled(template: str, *, folder: Path = _TEMPLATES, **words: Any) -> str:
@@ -47,12 +48,13 @@ def count_text(row: Any) -> str:
     return f"n {row.n}" if row.k is None else f"{row.k}/{row.n}"
 
 
-def html_page(markdown: str, pictures: Mapping[str, str]) -> str:
+def html_page(markdown: str, pictures: Mapping[str, str], *, beside_px: int | None = None) -> str:
     """The text as a page: the first column of a table names its rows, and pictures stand in the page.
 
     Args:
         markdown: Headings, paragraphs, tables, and pictures that stand alone.
         pictures: SVG text by name; the pictures that the text names are put into the page.
+        beside_px: Width of drawings (SVG with a role) that stand beside each other; None = each on a line of its own.
     """
     reader = (
         MarkdownIt("commonmark", {"html": False}, renderer_cls=_Html)
@@ -66,10 +68,11 @@ def html_page(markdown: str, pictures: Mapping[str, str]) -> str:
         if [child.type for child in token.children or ()] == ["image"]:
             tokens[at - 1].tag = tokens[at + 1].tag = "figure"
     body = reader.renderer.render(tokens, reader.options, {"pictures": pictures})
+    style = _STYLE if beside_px is None else _STYLE + _BESIDE.format(beside_px)
     title = next((tokens[at + 1].content for at, token in enumerate(tokens) if token.tag == "h1"), "Report")
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n{body}</body>\n</html>\n"
+        f"<title>{escape(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n{body}</body>\n</html>\n"
     )
 
 

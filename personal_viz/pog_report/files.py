@@ -14,8 +14,8 @@ from .figures import Drawn, distance_figure, knob_figure, methods_figure
 from .gallery import DrawnFailure, Gallery
 from .text import count_text, distance_name, knob_groups, knob_name, methods_name, paper_text, report_markdown
 
-_BESIDE = "figure:has(> svg[role=img]) { display: inline-block; width: 440px; margin: .6rem; vertical-align: top; }\n"
-"""Failures stand beside each other."""
+_BESIDE = 440
+"""Pixels of a failure; they stand beside each other."""
 
 
 def report_files(report: PogReport, gallery: Gallery | None) -> dict[str, str | bytes]:
@@ -29,7 +29,7 @@ def report_files(report: PogReport, gallery: Gallery | None) -> dict[str, str | 
     text = report_markdown(report, gallery)
     files |= failures | {
         "index.md": text,
-        "index.html": html_page(text, pictures).replace("</style>", f"{_BESIDE}</style>", 1),
+        "index.html": html_page(text, pictures, beside_px=_BESIDE),
         "report.json": json.dumps(document(report, gallery), indent=2) + "\n",
         "table.tex": latex(report.tables),
         **_csv_files(report),

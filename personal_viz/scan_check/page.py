@@ -66,7 +66,7 @@ def page_of(figures: dict[str, ScanFigures], drawings: dict[str, dict[str, str]]
         impossible=sum(one.impossible or 0 for one in figures.values()),
         labels=scene_labels(one.kind for one in figures.values()),
     )
-    return html_page(text, pictures)
+    return html_page(text, pictures, beside_px=_PIXELS)
 
 
 def table_lines(figures: dict[str, ScanFigures]) -> list[list[str]]:

@@ -4,7 +4,9 @@
 """
 
 import contextlib
+import gzip
 import io
+import json
 import re
 import sys
 import tempfile
@@ -181,6 +183,23 @@ def picture_homes(folder: Path) -> None:
         picture.save(PICTURES / name, quality=85)
 
 
+def picture_scans(folder: Path) -> None:
+    """The page of `check-scans` on an invented home, of whose records one length and one centre were falsified."""
+    files = dataset_files("Invented7", seed=7, episodes_per_split=8)
+    write_files(folder / "data", files)
+    for path in (folder / "data").glob("*/content/*.json.gz"):
+        content = json.loads(gzip.decompress(path.read_bytes()))
+        content["episodes"][0]["info"]["geodesic_distance"] *= 1.5
+        next(iter(content["goals_by_category"].values()))[0]["position"][0] += 0.9
+        path.write_bytes(gzip.compress(json.dumps(content).encode()))
+    scans = str(folder / "data" / "scenes")
+    _work("check-scans", "--dataset", str(folder / "data"), "--scenes-dir", scans, "--out", str(folder / "out"))
+    with open_chromium(width=1350, height=900) as browser:
+        page = browser.new_page()
+        page.goto((folder / "out" / "check-scans.html").as_uri())
+        page.screenshot(path=PICTURES / "check-scans.png")
+
+
 def picture_browse(folder: Path) -> None:
     """`browse`: an episode with two runs, one of its objects under the mouse."""
     dataset, runs = folder / "data", folder / "runs"
@@ -234,6 +253,7 @@ JOBS: dict[str, Callable[[Path], None]] = {
     "pages": picture_pages,
     "grounding": picture_grounding,
     "homes": picture_homes,
+    "scans": picture_scans,
     "browse": picture_browse,
     "instructions": picture_instructions,
 }
