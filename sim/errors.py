@@ -24,6 +24,10 @@ class SceneError(PersonalVizError):
     """A scene file is missing, damaged or cannot be used (no faces, unknown scene)."""
 
 
+class NoFloorError(SceneError):
+    """A scene in which the robot can stand nowhere."""
+
+
 class TaskStateError(PersonalVizError):
     """An action or answer came when the task could not take it (after the end, before the start)."""
 

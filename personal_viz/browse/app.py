@@ -1,6 +1,7 @@
-"""`personal-viz browse`: a viser server on loopback that gives each browser a visitor of its own.
+"""`personal-viz browse` and `view`: a viser server on loopback that gives each browser a visitor of its own.
 
-It shows ground truth, so only pages that this server delivered get an answer; viser alone would answer any website.
+It shows ground truth and scans, so only pages that this server delivered get an answer; viser alone would answer any
+website.
 """
 
 import asyncio
@@ -8,7 +9,8 @@ import contextlib
 import io
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Protocol
 from urllib.parse import urlsplit
 
 import viser
@@ -23,9 +25,35 @@ OWN_HOSTS = ("127.0.0.1", "localhost")
 """Host names in the address of our own pages."""
 
 
+class Guest(Protocol):
+    """What one browser looks at."""
+
+    def leave(self) -> None:
+        """The browser is gone."""
+        ...
+
+
 @contextlib.contextmanager
 def browser_app(library: Library, *, port: int = 0) -> Iterator[str]:
-    """The address of the running app, which ends with the block.
+    """The address of the running app of `browse`, which ends with the block.
+
+    Raises:
+        PersonalVizError: The port is taken.
+    """
+    with loopback_app(lambda client: Visitor(client, library), port=port) as address:
+        try:
+            yield address
+        finally:
+            library.homes.close()
+
+
+@contextlib.contextmanager
+def loopback_app(welcome: Callable[[viser.ClientHandle], Guest], *, port: int = 0) -> Iterator[str]:
+    """The address of a running app, which ends with the block.
+
+    Args:
+        welcome: Builds what a browser looks at; called on a thread of its own.
+        port: 0 takes a free one.
 
     Raises:
         PersonalVizError: The port is taken.
@@ -35,7 +63,7 @@ def browser_app(library: Library, *, port: int = 0) -> Iterator[str]:
         server = viser.ViserServer(host="127.0.0.1", port=port, verbose=False)
     refuse_tunnels(server)
     server.scene.set_up_direction("+y")  # before any camera is placed: the browser turns cameras with the scene
-    visitors: dict[int, Visitor] = {}
+    visitors: dict[int, Guest] = {}
     lock = threading.Lock()
 
     def leave(client_id: int) -> None:
@@ -45,7 +73,7 @@ def browser_app(library: Library, *, port: int = 0) -> Iterator[str]:
             visitor.leave()
 
     def arrive(client: viser.ClientHandle) -> None:
-        visitor = Visitor(client, library)
+        visitor = welcome(client)
         with lock:
             visitors[client.client_id] = visitor
         if client.client_id not in server.get_clients():
@@ -68,7 +96,6 @@ def browser_app(library: Library, *, port: int = 0) -> Iterator[str]:
             visitor.leave()
         with contextlib.redirect_stdout(io.StringIO()):
             server.stop()
-        library.homes.close()
 
 
 def is_own_page(origin: str | None, port: int) -> bool:

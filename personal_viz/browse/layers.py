@@ -70,7 +70,7 @@ class Layers:
         self._names: list[Any] = []
         self._nodes: list[Any] = []
         self._mark: list[Any] = []
-        self._walker: list[Any] = []
+        self._walker = Walker(client)
         client.scene.configure_default_lights(True, cast_shadow=False)
 
     def show_home(self, home: OpenHome, storey: int, *, names: bool) -> None:
@@ -136,24 +136,7 @@ class Layers:
 
     def show_walker(self, pose: Pose | None, rgb: Rgb = (0, 0, 0)) -> None:
         """Shows a robot at a step of its run; None takes it away."""
-        if pose is None:
-            _remove(self._walker)
-            return
-        camera = Camera()
-        if not self._walker:
-            dart = self._scene.add_mesh_simple(
-                "/walker", HEADING_VERTICES, HEADING_FACES, color=rgb, side="double", scale=0.6
-            )
-            fov = 2 * math.atan(camera.height / 2 / camera.focal)
-            frustum = self._scene.add_camera_frustum(
-                "/walker_camera", fov, camera.width / camera.height, scale=0.3, color=rgb
-            )
-            self._walker = [dart, frustum]
-        dart, frustum = self._walker
-        T_camera = T_world_camera(pose, camera)
-        x, y, z = pose.position
-        dart.position, dart.wxyz = (x, y + 0.15, z), SO3.from_y_radians(pose.yaw).wxyz
-        frustum.position, frustum.wxyz = T_camera[:3, 3], SO3.from_matrix(T_camera[:3, :3]).wxyz
+        self._walker.show(pose, rgb)
 
     def clear(self) -> None:
         """Takes everything away."""
@@ -163,7 +146,8 @@ class Layers:
         self._home = None
 
     def _clear_episode(self) -> None:
-        for nodes in (self._mark, self._walker, self._nodes):
+        self._walker.show(None)
+        for nodes in (self._mark, self._nodes):
             _remove(nodes)
 
     def _add_boxes(self, home: OpenHome, storey: int, shown: ShownEpisode) -> None:
@@ -272,6 +256,36 @@ class Layers:
         return self._scene.add_line_segments(
             name, pieces.astype(np.float32), rgb, thickness=pixels, thickness_units="screen"
         )
+
+
+class Walker:
+    """A robot in the 3-D view of one browser: a dart on the floor, and the cone of its camera."""
+
+    def __init__(self, client: viser.ClientHandle) -> None:
+        """Shows nothing yet."""
+        self._scene = client.scene
+        self._nodes: list[Any] = []
+
+    def show(self, pose: Pose | None, rgb: Rgb = (0, 0, 0)) -> None:
+        """Shows the robot at a pose; None takes it away."""
+        if pose is None:
+            _remove(self._nodes)
+            return
+        camera = Camera()
+        if not self._nodes:
+            dart = self._scene.add_mesh_simple(
+                "/walker", HEADING_VERTICES, HEADING_FACES, color=rgb, side="double", scale=0.6
+            )
+            fov = 2 * math.atan(camera.height / 2 / camera.focal)
+            frustum = self._scene.add_camera_frustum(
+                "/walker_camera", fov, camera.width / camera.height, scale=0.3, color=rgb
+            )
+            self._nodes = [dart, frustum]
+        dart, frustum = self._nodes
+        T_camera = T_world_camera(pose, camera)
+        x, y, z = pose.position
+        dart.position, dart.wxyz = (x, y + 0.15, z), SO3.from_y_radians(pose.yaw).wxyz
+        frustum.position, frustum.wxyz = T_camera[:3, 3], SO3.from_matrix(T_camera[:3, :3]).wxyz
 
 
 def look_at_storey(client: viser.ClientHandle, home: OpenHome, storey: int) -> None:

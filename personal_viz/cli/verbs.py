@@ -37,6 +37,7 @@ VERBS = {
     "replay": "replay.Replay",
     "compare": "compare.Compare",
     "browse": "browse.Browse",
+    "view": "view.View",
     "export": "export.Export",
     "study init": "study.init.StudyInit",
     "study plan": "study.plan.StudyPlanVerb",

@@ -4,7 +4,7 @@ import PIL
 
 from sim.cache import cached_bytes
 
-from ..mesh import FLAT, Scene
+from ..mesh import FLAT, Scene, TriangleMesh
 from .atlas import atlased
 from .cut import storey_mesh
 from .decimate import decimated
@@ -31,8 +31,17 @@ def browser_glb(scene: Scene, floor_y: float, *, srgb_colours: bool = False) -> 
     return cached_bytes("glb", key, lambda: _made(scene, floor_y, srgb_colours=srgb_colours))
 
 
+def whole_glb(mesh: TriangleMesh) -> bytes:
+    """As `browser_glb`, of a whole mesh: a thing on which nobody can stand has no storeys."""
+    return cached_bytes("glb", f"{VERSION} {PIL.__version__} {mesh.digest()} whole", lambda: _small(mesh))
+
+
 def _made(scene: Scene, floor_y: float, *, srgb_colours: bool) -> bytes:
-    mesh = decimated(storey_mesh(scene, floor_y), max_faces=MAX_FACES)
+    return _small(storey_mesh(scene, floor_y), srgb_colours=srgb_colours)
+
+
+def _small(mesh: TriangleMesh, *, srgb_colours: bool = False) -> bytes:
+    mesh = decimated(mesh, max_faces=MAX_FACES)
     glb = glb_from_mesh(atlased(mesh), srgb_colours=srgb_colours)
     while len(glb) > MAX_BYTES:  # loose triangles take three times the vertices of a closed surface
         mesh = decimated(mesh, max_faces=int(0.95 * len(mesh.faces) * MAX_BYTES / len(glb)))

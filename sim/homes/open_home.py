@@ -78,6 +78,26 @@ def open_scene(
     return replace(scene, labels=True) if labels else scene
 
 
+def open_scan(path: Path, *, up: Up | None = None) -> Scene:
+    """A scan that needs no episodes; files beside it count as in `open_scene`.
+
+    Args:
+        path: A `.glb`, `.gltf`, `.ply` or `.obj` file.
+        up: Its up axis; None = what Habitat's files in its folder and above, or HM3D's names, say, else y, with a
+            warning where the file has floor with z up too.
+
+    Raises:
+        NoFloorError: The robot can stand nowhere in it.
+        SceneError: The scan or a file beside it is missing or damaged.
+        MissingDependencyError: As in `open_scene`.
+    """
+    said = up or up_axis(path, root=Path(path.anchor))
+    scene = _scan(path, path.name.split(".")[0], "scan", said or "y")
+    if said is None:
+        _warn_of_doubt(path, scene)
+    return scene
+
+
 def home_plan(dataset: PersonalDataset, name: str, *, clutter: ClutterLevel = 0) -> HomePlan:
     """The plan beside the episodes of `name`, or else the recovered plan; with clutter of seed 0.
 
@@ -182,7 +202,7 @@ def _scan(path: Path, name: str, kind: SceneKind, up: Up) -> Scene:
     try:
         navigation = floor_grid_from_mesh(mesh)
     except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+        raise type(error)(f"{path}: {error}") from None
     return Scene(name, kind, mesh, objects, navigation, mesh.digest())
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.errors import SceneError
+from sim.errors import NoFloorError, SceneError
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, GridSpec
 
 from .grid_field import Field, lengths_to_goals, path_to_goal, spread
@@ -334,7 +334,7 @@ def floor_grid_from_mesh(
     if not len(places.covered):
         turned = not both_sides and len(find(both_sides=True).covered)
         hint = " Its faces are wound downwards; both_sides=True counts them as floor." if turned else ""
-        raise SceneError(
+        raise NoFloorError(
             f"navigation: found no floor of 1 m2 or more on {len(mesh.faces)} faces where a robot of radius {radius!r} "
             f"and height {height!r} fits; expected a furnished home in metres, y up "
             f'(files are y-up, as glTF is, but for HM3D\'s and where "up" in a <Name>.stage_config.json says z). '

@@ -1,0 +1,1 @@
+"""One scan in the browser, without any episode: look at its storeys, point, measure, walk."""
