@@ -47,13 +47,15 @@ from sim.walk.storeys import nearest_storey, same_storey
 
 from ..bench.homes.playability import home_facts
 from ..bots.site import make_pilot
-from ..browse.app import browser_app
+from ..browse.app import browser_app, loopback_app
 from ..browse.library import open_library
 from ..browser import open_chromium
 from ..cli.verbs import parse
 from ..contact_sheet.sheet import contact_sheet_picture
 from ..study_app.operator.served import ServedStudy, serve_command, served
 from ..study_app.page_script import STATIC
+from ..view.shown import open_shown
+from ..view.visit import Visit
 from .rerun_page import picture_at_rest, screenshot_rrd
 
 PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
@@ -200,6 +202,28 @@ def picture_scans(folder: Path) -> None:
         page.screenshot(path=PICTURES / "check-scans.png")
 
 
+def picture_view(folder: Path) -> None:
+    """`view` on an invented home, with two points and the robot a few steps away from its first place."""
+    write_files(folder, dataset_files("Invented7", seed=7, episodes_per_split=1))
+    shown = open_shown(folder / "scenes" / "Invented7.glb")
+    with (
+        loopback_app(lambda client: Visit(client, shown)) as address,
+        open_chromium(width=1500, height=950) as browser,
+    ):
+        page = browser.new_page()
+        page.goto(address)
+        robot = page.locator(".robot")
+        expect(robot).to_contain_text("step 0")
+        picture_at_rest(page)  # clicks meet what is drawn
+        for number, right in enumerate((0.28, 0.42), start=2):
+            page.mouse.click(right * 1500, 0.5 * 950)
+            expect(page.locator("table.points tr")).to_have_count(number)
+        for number, key in enumerate("aaaw", start=1):
+            page.keyboard.press(key)
+            expect(robot).to_contain_text(f"step {number}")
+        (PICTURES / "view.png").write_bytes(picture_at_rest(page))
+
+
 def picture_browse(folder: Path) -> None:
     """`browse`: an episode with two runs, one of its objects under the mouse."""
     dataset, runs = folder / "data", folder / "runs"
@@ -255,6 +279,7 @@ JOBS: dict[str, Callable[[Path], None]] = {
     "homes": picture_homes,
     "scans": picture_scans,
     "browse": picture_browse,
+    "view": picture_view,
     "instructions": picture_instructions,
 }
 """Functions that make pictures; each gets a folder for the files that it needs on the way."""
