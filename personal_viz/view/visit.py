@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from sim.render.renderer import jpeg_bytes
 from sim.tasks.pan import PanEnv
@@ -80,8 +81,8 @@ class Visit:
         facts = f"{len(shown.mesh.faces):,} triangles, {len(shown.mesh.textures)} textures"
         gui.add_html(_panel(f"<h2>{html.escape(shown.name)}</h2><p>{facts}</p>{notes}"))
         if len(shown.parts) > 1:
-            names = tuple(f"Storey {number}" for number in range(1, len(shown.parts) + 1))
-            self._listen(gui.add_button_group("Storey", names), lambda name: self._show(names.index(name)))
+            storeys = {f"Storey {index + 1}": index for index in range(len(shown.parts))}
+            self._listen(gui.add_button_group("Storey", tuple(storeys)), lambda name: self._show(storeys.get(name, 0)))
         self._texts = gui.add_html("")
         self._listen(gui.add_button("Clear the points"), lambda _: self._clear())
         if shown.navigation is not None:
@@ -148,11 +149,12 @@ class Visit:
         self._texts.content = _panel(_points_html(self._points, self._shown))
 
     def _put_robot(self) -> None:
-        place = self._shown.navigation and self._points and self._shown.navigation.snap(np.array(self._points[-1]))
-        if isinstance(place, np.ndarray):
+        navigation = self._shown.navigation
+        place = navigation.snap(np.array(self._points[-1])) if navigation is not None and self._points else None
+        if place is not None:
             self._start(place)
 
-    def _start(self, place: np.ndarray) -> None:
+    def _start(self, place: NDArray[np.float64]) -> None:
         assert self._shown.navigation is not None, "no robot without floor"
         x, y, z = place.tolist()
         self._env = PanEnv(Pose((x, y, z), 0.0), self._shown.navigation, renderer=None, max_steps=sys.maxsize)
