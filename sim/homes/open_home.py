@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import SceneError
+from sim.errors import NoFloorError, SceneError
 from sim.frames import world_from_glb_zup
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, ClutterLevel, SceneKind
 from sim.walk.floor_grid import FloorGrid, floor_grid_from_mesh
@@ -28,8 +28,6 @@ from .recovered.plans import recover_plan
 if TYPE_CHECKING:
     from sim.walk.navmesh import NavMesh
 
-_LEAST_FLOOR = 1.0
-"""Least floor of a recovered home, square metres: a map of its mesh leaves out smaller islands, as Habitat's does."""
 _SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
 """Suffixes of scan files, in the order in which they are tried."""
 
@@ -118,22 +116,26 @@ def scene_from_plan(plan: HomePlan) -> Scene:
     """A planned home with its mesh, objects and walkable places.
 
     Raises:
-        SceneError: The robot can stand nowhere in it, or on less than 1 m2.
+        NoFloorError: The robot can stand nowhere in it, or on less than 1 m2, as in Habitat.
     """
-    floor = None if plan.cells is None else len(cells_from_runs(plan.cells.walkable).rc) * plan.cells.cell**2
-    if floor is not None and floor < _LEAST_FLOOR:
-        raise SceneError(
-            f"home {plan.name!r}: its records make {floor:.2f} m2 of floor; expected at least {_LEAST_FLOOR:.0f} m2. "
-            "Add an edition with more episodes of it as evidence, or use the scan of the home (--scenes-dir)."
-        )
     mesh, objects = mesh_from_plan(plan)
+    try:
+        navigation = floor_grid_from_mesh(mesh)
+    except NoFloorError:
+        if plan.cells is None:
+            raise
+        floor = len(cells_from_runs(plan.cells.walkable).rc) * plan.cells.cell**2
+        raise NoFloorError(
+            f"home {plan.name!r}: its records make {floor:.2f} m2 of floor; expected at least 1 m2 in one piece. "
+            "Add an edition with more episodes of it as evidence, or use the scan of the home (--scenes-dir)."
+        ) from None
     digest = hashlib.sha256(mesh.digest().encode()).hexdigest()
     return Scene(
         name=plan.name,
         kind=plan.kind,
         mesh=mesh,
         objects=objects,
-        navigation=floor_grid_from_mesh(mesh),
+        navigation=navigation,
         digest=digest,
         clutter=plan.clutter,
         missing_storeys=plan.missing_storeys,

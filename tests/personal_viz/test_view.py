@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from personal_viz.cli import view as view_verb
+from personal_viz.cli.scans import view as view_verb
 from personal_viz.view.shown import ShownScan, open_shown
 from sim.errors import SceneError
 from sim.types import Pose

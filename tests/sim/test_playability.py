@@ -251,8 +251,9 @@ def test_a_small_home_is_measured_from_its_files(tmp_path: Path) -> None:
     assert found.is_playable.tolist() == [True] * 5
     assert found.ratios[:2] == pytest.approx([1.0, 0.8], abs=0.02)
     assert found.view_points[1] == 46
-    # floor for the robot's centre: 0.05 m around the lattice of 2 m by 1 m, and a strip of 0.1 m to the start at 3.6 m
-    assert found.area_m2 == pytest.approx(2.1 * 1.1 + 0.55 * 0.1, abs=0.1)
+    # floor for the robot's centre: 0.05 m around the lattice of 2 m by 1 m, and a strip of 0.2 m along a side of it to
+    # the start at 3.6 m
+    assert found.area_m2 == pytest.approx(2.1 * 1.15 + 0.55 * 0.2, abs=0.1)
     assert found.storeys == 1
     assert found.triangles > 50
     assert found.glb_mb > 0

@@ -221,6 +221,7 @@ def test_every_goal_of_a_released_home_is_near_its_recorded_centre_and_visible(d
 
 
 @pytest.mark.release
+@pytest.mark.timeout(1200)
 def test_things_of_released_homes_are_at_least_as_wide_and_deep_as_the_least_of_their_kind(dataset_root: Path) -> None:
     dataset = PersonalDataset(dataset_root)
     own = [

@@ -15,10 +15,10 @@ from sim.tasks.provenance import program_release
 from sim.tasks.workers import run_jobs
 from sim.words.english import how_many
 
-from ..progress import counted
-from .options import Dataset, Json, Scenes
-from .output import print_json, print_table, say, write_report
-from .refusals import check_options, require_folder
+from ...progress import counted
+from ..options import Dataset, Json, Scenes
+from ..output import print_json, print_table, say, write_report
+from ..refusals import check_options, require_folder
 
 _WIDTH = 175
 """Columns that the table needs."""
