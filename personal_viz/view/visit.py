@@ -94,10 +94,10 @@ class Visit:
             for key, (_, action) in HOTKEYS.items():
                 self._listen_to_key(key, action)
         gui.add_html(f'<img src="data:," style="display:none" alt="" onerror="{html.escape(_KEYS)}">')
+        self._client.scene.on_click()(self._clicked)  # type: ignore[arg-type]  # viser awaits it
 
-        @self._client.scene.on_click()
-        async def _(event: viser.SceneClickEvent) -> None:
-            self._work.put(partial(self._point, event.ray_origin, event.ray_direction))
+    async def _clicked(self, event: viser.SceneClickEvent) -> None:
+        self._work.put(partial(self._point, event.ray_origin, event.ray_direction))
 
     def _listen(self, widget: Any, obey: Callable[[str], None]) -> None:
         @widget.on_click

@@ -73,7 +73,7 @@ def test_without_plan_the_home_is_schematic_and_says_so(tmp_path: Path) -> None:
 def test_records_that_make_less_floor_than_a_home_needs_are_refused(tmp_path: Path) -> None:
     dataset = PersonalDataset(write_dataset(tmp_path))  # two view points, and a start 3.25 m away
     with pytest.raises(
-        SceneError, match=rf"home '{SCENE}': its records make 1\.0\d m2 of floor; expected at least 1 m2 in one"
+        SceneError, match=rf"home '{SCENE}': its records make 1\.\d\d m2 of floor; expected at least 1 m2 in one"
     ):
         open_scene(dataset, SCENE)
 
