@@ -91,7 +91,7 @@ class Layers:
                 for item in home.copies.objects(storey)
             ]
         elif not names:
-            _remove(self._names)
+            remove_nodes(self._names)
 
     def show_episode(self, shown: ShownEpisode, *, hidden: Collection[str], layers: Collection[str]) -> None:
         """Shows everything of an episode that stands on the storey that is shown.
@@ -121,7 +121,7 @@ class Layers:
 
     def mark(self, objects: Sequence[Outlined]) -> None:
         """Outlines and names these objects and no others."""
-        _remove(self._mark)
+        remove_nodes(self._mark)
         for number, (centre, size, text) in enumerate(objects):
             grown = np.asarray(size) + 2.5 * _GROWN
             name = f"/mark{number}"
@@ -141,14 +141,14 @@ class Layers:
     def clear(self) -> None:
         """Takes everything away."""
         self._clear_episode()
-        _remove(self._names)
-        _remove(self._home_nodes)
+        remove_nodes(self._names)
+        remove_nodes(self._home_nodes)
         self._home = None
 
     def _clear_episode(self) -> None:
         self._walker.show(None)
         for nodes in (self._mark, self._nodes):
-            _remove(nodes)
+            remove_nodes(nodes)
 
     def _add_boxes(self, home: OpenHome, storey: int, shown: ShownEpisode) -> None:
         """A box around each linked object of the storey; it takes clicks, the home itself does not."""
@@ -269,7 +269,7 @@ class Walker:
     def show(self, pose: Pose | None, rgb: Rgb = (0, 0, 0)) -> None:
         """Shows the robot at a pose; None takes it away."""
         if pose is None:
-            _remove(self._nodes)
+            remove_nodes(self._nodes)
             return
         camera = Camera()
         if not self._nodes:
@@ -332,7 +332,7 @@ def thinned(points: NDArray[np.floating], cell: float) -> NDArray[np.floating]:
     return points[np.sort(first)]
 
 
-def _remove(nodes: list[Any]) -> None:
+def remove_nodes(nodes: list[Any]) -> None:
     """Takes nodes out of the browser, and empties the list."""
     for node in nodes:
         node.remove()

@@ -19,9 +19,9 @@ from sim.render.renderer import jpeg_bytes
 from sim.tasks.pan import PanEnv
 from sim.types import Action, Pose
 
-from ..browse.layers import Walker
+from ..browse.layers import Walker, remove_nodes
 from ..browse.panel_html import style_html
-from ..study_app.home.surfaces import VIEW_ANGLE, add_ball, place_camera
+from ..study_app.home.surfaces import add_ball, look_from_above
 from ..study_app.screens.pan import BUTTON_LABELS, HOTKEYS
 from .shown import Point, ShownScan
 
@@ -114,13 +114,9 @@ class Visit:
     def _show(self, index: int) -> None:
         """Shows one storey from above, and puts the robot on it."""
         self._part, part = index, self._shown.parts[index]
-        _remove(self._home)
+        remove_nodes(self._home)
         self._home = [self._client.scene.add_glb("/scan", part.glb)]
-        low, high = np.array(part.low_xz), np.array(part.high_xz)
-        x, z = (low + high) / 2
-        distance = 0.62 * float(np.linalg.norm(high - low)) + 2.0
-        offset = distance * np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)])
-        place_camera(self._client.camera, (x, part.floor_y, z), offset, up=(0.0, 1.0, 0.0))
+        look_from_above(self._client.camera, part.low_xz, part.high_xz, part.floor_y)
         if self._shown.navigation is not None:
             place = self._shown.navigation.random_point(np.random.default_rng(0), storey_y=part.floor_y)
             self._start(place)
@@ -138,7 +134,7 @@ class Visit:
 
     def _draw_points(self) -> None:
         """Numbers the points in the scan, joins them by lines, and lists their places and distances."""
-        _remove(self._marks)
+        remove_nodes(self._marks)
         scene = self._client.scene
         for number, (x, y, z) in enumerate(self._points, start=1):
             self._marks.append(add_ball(self._client, f"/points/{number}", _BALL, (x, y, z)))
@@ -203,10 +199,3 @@ def _points_html(points: list[Point], shown: ShownScan) -> str:
 
 def _panel(content: str) -> str:
     return f'<div class="bw">{content}</div>'
-
-
-def _remove(nodes: list[Any]) -> None:
-    """Takes nodes out of the browser, and empties the list."""
-    for node in nodes:
-        node.remove()
-    nodes.clear()

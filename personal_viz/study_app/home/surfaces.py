@@ -151,11 +151,7 @@ class SceneView(Surface):
 
     def _look_at_storey(self, index: int) -> None:
         xz = self._copies.walkable_xz(index)
-        low, high = xz.min(axis=0), xz.max(axis=0)
-        x, z = (low + high) / 2
-        distance = 0.62 * float(np.linalg.norm(high - low)) + 2.0
-        offset = distance * np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)])
-        place_camera(self._client.camera, (x, self._copies.storeys[index], z), offset, up=(0.0, 1.0, 0.0))
+        look_from_above(self._client.camera, xz.min(axis=0), xz.max(axis=0), self._copies.storeys[index])
 
 
 class MapView(Surface):
@@ -211,6 +207,20 @@ def add_ball(client: viser.ClientHandle, name: str, radius: float, position: Vec
     return client.scene.add_icosphere(
         name, radius, MARK_COLOR, material="toon5", cast_shadow=False, receive_shadow=False, position=position
     )
+
+
+def look_from_above(
+    camera: viser.CameraHandle,
+    low_xz: Sequence[float] | NDArray[np.float64],
+    high_xz: Sequence[float] | NDArray[np.float64],
+    floor_y: float,
+) -> None:
+    """Makes a browser look at all of a floor between two corners (x, z), world metres, from VIEW_ANGLE above."""
+    low, high = np.array(low_xz), np.array(high_xz)
+    x, z = (low + high) / 2
+    distance = 0.62 * float(np.linalg.norm(high - low)) + 2.0
+    offset = distance * np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)])
+    place_camera(camera, (x, floor_y, z), offset, up=(0.0, 1.0, 0.0))
 
 
 def place_camera(
