@@ -22,6 +22,8 @@ MIN_PIXELS = 150
 """Objects that fill less of a 640 x 480 view are not cut out."""
 _LOOK = Camera(64, 48)
 """For trying many poses."""
+_TRIAL = Camera(160, 120)
+"""For trying the view points of one object."""
 _SPACING = 0.75
 """One place is tried per square of this side (metres)."""
 _MAX_PLACES = 120
@@ -40,6 +42,8 @@ _DEEP_ENOUGH = 3.5
 _MARGIN = 1.2
 """Side of a crop over the side of the object in it, where the object is large."""
 _TRIED_PER_CATEGORY = 3
+_TRIED_PER_OBJECT = 24
+"""View points tried per object."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,21 +88,28 @@ def room_views(scene: Scene, renderer: Renderer, *, rooms: Mapping[int, str], co
 def object_crop(item: SceneObject, scene: Scene, renderer: Renderer) -> tuple[int, Crop] | None:
     """An object cut out of the 640 x 480 view from its best view point, with its number of pixels there.
 
-    The crop is CROP_SIDE pixels of that view, or the whole object scaled down where it is larger. None where no place
-    to stand shows the object well.
+    The best view shows it whole, or cut by as few sides of the picture as possible, and large. The crop is CROP_SIDE
+    pixels of that view, or the whole object scaled down where it is larger. None where no place to stand shows the
+    object well.
     """
     camera = Camera()
     found = view_points_around(item, scene.mesh, navigation=scene.navigation, renderer=renderer, camera=camera)
-    best: tuple[int, Frame] | None = None
-    for seen in found[:_TRIED_PER_CATEGORY]:
-        pose = Pose(seen.position, seen.yaw, seen.tilt)
-        frame = renderer.render(T_world_camera(pose, camera), camera)
-        pixels = int((frame.instance_ids == item.instance_id).sum())
-        if best is None or pixels > best[0]:
-            best = pixels, frame
-    if best is None or best[0] < MIN_PIXELS:
+    poses = [Pose(seen.position, seen.yaw, seen.tilt) for seen in found[:_TRIED_PER_OBJECT]]
+    if not poses:
         return None
-    return best[0], Crop(item, _cut_out(best[1], item.instance_id))
+    trials = renderer.render_batch(np.stack([T_world_camera(pose, _TRIAL) for pose in poses]), _TRIAL)
+    best = min(
+        zip(poses, trials, strict=True), key=lambda pair: _cut_and_small(pair[1].instance_ids == item.instance_id)
+    )
+    frame = renderer.render(T_world_camera(best[0], camera), camera)
+    pixels = int((frame.instance_ids == item.instance_id).sum())
+    return (pixels, Crop(item, _cut_out(frame, item.instance_id))) if pixels >= MIN_PIXELS else None
+
+
+def _cut_and_small(shown: NDArray[np.bool_]) -> tuple[int, int]:
+    """How many sides of a picture cut an object (pixels: rows, cols), and minus the number of its pixels."""
+    sides = (shown[0], shown[-1], shown[:, 0], shown[:, -1])
+    return sum(bool(side.any()) for side in sides), -int(shown.sum())
 
 
 def category_crops(scene: Scene, renderer: Renderer) -> list[Crop]:

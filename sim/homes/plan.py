@@ -22,7 +22,7 @@ from sim.words.finishes import Material, Pattern, Rgb
 
 from .cells import AreaRun, CellGrid, Metres, Positive, Xz
 
-HOMES_VERSION = 6
+HOMES_VERSION = 7
 """Raise this when homes made of plans, seeds or episode files look different or allow different paths.
 
 Stored plans, light and maps of explorations are made again for each new number.

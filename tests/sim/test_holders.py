@@ -1,4 +1,4 @@
-"""Holders: what would float gets a stand below, a panel behind or a ledge."""
+"""Holders: what would float gets a stand below, a panel behind, a rod above or a ledge."""
 
 import pytest
 
@@ -51,6 +51,13 @@ def test_a_high_small_thing_lies_on_a_ledge_of_the_wall_or_of_a_panel() -> None:
     assert len(held("on", ("vase_2", (2.0, 1.5, 2.0), VASE))) == 2
 
 
+def test_a_lamp_below_the_ceiling_hangs_on_a_rod() -> None:
+    (rod,) = held("ceiling", ("lamp_2", (2.0, 2.0, 2.0), (0.4, 0.6, 0.4)))
+    assert (rod.bottom_y, rod.top_y) == pytest.approx((2.3, 2.5))
+    assert rod.rect.grown(1e-6).holds(2.0, 2.0)
+    assert rod.size[0] < 0.05
+
+
 def test_what_a_wall_the_floor_or_a_thing_carries_has_no_holder() -> None:
     vase = ("vase_2", (2.0, 1.0, 2.0), VASE)
     assert len(held("on", vase)) == 1
@@ -58,7 +65,7 @@ def test_what_a_wall_the_floor_or_a_thing_carries_has_no_holder() -> None:
     assert len(held("on", vase, ("stairs_3", (2.0, 0.39, 2.0), (1.1, 0.78, 0.7)))) == 1
     assert len(held("on", vase, ("table_3", (2.0, 0.35, 2.0), (1.1, 0.7, 0.7)))) == 1
     assert held("floor", vase) == ()
-    assert held("ceiling", vase) == ()
+    assert held("ceiling", ("lamp_2", (2.0, 2.15, 2.0), (0.4, 0.6, 0.4))) == ()
     assert held("on", ("vase_2", (2.0, 0.2, 2.0), VASE)) == ()
     assert held("wall", ("mirror_7", (2.0, 1.5, 0.8), MIRROR)) == (), "its back is to the wall at z = 0.8 m"
     assert len(held("wall", ("mirror_7", (2.0, 1.5, 3.1), MIRROR))) == 1, "its front is to the wall"

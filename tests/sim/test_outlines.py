@@ -6,13 +6,13 @@ from sim.homes.building.cells.outlines import Straight, outline, straight_lines
 from sim.homes.images import distance_to
 
 
-def cut_cells(lines: list[Straight], clear: np.ndarray) -> set[tuple[int, int]]:
-    """Clear cells whose inside a line enters."""
+def cut_cells(lines: list[Straight], clear: np.ndarray, *, depth: float = 1e-9) -> set[tuple[int, int]]:
+    """Clear cells that a line enters deeper than this (cells)."""
     found = set()
     for line in lines:
         for point in np.linspace(line.start, line.end, 2 + int(line.length * 200)):
             row, col = np.floor(point).astype(int).tolist()
-            if clear[row, col] and np.abs(point - (row + 0.5, col + 0.5)).max() < 0.5 - 1e-9:
+            if clear[row, col] and np.abs(point - (row + 0.5, col + 0.5)).max() < 0.5 - depth:
                 found.add((row, col))
     return found
 
@@ -41,6 +41,21 @@ def test_lines_cut_almost_no_clear_cell_and_stay_near_it() -> None:
             assert away[rows, cols].max() <= 2.5, seed
     # a very short line between two others may turn around
     assert num_cut <= 0.01 * num_lines
+
+
+def test_narrow_winding_ways_keep_their_whole_width() -> None:
+    num_cut = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        centres, at = np.zeros((120, 120), bool), np.array([60, 60])
+        for step in rng.integers(-12, 13, (8, 2)):
+            end = np.clip(at + step, 16, 104)
+            for row, col in np.rint(np.linspace(at, end, 26)).astype(int).tolist():
+                centres[row : row + 2, col : col + 2] = True
+            at = end
+        clear = reached(centres)
+        num_cut += len(cut_cells(straight_lines(outline(clear), clear=clear), clear, depth=0.05))
+    assert num_cut == 0
 
 
 def test_lines_of_rooms_and_corridors_cut_no_clear_cell() -> None:

@@ -123,6 +123,15 @@ def test_a_lamp_high_up_hangs_from_the_ceiling_and_a_low_vase_stands_on_the_floo
     assert (found["vase_2"].mounting, found["vase_2"].piece.bottom_y) == ("floor", pytest.approx(0.0))
 
 
+def test_a_hanging_lamp_leaves_headroom_above_the_places_below_it() -> None:
+    low = objects_of(recorded_of(recorded_goal("lamp_1", (0.0, 2.1, 0.0), SOUTH), more=[(0.1, 0.0, 0.2)]))["lamp_1"]
+    free = objects_of(recorded_of(recorded_goal("lamp_1", (0.0, 2.1, 0.0), SOUTH)))["lamp_1"]
+    assert free.piece.size[1] == pytest.approx(1.55)
+    assert low.piece.bottom_y == pytest.approx(1.4)
+    assert low.piece.centre == free.piece.centre == (0.0, 2.1, 0.0)
+    assert low.piece.size[0] == free.piece.size[0]
+
+
 def test_places_on_top_of_a_bed_or_tub_do_not_shrink_it_and_do_not_count_as_its_floor() -> None:
     on_top = [(0.25 * k, 0.6, 0.1) for k in range(-2, 3)]
     around = [(x, 0.0, z) for x in (-1.3, 1.3) for z in (-0.5, 0.0, 0.5)]

@@ -82,3 +82,14 @@ def test_recorded_stairs_join_storeys_without_a_guess() -> None:
     assert not cells.guessed.any()
     length = floor_from(cells).distances(np.array([[1.0, 0, 0.5]]), np.array([[3.5, 1.6, 0.5]]))[0]
     assert length == pytest.approx(math.hypot(2.5, 1.6), rel=0.05)
+
+
+def test_steps_between_two_near_levels_are_equally_deep() -> None:
+    platform = [(1.4 + 0.25 * i, 0.5, 0.25 * j) for i in range(5) for j in range(5)]
+    proof = PathLength("easy", "table_1", (0.5, 0.0, 0.5), (2.0, 0.5, 0.5), 1.6)
+    cells = walkable_cells(recorded_of(ROOM, extras=platform, lengths=(proof,)), GROUND, grid=GRID)
+    row = cells.chosen(cells.rc[:, 0] == GRID.grid.rc_from_xz(np.array([0.5, 0.5]))[0])
+    heights, counts = np.unique(row.y.round(2), return_counts=True)
+    assert heights.tolist() == [0.0, 0.19, 0.38, 0.57]
+    assert counts[1:3].min() >= 3, "a map loses steps that are less than three cells deep"
+    assert floor_from(cells).distances(np.array([proof.start]), np.array([[2.0, 0.57, 0.5]]))[0] < 1.8

@@ -53,7 +53,7 @@ def recorded_walk(episode: Episode) -> Walk:
     """Start, first view point and recorded length of an episode.
 
     In 12 of the release's 2,000 episodes the recorded length is below the straight line, so it belongs to another,
-    unnamed view point. They stay in every denominator and count against us.
+    unnamed view point. In homes they stay in every denominator and count against us; `check-scans` counts them apart.
     """
     end = episode.targets[0].view_points[0].agent_state.position
     return Walk(episode.key, episode.record.start_position, end, episode.record.info.geodesic_distance)

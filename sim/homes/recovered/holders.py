@@ -1,7 +1,7 @@
 """Gives recovered pieces that would float something to stand or hang on, where no wall and no other piece carries them.
 
 Pieces and the cells of their home -> holders, for `recover_plan`. Under a low piece, where nobody walks, stands a
-cabinet or a low wall; a high one hangs on a panel that comes down from the ceiling behind it, or lies on a ledge.
+cabinet or a low wall; a high one hangs on a panel or a rod that comes down from the ceiling, or lies on a ledge.
 """
 
 import math
@@ -15,6 +15,7 @@ from ..cells import CellGrid
 from ..furniture.appearance import finish_from_text
 from ..furniture.families import Mounting, look_of
 from ..plan import Furniture, Storey
+from .footprints import HEADROOM
 
 STAND, PANEL = "cabinet", "wall panel"
 """Categories of holders."""
@@ -22,8 +23,6 @@ _TOUCH = 0.08
 """A piece is carried by what is this near to its box (metres)."""
 _BEHIND = 0.05
 """A wall thing is carried by a wall this far behind it (metres); the wall may be one cell thick."""
-_HEADROOM = 1.0
-"""Nobody walks below what is lower than this above the floor (metres): AGENT_HEIGHT in whole voxels of a navmesh."""
 _THIN = 0.12
 """No cabinet is as thin as this (metres)."""
 _THICK = 0.03
@@ -35,7 +34,7 @@ Vec = tuple[float, float, float]
 def holders(
     pieces: Sequence[Furniture], mountings: Mapping[str, Mounting], storeys: Sequence[Storey], *, grid: CellGrid
 ) -> tuple[Furniture, ...]:
-    """Holders (role `clutter`) for every piece that neither stands nor touches a wall, the floor or another piece.
+    """Holders (role `clutter`) for every piece that touches neither wall, floor or ceiling nor another piece.
 
     Args:
         pieces: All furniture.
@@ -53,6 +52,9 @@ def holders(
         turns, reach = ((2,), _BEHIND) if mountings[piece.name] == "wall" else (range(4), _TOUCH)
         beside = grid.grid.rc_from_xz(np.concatenate([_beside(piece, turn * math.pi / 2, reach) for turn in turns]))
         is_at_wall = not is_open[max(2 * k - 1, 0) : 2 * k + 2, beside[:, 0], beside[:, 1]].any(axis=0).all()
+        gap = ceilings_y[k] - piece.top_y
+        if mountings[piece.name] == "ceiling" and gap > _TOUCH:
+            found.append(_rod(piece, gap, number=number + len(found)))
         is_held = (
             mountings[piece.name] in ("floor", "ceiling")
             or (mountings[piece.name] == "wall" and is_at_wall)
@@ -61,7 +63,7 @@ def holders(
         )
         if is_held:
             continue
-        if piece.bottom_y - floors_y[k] < _HEADROOM:
+        if piece.bottom_y - floors_y[k] < HEADROOM:
             found.append(_stand(piece, floors_y[k], number=number + len(found)))
             continue
         if not is_at_wall and ceilings_y[k] > piece.top_y:
@@ -109,6 +111,12 @@ def _panel(piece: Furniture, ceiling_y: float, *, number: int) -> Furniture:
     height, back = ceiling_y - piece.bottom_y, depth / 2 + _THICK / 2
     centre = (x - back * math.sin(piece.yaw), piece.bottom_y + height / 2, z - back * math.cos(piece.yaw))
     return _holder(piece, number, PANEL, centre, (width, height, _THICK))
+
+
+def _rod(piece: Furniture, length: float, *, number: int) -> Furniture:
+    """A thin rod of this length (metres) above a piece."""
+    x, _, z = piece.centre
+    return _holder(piece, number, PANEL, (x, piece.top_y + length / 2, z), (_THICK, length, _THICK))
 
 
 def _ledge(piece: Furniture, *, number: int) -> Furniture:

@@ -40,6 +40,8 @@ _MATTRESS = 0.52
 """Largest height of a bed's mattress, even with a high headboard (metres; furniture/seating.py)."""
 _NARROW = 2 * (NEAR_ENOUGH - CELL - APART)
 """Largest lesser side of a standing thing that the robot only came near to on top of it (metres)."""
+_OVERHEAD = 1.4
+"""Least height of a hanging thing above a place: the map's headroom of 1 m, and its voxels above and below (metres)."""
 _RIM = 0.06
 """Height by which a piece reaches above places on top of it (metres)."""
 _LIE_IF_HIGH: tuple[Family, ...] = ("box", "basket", "bin", "plant", "stove", "washing machine", "suitcase")
@@ -147,6 +149,8 @@ def _piece(fact: _Facts, recorded: Recorded) -> Furniture:
         height = max(height, 2 * (_walked_on_y(fact, recorded) + _RIM - fact.goal.position[1]))
     elif fact.mounting == "wall":
         height = max(0.1, min(usual_h, 2 * fact.above))
+    elif fact.mounting == "ceiling":
+        height = min(usual_h, max(0.1, 2 * (fact.goal.position[1] - _walked_below_y(fact, recorded) - _OVERHEAD)))
     return _furniture(fact, recorded, height=height)
 
 
@@ -157,6 +161,14 @@ def _walked_on_y(fact: _Facts, recorded: Recorded) -> float:
     on_it = (away[:, [0, 2]].max(axis=1) < min(width, depth) / 2) & (recorded.places[:, 1] > fact.ground + _ON_TOP / 2)
     on_it &= away[:, 1] < height / 2 + _RIM
     return float(recorded.places[on_it, 1].max(initial=-math.inf))
+
+
+def _walked_below_y(fact: _Facts, recorded: Recorded) -> float:
+    """Height of the highest recorded place below a piece; -inf where there is none."""
+    (x, y, z), (width, _, depth) = fact.goal.position, fact.usual
+    away = recorded.places - (x, y, z)
+    below = (np.abs(away[:, [0, 2]]).max(axis=1) < max(width, depth)) & (away[:, 1] < 0)
+    return float(recorded.places[below, 1].max(initial=-math.inf))
 
 
 def _furniture(fact: _Facts, recorded: Recorded, *, height: float, on: Furniture | None = None) -> Furniture:

@@ -93,7 +93,7 @@ def walkable_cells(
     known = _known_floor(recorded, floors_y, solid, grid=grid)
     unknown = _away_from(solid, _unknown_cells(known, storeys, grid=grid), grid=grid)
     fitted = with_corridors(known.cells, unknown, recorded.lengths, floors_y=floors_y, grid=grid.grid)
-    cells = _terraced(fitted, floors_y, grid=grid)
+    cells = _terraced(fitted, floors_y, is_known=_lies_on(fitted, known.cells), grid=grid)
     for strip in _strips(known.places, cells, floors_y, grid=grid):
         cells = _merged(strip, cells)  # steps that leave a level floor stay steps
     for k in range(len(storeys) - 1):
@@ -235,10 +235,10 @@ def reached_places(recorded: Recorded, floors_y: list[float]) -> Points:
     return places[is_sure[island]]
 
 
-def _terraced(cells: Cells, floors_y: list[float], *, grid: CellGrid) -> Cells:
+def _terraced(cells: Cells, floors_y: list[float], *, is_known: NDArray[np.bool_], grid: CellGrid) -> Cells:
     """The cells with slopes as steps that rise by RISER from their storey's floor.
 
-    Guessed steps are as deep as the distance to known floor at other heights allows, up to TREAD. Where a storey has
+    Other steps are as deep as the distance to known floor at other heights allows, up to TREAD. Where a storey has
     two floors in one column, such as a level of too few places to be a storey, the upper one keeps its heights.
     """
     storey = nearest_storey(cells.y, floors_y)
@@ -250,14 +250,19 @@ def _terraced(cells: Cells, floors_y: list[float], *, grid: CellGrid) -> Cells:
         at = tuple(cells.rc[own].T)
         above = np.full(grid.shape, np.nan)
         above[at] = cells.y[own] - floors_y[k]
-        known = np.zeros(grid.shape, bool)
-        known[tuple(cells.rc[own[~cells.guessed[own]]].T)] = True
-        steps = np.round(np.where(np.abs(above) < 0.01, 0, _smoothed(np.where(known, above, np.nan))) / RISER)
+        known, guessed = np.zeros((2, *grid.shape), bool)
+        known[tuple(cells.rc[own[is_known[own]]].T)] = True
+        guessed[tuple(cells.rc[own[cells.guessed[own]]].T)] = True
+        smooth = np.where(np.abs(above) < 0.01, 0, _smoothed(np.where(guessed, np.nan, above)))
+        steps = np.round(np.where(guessed, above, smooth) / RISER)
         low, high = np.full(grid.shape, -np.inf), np.full(grid.shape, np.inf)
         for step in np.unique(steps[known]).tolist():
-            away = np.ceil(distance_to(known & (steps == step)) * CELL / TREAD)
+            away = distance_to(known & (steps == step)) * CELL / TREAD
             low, high = np.maximum(low, step - away), np.minimum(high, step + away)
-        steps = np.where(known, steps, np.clip(np.round(above / RISER), low, np.maximum(low, high)))
+        is_short = np.round(low) > np.round(high)
+        between = np.clip(steps, np.round(low), np.round(high))
+        between[is_short] = np.round((low[is_short] + high[is_short]) / 2)
+        steps = np.where(known, steps, between)
         y[own] = floors_y[k] + steps[at] * RISER
     is_near = np.zeros(len(y), bool)
     is_near[1:] = is_upper[1:] & (np.diff(y) <= PLAN_CLIMB)  # the lower floor rose to it

@@ -1,6 +1,8 @@
 """Edges of cells with a wall, their chains, and the few straight lines that replace the chains."""
 
 import itertools
+import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -62,6 +64,12 @@ class Chain(NamedTuple):
     def steps(self) -> NDArray[np.int64]:
         """The step from each corner to the next, (N, 2)."""
         return np.diff(self.corners, axis=0)
+
+    def steps_around(self, at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The steps before and behind places (N,) along the chain, (N, 2) each; the same one inside a step."""
+        steps, mode = self.steps.astype(float), "wrap" if self.is_closed else "clip"
+        before, behind = np.ceil(at).astype(int) - 1, np.floor(at).astype(int)
+        return steps.take(before, axis=0, mode=mode), steps.take(behind, axis=0, mode=mode)
 
     def cells(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows and columns of the cells on the left and on the right of every step, each (N, 2); -z is left of +x."""
@@ -150,6 +158,8 @@ _SPREAD = 0.5
 """Lines that get a common coordinate lie within this many cells."""
 _CLEARED = 0.04
 """Lines beside clear cells keep this far from them (cells)."""
+_PROBED = 0.02
+"""Whether a line cuts cells is asked this often along it (cells)."""
 _GRAZED = 0.3
 """A line is also moved away from the next corners of its wall where it cuts less than this far into them (cells)."""
 _ROUNDS = 4
@@ -203,7 +213,8 @@ def straight_lines(
 ) -> list[Straight]:
     """The walls as straight lines, at most `tolerance` cells away; lines that met in a corner still meet there.
 
-    Lines between a cell of `clear` (rows, cols) and another cell are then moved until they cut no cell of `clear`.
+    Lines between a cell of `clear` (rows, cols) and another cell are then moved until they cut no cell of `clear`;
+    where that fails, they follow the edges of the cells.
     """
     chains = chains_of(walls)
     places: list[tuple[float, float]] = []
@@ -223,6 +234,7 @@ def straight_lines(
     where = _on_axes(np.array(places, float).reshape(-1, 2), kept)
     if clear is not None:
         where = _moved_out(chains, kept, where, clear)
+        kept, where = _with_edges(chains, kept, where, clear)
     degree = np.bincount([end for chain in kept for end in (chain.points[0], chain.points[-1])], minlength=len(where))
     return [
         line for chain, line_ids in zip(chains, kept, strict=True) for line in _lines(chain, line_ids, where, degree)
@@ -317,20 +329,14 @@ def _moved_out(chains: list[Chain], kept: list[_Kept], where: Points, clear: NDA
     """
     ends, signs, corners, own = [], [], [], []
     for chain, line_ids in zip(chains, kept, strict=True):
-        left, right = (clear[side[:, 0], side[:, 1]] for side in chain.cells())
-        bounds = np.round(line_ids.at).astype(int)
-        for k, pair in enumerate(itertools.pairwise(line_ids.points)):
-            low, high = bounds[k], max(bounds[k + 1], bounds[k] + 1)
-            steps = np.arange(low, high) % len(left)
-            is_left, is_right = (2 * np.count_nonzero(side[steps]) >= len(steps) for side in (left, right))
-            if is_left != is_right:
-                ends.append(pair)
-                signs.append(1.0 if is_right else -1.0)  # the line moves to the left, or to the right
-                near = np.arange(low - 1, high + 2)
-                if not chain.is_closed:
-                    near = near[(near >= 0) & (near <= len(left))]
-                corners.append(chain.corners[near % len(left) if chain.is_closed else near])
-                own.append((near >= low) & (near <= high))
+        for k, low, high, sign in _sided(chain, line_ids, clear):
+            ends.append(line_ids.points[k : k + 2])
+            signs.append(sign)
+            near = np.arange(low - 1, high + 2)
+            if not chain.is_closed:
+                near = near[(near >= 0) & (near < len(chain.corners))]
+            corners.append(chain.corners[near % len(chain.steps) if chain.is_closed else near])
+            own.append((near >= low) & (near <= high))
     if not ends:
         return where
     (first, last), sign, points = np.array(ends).T, np.array(signs), np.concatenate(corners)
@@ -351,6 +357,66 @@ def _moved_out(chains: list[Chain], kept: list[_Kept], where: Points, clear: NDA
         length = np.hypot(*moves.T)[:, None]
         where = where + moves * np.minimum(1.0, _MITER / np.maximum(length, 1e-9))
     return np.round(where, 2)  # lines along an axis stay exactly along it
+
+
+def _sided(chain: Chain, line_ids: _Kept, clear: NDArray[np.bool_]) -> Iterator[tuple[int, int, int, float]]:
+    """The lines of a chain between clear cells and others: number, first and last corner, 1 = clear cells are right."""
+    left, right = (clear[side[:, 0], side[:, 1]] for side in chain.cells())
+    for k, (low, high) in enumerate(itertools.pairwise(np.round(line_ids.at).astype(int).tolist())):
+        steps = np.arange(low, max(high, low + 1)) % len(left)
+        is_left, is_right = (2 * np.count_nonzero(side[steps]) >= len(steps) for side in (left, right))
+        if is_left != is_right:
+            yield k, low, max(high, low + 1), 1.0 if is_right else -1.0  # the line moves to the left, or to the right
+
+
+def _with_edges(
+    chains: list[Chain], kept: list[_Kept], where: Points, clear: NDArray[np.bool_]
+) -> tuple[list[_Kept], Points]:
+    """The chains and points (P, 2); lines that cut a clear cell follow the edges of the cells instead.
+
+    Their ends move to these edges too, and so may other lines that end there.
+    """
+    where, found = where.copy(), []
+    sided = [{k: sign for k, _, _, sign in _sided(chain, ids, clear)} for chain, ids in zip(chains, kept, strict=True)]
+    exact: list[list[int]] = [[] for _ in chains]
+    num_exact = -1
+    while num_exact < sum(map(len, exact)):
+        num_exact = sum(map(len, exact))
+        for chain, ids, signs, done in zip(chains, kept, sided, exact, strict=True):
+            for k in [k for k in signs if k not in done]:
+                ends = ids.points[k : k + 2]
+                if _cuts(where[ends[0]], where[ends[1]], clear):
+                    where[ends] = _beside_edges(chain, np.array(ids.at[k : k + 2]), signs[k])
+                    done.append(k)
+    for chain, ids, signs, done in zip(chains, kept, sided, exact, strict=True):
+        points, at = list(ids.points), list(ids.at)
+        for k in sorted(done, reverse=True):
+            corners = np.arange(math.floor(at[k]) + 1.0, math.ceil(at[k + 1]))
+            before, behind = chain.steps_around(corners)
+            turns = corners[(before != behind).any(axis=1)]
+            points[k + 1 : k + 1] = range(len(where), len(where) + len(turns))
+            at[k + 1 : k + 1] = turns.tolist()
+            where = np.concatenate([where, _beside_edges(chain, turns, signs[k])])
+        found.append(_Kept(points, at))
+    return found, where
+
+
+def _beside_edges(chain: Chain, at: Points, sign: float) -> Points:
+    """Points (N, 2) at places (N,) along a chain, a little away from its clear side (sign 1 = right, -1 = left)."""
+    before, behind = chain.steps_around(at)
+    out = _left_of(before) + np.where((before == behind).all(axis=1)[:, None], 0.0, _left_of(behind))
+    start = np.floor(at).astype(int)
+    corners = chain.corners[start % len(chain.steps) if chain.is_closed else start]
+    return corners + (at - start)[:, None] * behind + sign * _CLEARED * out
+
+
+def _cuts(start: Points, end: Points, clear: NDArray[np.bool_]) -> bool:
+    """Whether a line from corner to corner (row, col) leads through a clear cell."""
+    count = max(2, math.ceil(float(np.hypot(*(end - start))) / _PROBED))
+    points = start + (end - start) * np.linspace(0, 1, count)[:, None]
+    cell = np.clip(np.floor(points).astype(int), 0, np.array(clear.shape) - 1)
+    inside = np.minimum(points - cell, 1 - (points - cell)).min(axis=1) > _PROBED / 2
+    return bool((inside & clear[cell[:, 0], cell[:, 1]]).any())
 
 
 def _lines(chain: Chain, kept: _Kept, where: Points, degree: NDArray[np.int64]) -> list[Straight]:
