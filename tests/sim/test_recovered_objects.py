@@ -126,10 +126,19 @@ def test_a_lamp_high_up_hangs_from_the_ceiling_and_a_low_vase_stands_on_the_floo
 def test_a_hanging_lamp_leaves_headroom_above_the_places_below_it() -> None:
     low = objects_of(recorded_of(recorded_goal("lamp_1", (0.0, 2.1, 0.0), SOUTH), more=[(0.1, 0.0, 0.2)]))["lamp_1"]
     free = objects_of(recorded_of(recorded_goal("lamp_1", (0.0, 2.1, 0.0), SOUTH)))["lamp_1"]
+    high = objects_of(recorded_of(recorded_goal("lamp_1", (0.0, 2.4, 0.0), SOUTH), more=[(0.1, 0.0, 0.2)]))["lamp_1"]
     assert free.piece.size[1] == pytest.approx(1.55)
-    assert low.piece.bottom_y == pytest.approx(1.4)
+    assert high.piece.bottom_y == pytest.approx(2.0)
+    assert low.piece.size[1] == pytest.approx(0.55)
     assert low.piece.centre == free.piece.centre == (0.0, 2.1, 0.0)
     assert low.piece.size[0] == free.piece.size[0]
+
+
+def test_a_low_table_is_too_high_to_step_on_and_a_box_stays_low() -> None:
+    for name, top in (("coffee table_1", 0.42), ("box_2", 0.35)):
+        found = objects_of(recorded_of(recorded_goal(name, (0.0, 0.15, 0.0), SOUTH)))[name].piece
+        assert found.top_y == pytest.approx(top)
+        assert found.centre[1] == 0.15
 
 
 def test_places_on_top_of_a_bed_or_tub_do_not_shrink_it_and_do_not_count_as_its_floor() -> None:
@@ -139,9 +148,9 @@ def test_places_on_top_of_a_bed_or_tub_do_not_shrink_it_and_do_not_count_as_its_
     assert bed.size[1] == pytest.approx(0.9)
     assert bed.top_y > 0.66
     assert min(bed.size[0], bed.size[2]) > 1.2
-    places = [(0.1, 0.35, 0.1), *((x, 0.0, 1.2) for x in (-0.5, -0.25, 0.0, 0.25, 0.5))]
+    places = [(0.1, 0.4, 0.1), *((x, 0.0, 1.2) for x in (-0.5, -0.25, 0.0, 0.25, 0.5))]
     tub = objects_of(recorded_of(recorded_goal("bathtub_1", (0.0, 0.16, 0.0), places)))["bathtub_1"].piece
-    assert tub.top_y == pytest.approx(0.35 + 0.06)
+    assert tub.top_y == pytest.approx(0.4 + 0.06)
     assert tub.centre[1] == 0.16
 
 

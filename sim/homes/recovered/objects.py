@@ -17,6 +17,7 @@ from ..furniture.appearance import finish_from_text
 from ..furniture.families import Family, Mounting, look_of
 from ..plan import Furniture, Storey
 from .approaches import APART, NEAR_ENOUGH, came_near
+from .flights import HEADROOM
 from .footprints import SMALLEST, Footprint, Points, around, fitted_footprint, in_the_way, kept_clear, moved_into
 from .recorded import Recorded, original_places
 
@@ -28,7 +29,8 @@ _TALLEST = 3.2
 _TALLER = 1.7
 """Largest height of a standing thing, as a multiple of the usual one; a higher thing must hang or lie on something."""
 _FLAT_MARGIN = 0.006
-_LEAST_TOP = 0.3
+_LEAST_TOP = 0.42
+"""Least height of a standing thing that usually is as high (metres): a map of voxels of 0.2 m climbs up to 0.4 m."""
 _NEAR = 3.0
 _ON_TOP = 0.25
 """Places this far above the floor are on the piece (Habitat's navmesh covers beds and couches), not in its way."""
@@ -40,8 +42,8 @@ _MATTRESS = 0.52
 """Largest height of a bed's mattress, even with a high headboard (metres; furniture/seating.py)."""
 _NARROW = 2 * (NEAR_ENOUGH - CELL - APART)
 """Largest lesser side of a standing thing that the robot only came near to on top of it (metres)."""
-_OVERHEAD = 1.4
-"""Least height of a hanging thing above a place: the map's headroom of 1 m, and its voxels above and below (metres)."""
+_LEAST_HUNG = 0.55
+"""Least height of a thing that hangs from the ceiling over a recorded place (metres)."""
 _RIM = 0.06
 """Height by which a piece reaches above places on top of it (metres)."""
 _LIE_IF_HIGH: tuple[Family, ...] = ("box", "basket", "bin", "plant", "stove", "washing machine", "suitcase")
@@ -150,7 +152,8 @@ def _piece(fact: _Facts, recorded: Recorded) -> Furniture:
     elif fact.mounting == "wall":
         height = max(0.1, min(usual_h, 2 * fact.above))
     elif fact.mounting == "ceiling":
-        height = min(usual_h, max(0.1, 2 * (fact.goal.position[1] - _walked_below_y(fact, recorded) - _OVERHEAD)))
+        headroom = fact.goal.position[1] - _walked_below_y(fact, recorded)
+        height = min(usual_h, max(_LEAST_HUNG, 2 * (headroom - HEADROOM)))
     return _furniture(fact, recorded, height=height)
 
 

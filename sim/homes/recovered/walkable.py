@@ -24,7 +24,7 @@ from ..plan import Furniture, Storey
 from .approaches import approaches, is_beside
 from .corridors import PLAN_CLIMB as PLAN_CLIMB
 from .corridors import with_corridors
-from .flights import RISER, TREAD, flight_between, shortest_run, stepped_strip
+from .flights import RISER, TREAD, flight_between, num_risers, shortest_run, stepped_strip
 from .recorded import Recorded
 
 _LINK = 0.4
@@ -236,7 +236,7 @@ def reached_places(recorded: Recorded, floors_y: list[float]) -> Points:
 
 
 def _terraced(cells: Cells, floors_y: list[float], *, is_known: NDArray[np.bool_], grid: CellGrid) -> Cells:
-    """The cells with slopes as steps that rise by RISER from their storey's floor.
+    """The cells with slopes as equal steps between two floors, of RISER below the first floor and above the last.
 
     Other steps are as deep as the distance to known floor at other heights allows, up to TREAD. Where a storey has
     two floors in one column, such as a level of too few places to be a storey, the upper one keeps its heights.
@@ -244,8 +244,9 @@ def _terraced(cells: Cells, floors_y: list[float], *, is_known: NDArray[np.bool_
     storey = nearest_storey(cells.y, floors_y)
     is_upper = np.zeros(len(cells.y), bool)  # cells are sorted by column and height
     is_upper[1:] = (np.diff(cells.rc, axis=0) == 0).all(axis=1) & (np.diff(storey) == 0)
+    rises = [rise / num_risers(rise) for rise in np.diff(floors_y).tolist()]
     y = cells.y.copy()
-    for k in range(len(floors_y)):
+    for k, (below, beyond) in enumerate(zip([RISER, *rises], [*rises, RISER], strict=True)):
         own = np.flatnonzero((storey == k) & ~is_upper)
         at = tuple(cells.rc[own].T)
         above = np.full(grid.shape, np.nan)
@@ -254,7 +255,8 @@ def _terraced(cells: Cells, floors_y: list[float], *, is_known: NDArray[np.bool_
         known[tuple(cells.rc[own[is_known[own]]].T)] = True
         guessed[tuple(cells.rc[own[cells.guessed[own]]].T)] = True
         smooth = np.where(np.abs(above) < 0.01, 0, _smoothed(np.where(guessed, np.nan, above)))
-        steps = np.round(np.where(guessed, above, smooth) / RISER)
+        raised = np.where(guessed, above, smooth)
+        steps = np.round(raised / np.where(raised < 0, below, beyond))
         low, high = np.full(grid.shape, -np.inf), np.full(grid.shape, np.inf)
         for step in np.unique(steps[known]).tolist():
             away = distance_to(known & (steps == step)) * CELL / TREAD
@@ -263,7 +265,7 @@ def _terraced(cells: Cells, floors_y: list[float], *, is_known: NDArray[np.bool_
         between = np.clip(steps, np.round(low), np.round(high))
         between[is_short] = np.round((low[is_short] + high[is_short]) / 2)
         steps = np.where(known, steps, between)
-        y[own] = floors_y[k] + steps[at] * RISER
+        y[own] = floors_y[k] + (steps * np.where(steps < 0, below, beyond))[at]
     is_near = np.zeros(len(y), bool)
     is_near[1:] = is_upper[1:] & (np.diff(y) <= PLAN_CLIMB)  # the lower floor rose to it
     return cells._replace(y=y).chosen(~is_near)
