@@ -49,6 +49,7 @@ def log_task(
         _answer_table(answers) if answers else "",
         *more,
         plain_text(episode.record.summary),
+        *(f"Episodes of edition {edition}." for edition in dict.fromkeys(trace.info.edition for trace in traces)),
     ]
     log_paragraphs(stream, [*parts, *home_paragraphs(scene, may_show=may_show, what=f"episode {episode.key}, ")])
 

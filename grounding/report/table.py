@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from sim.episodes.editions import edition_of
 from sim.homes.kind import scene_label
 from sim.tasks.run_files import Run
 
@@ -81,6 +82,7 @@ class PogTable(BaseModel):
     scene_label: str
     """The warning that results in homes of this kind must carry; empty for scans and oracle maps."""
     dataset_digest: str
+    edition: str
     options: dict[str, str | int | float | bool | None]
     notes: tuple[str, ...]
     """The notes beside the figures in every form (`pog_notes`)."""
@@ -141,6 +143,7 @@ def _table(variant: MapVariant, rows: Sequence[MethodTrials], *, seed: int) -> P
         scene_kind=variant.scene_kind,
         scene_label=scene_label(variant.scene_kind),
         dataset_digest=variant.dataset_digest,
+        edition=edition_of(variant.dataset_digest),
         options=dict(variant.options),
         notes=pog_notes([info for row in rows for info in row.runs]),
         num_homes=len({home for row in rows for home in row.homes}),

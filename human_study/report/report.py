@@ -103,6 +103,7 @@ class StudyReport(ReportValue):
     outcomes: tuple[PersonOutcome, ...]
     """Every counted trial; agents on the people's episodes."""
     dataset_digest: str
+    edition: str
     versions: tuple[str, ...]
     """Programs that made the runs, with their versions."""
     runs: tuple[str, ...]
@@ -204,6 +205,7 @@ def report_of(
         checklist=tuple(_answers(records, rows, flow, exclusions, is_pilot=is_pilot)),
         outcomes=tuple(outcome for group in (*people, *groups.averaged) for outcome in _outcomes(group)),
         dataset_digest=runs[0].info.dataset_digest,
+        edition=runs[0].info.edition,
         versions=tuple(sorted(versions)),
         runs=tuple(run.info.run_id for run in runs),
     )

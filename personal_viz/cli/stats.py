@@ -1,13 +1,19 @@
 """Verb `stats`: the paper's tables of ownership and captions, rebuilt from the files."""
 
 from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import arg
 
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.editions import edition_of
 from sim.episodes.statistics import (
     NETWORK_FIELDS,
     CaptionMetrics,
     NetworkStatistics,
     caption_statistics,
+    goat_metrics,
     network_statistics,
 )
 
@@ -20,17 +26,23 @@ class Stats:
     """Rebuild the paper's two statistics tables from the files."""
 
     dataset: Dataset
+    goat: Annotated[Path | None, arg(help="Folder of GOAT-Bench's episodes, for its column of the captions.")] = None
     json: Json = False
 
     def run(self) -> int:
         episodes = PersonalDataset(self.dataset)
+        edition = edition_of(episodes.digest())
+        goat = None if self.goat is None else goat_metrics(self.goat)
         network, captions = network_statistics(episodes), caption_statistics(episodes)
         if self.json:
-            print_json({"network": asdict(network), "captions": asdict(captions)})
+            more = {} if goat is None else {"goat": asdict(goat)}
+            print_json({"edition": edition, "network": asdict(network), "captions": asdict(captions), **more})
             return 0
+        print(f"Episodes of edition {edition}.")
         _print_network(network)
         heads = ("captions of", "captions", "tokens", "words / caption", "range", "vocabulary", "type-token ratio")
-        shown = (*captions.paper, captions.all_targets, captions.stripped, *captions.per_split)
+        measured = (captions.all_targets, captions.stripped, *captions.per_split)
+        shown = (*captions.paper, *(() if goat is None else (goat,)), *measured)
         title = 'Table "goat_comparison": first caption of each distinct target'
         print_table(title, (*heads, "entropy, bits"), map(_caption_cells, shown), folds=True)
         if captions.faulty:

@@ -209,6 +209,7 @@ def _page(
     is_scan = any(home.setting.kind == "scan" for home in homes)
     return Page(
         tuple(sections(gathered.trials, gathered.runs, queries=queries, folders=folders)),
+        edition=gathered.runs[0].info.edition,
         has_scan_pixels=is_scan and has_scan_pixels,
         has_left_out_pixels=is_scan and not has_scan_pixels,
     )

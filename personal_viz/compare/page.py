@@ -35,6 +35,8 @@ class Page:
     """Everything that the page says."""
 
     sections: tuple[Section, ...]
+    edition: str
+    """Edition of the episodes."""
     has_scan_pixels: bool
     """Whether maps and pictures of scans are in the folder."""
     has_left_out_pixels: bool
@@ -55,7 +57,8 @@ class Page:
         num_agents = len({(trial.who, trial.condition) for trial in trials if trial.who_kind == "agent"})
         keys = {row.key for section in self.sections for row in section.rows}
         return (
-            f"{how_many(len(keys), 'episode')} in {how_many(len({key.scene for key in keys}), 'home')}, "
+            f"{how_many(len(keys), 'episode')} (edition {self.edition}) in "
+            f"{how_many(len({key.scene for key in keys}), 'home')}, "
             f"{how_many(len(trials), 'run')} of {how_many(num_people, 'person', 'people')} and "
             f"{how_many(num_agents, 'agent')}."
         )

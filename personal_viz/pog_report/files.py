@@ -7,6 +7,7 @@ from grounding.report.sources import PAPER_IS
 from grounding.report.table import TOTAL, PogReport, PogTable
 from human_study.export.text_tables import csv_lines, tex, tex_table
 from human_study.report.page import html_page
+from sim.episodes.editions import edition_of
 from sim.homes.kind import scene_label
 
 from .failure_map import failure_svg
@@ -68,7 +69,8 @@ def latex(tables: Sequence[PogTable]) -> str:
                 shown[-1] += f" {{\\scriptsize [${by_home.low:.1f}$, ${by_home.high:.1f}$]}}"
             best = "--" if top3 is None else f"${top3:.1f}$"
             lines.append([tex(row.name), *shown, best, tex(paper_text(row)) or "--"])
-        said = [f"{table.title}, scenes: {table.scene_kind}; SR in percent within 1 m, 95% intervals by home"]
+        of_what = f"{table.title}, edition {table.edition}, scenes: {table.scene_kind}"
+        said = [f"{of_what}; SR in percent within 1 m, 95% intervals by home"]
         said += [table.scene_label] if table.scene_label else []
         notes = "".join(f"\n{{\\footnotesize {tex(note)}}}\n" for note in table.notes)
         parts.append(f"% Table {number}\n{tex_table(heads, lines, below=said)}{notes}")
@@ -90,7 +92,7 @@ def _figures(report: PogReport) -> dict[str, Drawn]:
 def _csv_files(report: PogReport) -> dict[str, str]:
     cells, differences, distances, options = [], [], [], []
     for table in report.tables:
-        home = (table.title, table.scene_kind, table.scene_label)
+        home = (table.title, table.edition, table.scene_kind, table.scene_label)
         for row in table.rows:
             commits = " ".join(row.commits)
             for cell in row.cells:
@@ -108,9 +110,9 @@ def _csv_files(report: PogReport) -> dict[str, str]:
         for point in curve.points:
             firsts, threes = (point.sr, *_both(point.by_home)), (point.top3, *_both(point.top3_by_home))
             counts = (point.value, point.n, point.num_homes)
-            kind = (curve.scene_kind, scene_label(curve.scene_kind))
+            kind = (edition_of(curve.dataset_digest), curve.scene_kind, scene_label(curve.scene_kind))
             options.append((curve.title, *kind, curve.name, curve.knob, *counts, *firsts, *threes))
-    home = ("table", "scene_kind", "scene_label")
+    home = ("table", "edition", "scene_kind", "scene_label")
     of_homes = ("home_low", "home_high")
     found = ("split", "n", "k", "sr", "episode_low", "episode_high", *of_homes)
     top3 = ("top3", "top3_home_low", "top3_home_high")

@@ -1,15 +1,21 @@
 """The paper's dataset tables rebuilt from files: "network-metrics" (ownership) and "goat_comparison" (captions)."""
 
+import json
 import math
 import re
+import zlib
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from sim.errors import DatasetError, short
+from sim.files import bounded_json
 from sim.types import SPLITS, Split
+from sim.words.english import how_many
 
 from .checks_text import is_annotator_note
 from .dataset import PersonalDataset
@@ -17,6 +23,8 @@ from .ownership import anonymous_summary, ownership_graph
 from .schema import Episode
 
 _WORD = re.compile(r"[a-z0-9']+")
+_GOAT_BYTES, _GOAT_VALUES = 2 << 30, 200_000_000
+"""Most bytes and values of a content file of GOAT-Bench, whose goals list many view points."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +113,7 @@ PAPER_CAPTIONS = (
     CaptionMetrics("GOAT (paper)", 20.65, 13.10, 1344, 0.051, 6.92),
     CaptionMetrics("PersONAL (paper)", 16.28, 6.06, 1564, 0.069, 7.35),
 )
-"""Table "goat_comparison" of the paper; the GOAT column cannot be recomputed from the release."""
+"""Table "goat_comparison" of the paper; the release holds no caption of GOAT-Bench (`goat_metrics` reads its files)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +156,37 @@ def caption_statistics(dataset: PersonalDataset) -> CaptionStatistics:
         tuple(caption_metrics(split, [_tokens(t) for t in texts.values()]) for split, texts in per_split if texts),
         tuple(sorted(f"{scene}/{name}" for (scene, name), text in captions.items() if is_annotator_note(text))),
     )
+
+
+def goat_metrics(folder: Path) -> CaptionMetrics:
+    """The column of GOAT-Bench in the table "goat_comparison", from all content files below a folder.
+
+    Counts `lang_desc` of each distinct object that has one (github.com/Ram81/goat-bench).
+
+    Raises:
+        DatasetError: There is no content file, a file is damaged, or none holds a description.
+    """
+    captions: dict[tuple[str, str], str] = {}
+    paths = sorted(path for path in folder.rglob("*.json*") if path.parent.name == "content")
+    for path in paths:
+        try:
+            goals = json.loads(bounded_json(path, most=_GOAT_BYTES, most_values=_GOAT_VALUES))["goals"]
+            found = [goal for of_category in goals.values() for goal in of_category]
+            texts = {(path.name.partition(".")[0], str(goal["object_id"])): goal.get("lang_desc") for goal in found}
+        except (OSError, EOFError, zlib.error, ValueError, RecursionError) as error:
+            raise DatasetError(f"{path}: {error}; expected JSON. Download the file again.") from None
+        except (LookupError, TypeError, AttributeError) as error:
+            problem = f"{type(error).__name__} {short(str(error), most=80)}"
+            raise DatasetError(
+                f"{path}: found {problem}; expected the goals of GOAT-Bench by category. Give the folder of its splits."
+            ) from None
+        captions |= {key: text for key, text in texts.items() if isinstance(text, str) and text.strip()}
+    if not captions:
+        raise DatasetError(
+            f"{folder}: found no description in {how_many(len(paths), 'content file')}; expected GOAT-Bench's "
+            "<split>/content/<Scene>.json.gz with lang_desc. Give the folder of its splits."
+        )
+    return caption_metrics("GOAT-Bench", [_tokens(text) for text in captions.values()])
 
 
 def caption_metrics(source: str, token_lists: Sequence[Sequence[str]]) -> CaptionMetrics:

@@ -14,9 +14,8 @@ from typing import Literal
 from sim.errors import RunFileError
 from sim.files import write_whole
 from sim.frames import quat_xyzw_from_yaw
-from sim.homes.kind import scene_label, scene_terms
 
-from ..tasks.run_files import EpisodeRun, Run, run_texts
+from ..tasks.run_files import EpisodeRun, Run, RunInfo, run_texts
 
 ExportFormat = Literal["jsonl", "tum", "minari"]
 
@@ -112,12 +111,12 @@ def write_tum_files(run: Run, folder: Path) -> list[Path]:
             name += "-" + re.sub(r"[^A-Za-z0-9_-]", "_", episode.start.participant)
         used[name] += 1
         path = folder / (name + (f"-{used[name]}" if used[name] > 1 else "") + ".tum")
-        write_whole(path, tum_text(episode, who=run.info.who, scene_kind=run.info.scene_kind))
+        write_whole(path, tum_text(episode, run.info))
         paths.append(path)
     return paths
 
 
-def tum_text(episode: EpisodeRun, *, who: str, scene_kind: str) -> str:
+def tum_text(episode: EpisodeRun, info: RunInfo) -> str:
     """The trajectory of one run: the start pose and the pose after each step; its header names the kind of home.
 
     Timestamps are seconds since the start where they were measured, else step numbers. The body's pose has no tilt.
@@ -126,12 +125,12 @@ def tum_text(episode: EpisodeRun, *, who: str, scene_kind: str) -> str:
     is_measured = len(times) > 1 and all(before < after for before, after in pairwise(times))
     said = "seconds since the episode's start" if is_measured else "step number (nobody measured the time)"
     lines = [
-        f"# PersONAL run of {' '.join(who.split())}: pose of the robot's feet after each step, the start first",
+        f"# PersONAL run of {' '.join(info.who.split())}: pose of the robot's feet after each step, the start first",
         "# world frame = Habitat's: metres, +y up; the robot looks along its own -z; quaternion x y z w",
         f"# the timestamp is the {said}",
-        f"# episode: {episode.key}",
-        f"# scenes: {scene_kind}",
-        *(f"# {words}" for words in (scene_label(scene_kind), scene_terms(scene_kind)) if words),
+        f"# episode: {episode.key}, edition {info.edition}",
+        f"# scenes: {info.scene_kind}",
+        *(f"# {words}" for words in (info.scene_label, info.scene_terms) if words),
         f"# stopped: {'yes' if episode.end.reason == 'stop' else 'no'}",
         f"# allow_sliding: {'yes' if episode.start.allow_sliding else 'no'}",
         f"# {'timestamp' if is_measured else 'step'} tx ty tz qx qy qz qw",

@@ -211,9 +211,11 @@ def require_comparable(infos: Iterable[RunInfo]) -> None:
     if len(kinds) > 1:
         found = ", ".join(f"{kind} ({run_id})" for kind, run_id in sorted(kinds.items()))
         raise RunFileError(f"runs: found scene kinds {found}; expected one kind per table. Give the kinds separately.")
-    digests = {info.dataset_digest: info.run_id for info in infos}
+    digests = {info.dataset_digest: info for info in infos}
     if len(digests) > 1:
-        found = ", ".join(f"{digest[:12]} ({run_id})" for digest, run_id in sorted(digests.items()))
+        found = ", ".join(
+            f"{key[:12]} ({digests[key].run_id}, edition {digests[key].edition})" for key in sorted(digests)
+        )
         raise RunFileError(
             f"runs: found dataset_digest {found}; expected runs on the same episode files, with the same evidence. "
             "Give the runs of each dataset separately."

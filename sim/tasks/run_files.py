@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from sim.episodes.editions import edition_of
 from sim.episodes.schema import Finite, Vector3
 from sim.errors import RunFileError, line_from_validation_error
 from sim.files import bounded_json, bounded_lines
@@ -65,6 +66,8 @@ class RunInfo(BaseModel):
     """The label of results in homes of this kind; follows from `scene_kind`, empty for scans."""
     scene_terms: str = ""
     """Terms of use that may apply to this kind of homes; from `scene_kind`, empty for invented homes and scans."""
+    edition: str = ""
+    """Name of the edition of the episodes; from `dataset_digest`, and tables never mix editions."""
     labels: bool = False
     """Whether the robot's pictures named the category of each object in view; PAN only, and tables never mix both."""
 
@@ -79,7 +82,8 @@ class RunInfo(BaseModel):
         is_first = version == 1 and raw.get("who") == "shortest-path"
         older: dict[str, Any] = {"made_for": "paper"} if is_first else {}
         older |= {"labels": _had_labels(raw)} if version in (1, 2) else {}
-        return older | raw | {"scene_label": scene_label(kind), "scene_terms": scene_terms(kind)}
+        derived = {"scene_label": scene_label(kind), "scene_terms": scene_terms(kind)}
+        return older | raw | derived | {"edition": edition_of(str(raw.get("dataset_digest")))}
 
 
 def _had_labels(raw: dict[str, Any]) -> bool:

@@ -22,7 +22,8 @@ def page(*, num_rows: int = 1, who: str = "agent", query: str = "Find it.", num_
         people = [trial("human", success=True, key=key, participant=f"P{n}") for n in range(num_people)]
         trials = (*people, trial(who, success=False, key=key, run_id=who, steps=1))
         rows.append(Row(key, query, f"episodes/easy-Hut-{number}", trials, means_of(trials, "pan")))
-    return Page((Section(HOME, "pan", tuple(rows), ()),), has_scan_pixels=False, has_left_out_pixels=False)
+    section = Section(HOME, "pan", tuple(rows), ())
+    return Page((section,), edition="own", has_scan_pixels=False, has_left_out_pixels=False)
 
 
 def test_evil_names_and_queries_stay_text() -> None:

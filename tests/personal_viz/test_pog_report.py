@@ -82,7 +82,8 @@ def test_the_curve_of_three_is_drawn_and_runs_that_lack_it_are_named(
     assert "No curve of three" not in page
     header, *lines = (written / "distance.csv").read_text().splitlines()
     assert (
-        header == "table,scene_kind,scene_label,method,metres,sr,home_low,home_high,top3,top3_home_low,top3_home_high"
+        header
+        == "table,edition,scene_kind,scene_label,method,metres,sr,home_low,home_high,top3,top3_home_low,top3_home_high"
     )
     assert len(lines) == 4 * 41
     older = tmp_path / "runs"

@@ -118,7 +118,7 @@ def test_a_tum_file_is_imported_as_the_same_run(tmp_path: Path, dataset: Persona
 
 def test_a_tum_row_is_time_position_and_quaternion(tmp_path: Path) -> None:
     timed, untimed = (
-        exports.tum_text(episode_run(timed=timed), who="a\nb", scene_kind="scan") for timed in (True, False)
+        exports.tum_text(episode_run(timed=timed), info().model_copy(update={"who": "a\nb"})) for timed in (True, False)
     )
     assert "# PersONAL run of a b: pose" in timed
     assert "# timestamp tx ty tz qx qy qz qw" in timed

@@ -1,5 +1,6 @@
 """The dataset tables of the paper: figures computed by hand, and those of DATA_FORMAT.md sections 10 and 11."""
 
+import gzip
 import json
 import math
 from pathlib import Path
@@ -14,6 +15,7 @@ from sim.episodes.statistics import (
     NetworkStatistics,
     caption_metrics,
     caption_statistics,
+    goat_metrics,
     network_statistics,
 )
 from sim.errors import DatasetError
@@ -182,7 +184,42 @@ def test_stats_prints_both_tables_beside_the_papers_figures_or_one_json_document
     write_dataset(tmp_path)
     assert Stats(dataset=tmp_path, json=True).run() == 0
     document = json.loads(capsys.readouterr().out)
-    assert set(document) == {"network", "captions"}
+    assert set(document) == {"edition", "network", "captions"}
     assert document["network"]["per_episode"][0]["people"] == 2
     assert document["network"]["paper"][3]["episodes"] == 2020
     assert document["captions"]["all_targets"]["captions"] == 1
+
+
+def goat_file(folder: Path, scene: str, goals: object) -> None:
+    content = folder / "val_unseen" / "content"
+    content.mkdir(parents=True, exist_ok=True)
+    (content / f"{scene}.json.gz").write_bytes(gzip.compress(json.dumps({"episodes": [], "goals": goals}).encode()))
+
+
+def test_goat_bench_gets_its_column_from_its_own_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sofa = {"object_category": "sofa", "object_id": "sofa_3", "lang_desc": "The red sofa, near the red lamp"}
+    lamp = {"object_category": "lamp", "object_id": "lamp_4", "lang_desc": "the lamp"}
+    goals = {"A.basis.glb_sofa": [sofa, sofa | {"object_id": "sofa_9", "lang_desc": None}], "A.basis.glb_lamp": [lamp]}
+    goat_file(tmp_path / "goat", "A", goals)
+    goat_file(tmp_path / "goat", "B", {"B.basis.glb_lamp": [lamp | {"lang_desc": "a lamp"}]})
+    found = goat_metrics(tmp_path / "goat")
+    assert (found.captions, found.tokens, found.vocabulary, found.words_range) == (3, 11, 6, (2, 7))
+    write_dataset(tmp_path / "own", {("easy", SCENE): example_content()})
+    Stats(tmp_path / "own", goat=tmp_path / "goat", json=True).run()
+    document = json.loads(capsys.readouterr().out)
+    assert (document["edition"], document["goat"]["captions"]) == ("own", 3)
+    Stats(tmp_path / "own", goat=tmp_path / "goat").run()
+    assert "GOAT-Bench" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("goals", "message"),
+    [([], "found AttributeError"), ({"c": [{}]}, "found KeyError"), ({}, "found no description in 1 content file")],
+)
+def test_other_files_than_goat_benchs_are_refused(tmp_path: Path, goals: object, message: str) -> None:
+    goat_file(tmp_path, "A", goals)
+    with pytest.raises(DatasetError, match=message):
+        goat_metrics(tmp_path)
+    (tmp_path / "val_unseen" / "content" / "A.json.gz").write_bytes(b"no gzip")
+    with pytest.raises(DatasetError, match="expected JSON"):
+        goat_metrics(tmp_path)

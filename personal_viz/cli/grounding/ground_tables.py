@@ -41,6 +41,7 @@ def ground_document(result: GroundResult) -> dict[str, object]:
         "phrases": info.config["phrases"],
         "phrases_by_rules": result.phrases_by_rules if info.config["phrases"] == "llm" else None,
         "map": settings.map,
+        "edition": info.edition,
         "scene_kind": info.scene_kind,
         "scene_label": info.scene_label,
         "condition": info.condition,
@@ -82,7 +83,7 @@ def print_ground_table(results: Sequence[GroundResult]) -> None:
         printed = dict[str, float](zip((*SPLITS, "total"), PAPER_POG[settings.method], strict=True))
         lines.append((PAPER_IS, "SR", *(f"{printed[name]:.1f}" for name in names)))
     homes = "no home" if info.scene_kind == "oracle-map" else f"{info.scene_kind} homes"
-    title = f"POG, {info.condition.replace(f', phrases {sources[0]}', '')} ({homes})"
+    title = f"POG, {info.condition.replace(f', phrases {sources[0]}', '')} ({homes}; edition {info.edition})"
     print_table(title, ("Method", "figure", *map(str.capitalize, names)), lines, texts=("figure",))
     print(
         f"Percent within 1 m of the target. {settings.method} chooses among: {info.config['frame']}. "
