@@ -39,11 +39,13 @@ _DEEP = 1.5
 """A view of a room is at least this deep in the middle (median, metres)."""
 _DEEP_ENOUGH = 3.5
 """Deeper views are no better (metres)."""
-_MARGIN = 1.2
+_MARGIN = 1.5
 """Side of a crop over the side of the object in it, where the object is large."""
 _TRIED_PER_CATEGORY = 3
 _TRIED_PER_OBJECT = 24
 """View points tried per object."""
+_LITTLE_HIDDEN = 0.85
+"""Views that show this share of what the best one shows are compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,13 +90,14 @@ def room_views(scene: Scene, renderer: Renderer, *, rooms: Mapping[int, str], co
 def object_crop(item: SceneObject, scene: Scene, renderer: Renderer) -> tuple[int, Crop] | None:
     """An object cut out of the 640 x 480 view from its best view point, with its number of pixels there.
 
-    The best view shows it whole, or cut by as few sides of the picture as possible, and large. The crop is CROP_SIDE
-    pixels of that view, or the whole object scaled down where it is larger. None where no place to stand shows the
-    object well.
+    Of the views that little hides, the best one is cut by the fewest sides of the picture, and large. The crop is
+    CROP_SIDE pixels of that view, or the whole object scaled down where it is larger. None where no place to stand
+    shows the object well.
     """
     camera = Camera()
     found = view_points_around(item, scene.mesh, navigation=scene.navigation, renderer=renderer, camera=camera)
-    poses = [Pose(seen.position, seen.yaw, seen.tilt) for seen in found[:_TRIED_PER_OBJECT]]
+    clear = [seen for seen in found if seen.visible_share >= _LITTLE_HIDDEN * found[0].visible_share]
+    poses = [Pose(seen.position, seen.yaw, seen.tilt) for seen in clear[:_TRIED_PER_OBJECT]]
     if not poses:
         return None
     trials = renderer.render_batch(np.stack([T_world_camera(pose, _TRIAL) for pose in poses]), _TRIAL)

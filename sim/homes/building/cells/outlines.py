@@ -160,6 +160,8 @@ _CLEARED = 0.04
 """Lines beside clear cells keep this far from them (cells)."""
 _PROBED = 0.02
 """Whether a line cuts cells is asked this often along it (cells)."""
+_NEAR, _REACH = 1.0, 24
+"""Lines that follow edges leave out corners at most this near to them (cells), and fewer than so many at once."""
 _GRAZED = 0.3
 """A line is also moved away from the next corners of its wall where it cuts less than this far into them (cells)."""
 _ROUNDS = 4
@@ -372,7 +374,7 @@ def _sided(chain: Chain, line_ids: _Kept, clear: NDArray[np.bool_]) -> Iterator[
 def _with_edges(
     chains: list[Chain], kept: list[_Kept], where: Points, clear: NDArray[np.bool_]
 ) -> tuple[list[_Kept], Points]:
-    """The chains and points (P, 2); lines that cut a clear cell follow the edges of the cells instead.
+    """The chains and points (P, 2); lines that cut a clear cell follow the edges of the cells, a little outside.
 
     Their ends move to these edges too, and so may other lines that end there.
     """
@@ -394,11 +396,27 @@ def _with_edges(
             corners = np.arange(math.floor(at[k]) + 1.0, math.ceil(at[k + 1]))
             before, behind = chain.steps_around(corners)
             turns = corners[(before != behind).any(axis=1)]
-            points[k + 1 : k + 1] = range(len(where), len(where) + len(turns))
-            at[k + 1 : k + 1] = turns.tolist()
-            where = np.concatenate([where, _beside_edges(chain, turns, signs[k])])
+            line = np.stack([where[points[k]], *_beside_edges(chain, turns, signs[k]), where[points[k + 1]]])
+            needed = _needed(line, clear)[1:-1]
+            points[k + 1 : k + 1] = range(len(where), len(where) + len(needed))
+            at[k + 1 : k + 1] = turns[np.array(needed, int) - 1].tolist()
+            where = np.concatenate([where, line[needed].reshape(-1, 2)])
         found.append(_Kept(points, at))
     return found, where
+
+
+def _needed(line: Points, clear: NDArray[np.bool_]) -> list[int]:
+    """Indices of the points (N, 2) of a line that are left out only where it stays near them and cuts no clear cell."""
+    found = [0]
+    while found[-1] < len(line) - 1:
+        first = found[-1]
+        for last in range(min(len(line) - 1, first + _REACH), first, -1):
+            along, away = line[last] - line[first], line[first + 1 : last] - line[first]
+            off = np.abs(away @ np.array([-along[1], along[0]])) / max(float(np.hypot(*along)), 1e-9)
+            if last == first + 1 or (off.max() <= _NEAR and not _cuts(line[first], line[last], clear)):
+                found.append(last)
+                break
+    return found
 
 
 def _beside_edges(chain: Chain, at: Points, sign: float) -> Points:
