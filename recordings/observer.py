@@ -70,7 +70,7 @@ class RerunObserver:
         self._running = (episode, live)
         log_identity(live.stream, episode, scene)
         log_record_start(live.stream, self._walker.label, self._info, self._start_of(episode))
-        log_task(live.stream, episode, scene, [], may_show=self._may_show)
+        log_task(live.stream, episode, scene, [], may_show=self._may_show, edition=self._info.edition)
         live.start(observation)
 
     def on_step(self, step: Step, observation: Observation, insight: Insight | None) -> None:
@@ -92,7 +92,7 @@ class RerunObserver:
             log_record_start(live.stream, walker.label, self._info, run.start)
         log_record_end(live.stream, walker.label, run.end)
         trace = Trace(walker.label, walker.title, walker.rgb, self._info, run)
-        log_task(live.stream, episode, self._scene, [trace], may_show=self._may_show)
+        log_task(live.stream, episode, self._scene, [trace], may_show=self._may_show, edition=self._info.edition)
         self.close()
 
     def close(self) -> None:
@@ -159,7 +159,7 @@ class AnswerObserver:
         recording = self._sink.open(episode.key)
         self._running, self._maps = (episode, recording), {}
         log_identity(recording.stream, episode, self._scene)
-        log_task(recording.stream, episode, self._scene, [], may_show=self._may_show)
+        log_task(recording.stream, episode, self._scene, [], may_show=self._may_show, edition=self._info.edition)
         self._show_storey(0)
         recording.flush()
 
@@ -191,7 +191,7 @@ class AnswerObserver:
             self._show_storey(index)
         maps = [self._maps[index] for index in sorted(self._maps)]
         log_answer(stream, trace, maps, navigation)
-        log_task(stream, episode, self._scene, [trace], may_show=self._may_show)
+        log_task(stream, episode, self._scene, [trace], may_show=self._may_show, edition=self._info.edition)
         stream.set_time(paths.STEP, sequence=ANSWER_STEP + 1)
         if answer.t_s is not None:
             stream.set_time(paths.TIME_S, duration=answer.t_s)

@@ -172,6 +172,7 @@ def _write(
             scene,
             traces,
             may_show=may_show,
+            edition=traces[0].info.edition,
             divergence=divergence,
             more=[*reground_markdown(regrounded), *(memory_markdown(item.name, item.memory) for item in memories)],
         )

@@ -29,6 +29,7 @@ def log_task(
     traces: Sequence[Trace],
     *,
     may_show: bool,
+    edition: str,
     divergence: Divergence | None = None,
     more: Sequence[str] = (),
 ) -> None:
@@ -37,6 +38,7 @@ def log_task(
     Args:
         traces: The runs in the tables of measures.
         may_show: Whether pictures are shown; pictures of a scan need a notice about its terms of use.
+        edition: Edition of the episodes.
         divergence: How closely the runs, in the order of `traces`, keep to the shortest path; None leaves it out.
         more: Paragraphs of Markdown to add after the tables.
     """
@@ -49,7 +51,7 @@ def log_task(
         _answer_table(answers) if answers else "",
         *more,
         plain_text(episode.record.summary),
-        *(f"Episodes of edition {edition}." for edition in dict.fromkeys(trace.info.edition for trace in traces)),
+        f"Edition of the episodes: {edition}." if edition else "",
     ]
     log_paragraphs(stream, [*parts, *home_paragraphs(scene, may_show=may_show, what=f"episode {episode.key}, ")])
 

@@ -1,6 +1,5 @@
 """Verb `metrics`: the paper's tables from stored runs."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -19,7 +18,6 @@ from sim.tasks.metrics import (
     require_comparable,
     rule_warnings,
 )
-from sim.tasks.run_files import RunInfo
 from sim.types import RULE_NOTES, SuccessRule
 
 from .options import Json
@@ -42,10 +40,8 @@ class Metrics:
         require_comparable(run.info for run in found if run.answers)
         rows = metric_rows(found, rule=self.rule)
         warnings = rule_warnings(rows)
-        editions = {"pan": _edition(run.info for run in found if run.episodes)}
-        editions["pog"] = _edition(run.info for run in found if run.answers)
         if self.json:
-            print_json([_labelled(row, editions[row.task]) for row in rows])
+            print_json([_labelled(row) for row in rows])
             for line in warnings:
                 say(line)
             return 0
@@ -62,7 +58,7 @@ class Metrics:
                     for head in table.heads
                 ]
                 lines = [(line.name, *chain(*line.cells)) for line in table.lines]
-                print_table(f"{title}; edition {editions[task]}; scenes: {kind}", ("Method", *heads), lines)
+                print_table(f"{title}; edition {shown[0].edition}; scenes: {kind}", ("Method", *heads), lines)
                 label = scene_label(kind)
                 answered = [run.info for run in found if run.answers and run.info.scene_kind == kind]
                 maps = pog_notes(answered) if task == "pog" else ()
@@ -80,10 +76,5 @@ class Metrics:
         return 0
 
 
-def _edition(infos: Iterable[RunInfo]) -> str:
-    """The edition of comparable runs; empty without a run."""
-    return next((info.edition for info in infos), "")
-
-
-def _labelled(row: MetricRow, edition: str) -> dict[str, Any]:
-    return row.model_dump() | {"scene_label": scene_label(row.scene_kind), "edition": edition}
+def _labelled(row: MetricRow) -> dict[str, Any]:
+    return row.model_dump() | {"scene_label": scene_label(row.scene_kind)}

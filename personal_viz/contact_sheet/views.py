@@ -44,6 +44,8 @@ _MARGIN = 1.5
 _TRIED_PER_CATEGORY = 3
 _TRIED_PER_OBJECT = 24
 """View points tried per object."""
+_LEAST_SHOWN = 10
+"""Fewer pixels of _TRIAL show hardly anything of an object."""
 _LITTLE_HIDDEN = 0.85
 """Views that show this share of what the best one shows are compared."""
 
@@ -101,18 +103,17 @@ def object_crop(item: SceneObject, scene: Scene, renderer: Renderer) -> tuple[in
     if not poses:
         return None
     trials = renderer.render_batch(np.stack([T_world_camera(pose, _TRIAL) for pose in poses]), _TRIAL)
-    best = min(
-        zip(poses, trials, strict=True), key=lambda pair: _cut_and_small(pair[1].instance_ids == item.instance_id)
-    )
-    frame = renderer.render(T_world_camera(best[0], camera), camera)
+    masks = [frame.instance_ids == item.instance_id for frame in trials]
+    best = min(range(len(poses)), key=lambda number: _hidden_cut_small(masks[number]))
+    frame = renderer.render(T_world_camera(poses[best], camera), camera)
     pixels = int((frame.instance_ids == item.instance_id).sum())
     return (pixels, Crop(item, _cut_out(frame, item.instance_id))) if pixels >= MIN_PIXELS else None
 
 
-def _cut_and_small(shown: NDArray[np.bool_]) -> tuple[int, int]:
-    """How many sides of a picture cut an object (pixels: rows, cols), and minus the number of its pixels."""
-    sides = (shown[0], shown[-1], shown[:, 0], shown[:, -1])
-    return sum(bool(side.any()) for side in sides), -int(shown.sum())
+def _hidden_cut_small(shown: NDArray[np.bool_]) -> tuple[bool, int, int]:
+    """How bad a view of an object (pixels: rows, cols) is: hardly there, cut by so many sides, small."""
+    sides, count = (shown[0], shown[-1], shown[:, 0], shown[:, -1]), int(shown.sum())
+    return count < _LEAST_SHOWN, sum(bool(side.any()) for side in sides), -count
 
 
 def category_crops(scene: Scene, renderer: Renderer) -> list[Crop]:

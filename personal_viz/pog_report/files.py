@@ -45,7 +45,8 @@ def document(report: PogReport, gallery: Gallery | None) -> dict[str, object]:
     values: dict[str, object] = report.model_dump(mode="json")
     if gallery is not None:
         values["failure_counts"] = [
-            {"table": c.table, "method": c.method, "kind": c.kind, "n": c.n, "of": c.of} for c in gallery.counts
+            {"table": c.table, "edition": c.edition, "method": c.method, "kind": c.kind, "n": c.n, "of": c.of}
+            for c in gallery.counts
         ]
         values["failures"] = [dict(zip(_FAILURE_HEADS, _failure_line(item), strict=True)) for item in gallery.drawn]
     return values
@@ -83,8 +84,9 @@ def _figures(report: PogReport) -> dict[str, Drawn]:
         drawn[methods_name(number)] = methods_figure(table)
         drawn[distance_name(number)] = distance_figure(table)
     for number, curves in enumerate(knob_groups(report), start=1):
-        titles = {point.table for curve in curves for point in curve.points}
-        notes = dict.fromkeys(note for table in report.tables if table.title in titles for note in table.notes)
+        shown = {(point.table, curve.dataset_digest) for curve in curves for point in curve.points}
+        tables = [table for table in report.tables if (table.title, table.dataset_digest) in shown]
+        notes = dict.fromkeys(note for table in tables for note in table.notes)
         drawn[knob_name(number, curves[0].knob)] = knob_figure(curves, list(notes))
     return drawn
 
@@ -128,7 +130,7 @@ def _csv_files(report: PogReport) -> dict[str, str]:
 
 _FAILURE_HEADS = (
     *("table", "method", "run", "split", "scene", "episode_id", "kind", "distance", "object", "why", "picture"),
-    *("scene_kind", "scene_label"),
+    *("edition", "scene_kind", "scene_label"),
 )
 
 
@@ -137,7 +139,7 @@ def _failure_line(item: DrawnFailure) -> tuple[object, ...]:
     distance = None if found.distance == float("inf") else found.distance
     names = (item.table, item.method, info.run_id, *item.episode.key)
     facts = (found.kind, distance, found.object_name, " ".join(item.reasons), item.file_name)
-    return *names, *facts, info.scene_kind, info.scene_label
+    return *names, *facts, info.edition, info.scene_kind, info.scene_label
 
 
 def _both(interval: tuple[float, float] | None) -> tuple[float | None, float | None]:

@@ -149,7 +149,8 @@ def _difference_text(item: PogDifference) -> str:
 
 def _failure_table(table: PogTable, gallery: Gallery | None) -> Cells | None:
     """Failures by method and kind; the columns are the kinds that occur. None without failures."""
-    counts = [count for count in gallery.counts if count.table == table.title] if gallery else []
+    own = (table.title, table.dataset_digest)
+    counts = [count for count in gallery.counts if (count.table, count.dataset_digest) == own] if gallery else []
     if not counts:
         return None
     kinds = [kind for kind in KINDS if any(count.kind == kind for count in counts)]
@@ -165,7 +166,8 @@ def _failure_table(table: PogTable, gallery: Gallery | None) -> Cells | None:
 
 def _failures_by_method(table: PogTable, gallery: Gallery | None) -> dict[str, list[DrawnFailure]]:
     """The drawn failures of each method that has some."""
-    drawn = [item for item in gallery.drawn if item.table == table.title] if gallery else []
+    own = (table.title, table.dataset_digest)
+    drawn = [item for item in gallery.drawn if (item.table, item.info.dataset_digest) == own] if gallery else []
     by_method = {row.name: [item for item in drawn if item.method == row.name] for row in table.rows}
     return {method: items for method, items in by_method.items() if items}
 

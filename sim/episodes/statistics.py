@@ -161,7 +161,8 @@ def caption_statistics(dataset: PersonalDataset) -> CaptionStatistics:
 def goat_metrics(folder: Path) -> CaptionMetrics:
     """The column of GOAT-Bench in the table "goat_comparison", from all content files below a folder.
 
-    Counts `lang_desc` of each distinct object that has one (github.com/Ram81/goat-bench).
+    Counts `lang_desc` of each distinct object that has one, also those of more than 55 words, for which GOAT-Bench's
+    loader makes no task (github.com/Ram81/goat-bench).
 
     Raises:
         DatasetError: There is no content file, a file is damaged, or none holds a description.
@@ -172,7 +173,7 @@ def goat_metrics(folder: Path) -> CaptionMetrics:
         try:
             goals = json.loads(bounded_json(path, most=_GOAT_BYTES, most_values=_GOAT_VALUES))["goals"]
             found = [goal for of_category in goals.values() for goal in of_category]
-            texts = {(path.name.partition(".")[0], str(goal["object_id"])): goal.get("lang_desc") for goal in found}
+            texts = {str(goal["object_id"]): goal["lang_desc"] for goal in found if goal.get("lang_desc")}
         except (OSError, EOFError, zlib.error, ValueError, RecursionError) as error:
             raise DatasetError(f"{path}: {error}; expected JSON. Download the file again.") from None
         except (LookupError, TypeError, AttributeError) as error:
@@ -180,7 +181,7 @@ def goat_metrics(folder: Path) -> CaptionMetrics:
             raise DatasetError(
                 f"{path}: found {problem}; expected the goals of GOAT-Bench by category. Give the folder of its splits."
             ) from None
-        captions |= {key: text for key, text in texts.items() if isinstance(text, str) and text.strip()}
+        captions |= {(path.name.partition(".")[0], name): str(text) for name, text in texts.items()}
     if not captions:
         raise DatasetError(
             f"{folder}: found no description in {how_many(len(paths), 'content file')}; expected GOAT-Bench's "

@@ -52,6 +52,8 @@ class MetricRow(BaseModel):
     task: TaskKind
     condition: str
     scene_kind: str
+    edition: str
+    """Edition of the episodes."""
     split: str
     """A split, or `total` = the plain mean of the splits present, as in the paper's Total column."""
     rule: SuccessRule | Literal["planar"]
@@ -99,9 +101,11 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
         rule: Success rule of the PAN rows.
 
     Raises:
-        RunFileError: A run was never scored, an episode stands twice in one run, runs to be pooled are on different
+        RunFileError: A run was never scored, an episode stands twice in one run, runs of one task are on different
             episode files, or PAN runs in one kind of homes were made with and without labels.
     """
+    _require_same_dataset(run.info for run in runs if run.episodes)
+    _require_same_dataset(run.info for run in runs if run.answers)
     for kind in {run.info.scene_kind for run in runs}:
         _require_same_labels(run.info for run in runs if run.episodes and run.info.scene_kind == kind)
     groups: dict[tuple[str, str, str, TaskKind], list[Run]] = defaultdict(list)
@@ -118,6 +122,7 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
         _require_no_trial_twice(pooled, task)
         items = [item for run in pooled for item in (run.episodes if task == "pan" else run.answers)]
         names: dict[str, Any] = {"who": who, "condition": condition, "scene_kind": kind, "task": task}
+        names["edition"] = pooled[0].info.edition
         made_for = {run.info.made_for for run in pooled if run.info.made_for is not None and task == "pan"}
         names["made_for"] = tuple(sorted(made_for))
         cells = [
@@ -211,6 +216,11 @@ def require_comparable(infos: Iterable[RunInfo]) -> None:
     if len(kinds) > 1:
         found = ", ".join(f"{kind} ({run_id})" for kind, run_id in sorted(kinds.items()))
         raise RunFileError(f"runs: found scene kinds {found}; expected one kind per table. Give the kinds separately.")
+    _require_same_dataset(infos)
+
+
+def _require_same_dataset(infos: Iterable[RunInfo]) -> None:
+    """Raises RunFileError when runs are on different episode files, or their homes on different evidence."""
     digests = {info.dataset_digest: info for info in infos}
     if len(digests) > 1:
         found = ", ".join(

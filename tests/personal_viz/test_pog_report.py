@@ -1,5 +1,6 @@
 """`personal-viz pog-report` on runs over a small data set: files, their words, the same bytes, refusals."""
 
+import gzip
 import html
 import json
 import re
@@ -128,6 +129,25 @@ def test_failures_say_what_they_are_and_why(written: Path) -> None:
     assert picture.count('font-weight="bold"') == 3, "three candidates"
     counts = [item for item in info["failure_counts"] if item["method"] == "qs"]
     assert sum(item["n"] for item in counts) == counts[0]["of"]
+
+
+def test_failures_on_two_editions_are_counted_and_drawn_apart(made: tuple[Path, Path], tmp_path: Path) -> None:
+    other, runs = tmp_path / "other", tmp_path / "runs"
+    shutil.copytree(made[0], other)
+    changed = next(other.glob("*/content/*.json.gz"))
+    changed.write_bytes(gzip.compress(gzip.decompress(changed.read_bytes()) + b"\n"))
+    shutil.copytree(made[1] / "run-qs", runs / "run-short")
+    info = json.loads((runs / "run-short" / "run.json").read_text())
+    info |= {"run_id": "run-short", "dataset_digest": PersonalDataset(other).digest()}
+    (runs / "run-short" / "run.json").write_text(json.dumps(info))
+    answers = runs / "run-short" / "answers.jsonl"
+    lines = answers.read_text().splitlines(keepends=True)
+    answers.write_text(next(line for line in lines if not json.loads(line)["measures"]["success"]))
+    PogReport(runs=[made[1] / "run-qs", runs], dataset=[made[0], other], out=tmp_path / "out").run()
+    text = (tmp_path / "out" / "index.md").read_text()
+    sections = text.split("## Table ")[1:]
+    named = [{name for name in ("run-qs", "run-short") if f"failure-{name}" in section} for section in sections]
+    assert sorted(map(sorted, named)) == [["run-qs"], ["run-short"]]
 
 
 def test_latex_has_the_papers_columns(written: Path) -> None:

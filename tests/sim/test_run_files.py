@@ -267,13 +267,24 @@ def test_two_seeds_of_an_agent_are_pooled_but_runs_on_other_episode_files_are_re
     assert [(row.n, row.k) for row in metric_rows([first, second])] == [(2, 1), (2, 1)]
     other = Run(info=info(run_id="c", dataset_digest="e"), episodes=(finished("2"),))
     with pytest.raises(
-        RunFileError, match=r"found dataset_digest d \(a\), e \(c\); expected runs on the same"
+        RunFileError,
+        match=r"found dataset_digest d \(a, edition own\), e \(c, edition own\); expected runs on the same",
     ) as caught:
         metric_rows([first, other])
     assert "\n" not in str(caught.value)
     strangers = [first.info, other.info.model_copy(update={"who": "human"})]
     with pytest.raises(RunFileError, match="expected runs on the same episode files"):
         require_comparable(strangers)
+
+
+def test_rows_name_the_edition_and_those_of_two_agents_on_two_editions_are_refused() -> None:
+    first, second = (
+        Run(info=info(run_id=who, who=who, dataset_digest=digest * 10), episodes=(finished(),))
+        for who, digest in (("a", "a21ece7a650d"), ("b", "804b31a5da9b"))
+    )
+    assert {row.edition for row in metric_rows([first])} == {"2025-09 (data/split)"}
+    with pytest.raises(RunFileError, match=r"edition 2025-12 .* expected runs on the same episode files"):
+        metric_rows([first, second])
 
 
 def test_runs_with_and_without_labels_never_share_a_table() -> None:

@@ -214,7 +214,11 @@ def test_goat_bench_gets_its_column_from_its_own_files(tmp_path: Path, capsys: p
 
 @pytest.mark.parametrize(
     ("goals", "message"),
-    [([], "found AttributeError"), ({"c": [{}]}, "found KeyError"), ({}, "found no description in 1 content file")],
+    [
+        ([], "found AttributeError"),
+        ({"c": [{"lang_desc": "a cup"}]}, "found KeyError"),
+        ({}, "found no description in 1 content file"),
+    ],
 )
 def test_other_files_than_goat_benchs_are_refused(tmp_path: Path, goals: object, message: str) -> None:
     goat_file(tmp_path, "A", goals)

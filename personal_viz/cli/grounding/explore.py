@@ -185,7 +185,7 @@ def document_of(found: Sequence[Exploration], *, info: RunInfo, out: Path) -> di
     missed = [item.rooms_missed for item in found if item.rooms_missed is not None]
     camera = found[0].camera
     return {
-        "edition": info.edition if info.dataset_digest else None,
+        "edition": info.edition or None,
         "scene_kind": info.scene_kind,
         "scene_label": info.scene_label,
         "camera": {"width": camera.width, "height": camera.height, "hfov_deg": camera.hfov_deg},

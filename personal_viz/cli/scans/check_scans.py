@@ -10,6 +10,7 @@ from tyro.conf import arg
 from personal_viz.scan_check.measures import ScanFigures, check_scan
 from personal_viz.scan_check.page import HEADS, TEXT_HEADS, drawings_of, page_of, problems_of, table_lines
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.editions import edition_of
 from sim.homes.kind import scene_labels
 from sim.tasks.provenance import program_release
 from sim.tasks.workers import run_jobs
@@ -85,6 +86,7 @@ class CheckScans:
         document = {
             "program": program_release(),
             "dataset_digest": digest,
+            "edition": edition_of(digest),
             "usable": sum(not one.problem for one in figures.values()),
             "scenes": {name: one.model_dump() for name, one in figures.items()},
         }

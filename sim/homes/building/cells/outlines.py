@@ -66,10 +66,10 @@ class Chain(NamedTuple):
         return np.diff(self.corners, axis=0)
 
     def steps_around(self, at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The steps before and behind places (N,) along the chain, (N, 2) each; the same one inside a step."""
+        """The steps before and after places (N,) along the chain, (N, 2) each; the same one inside a step."""
         steps, mode = self.steps.astype(float), "wrap" if self.is_closed else "clip"
-        before, behind = np.ceil(at).astype(int) - 1, np.floor(at).astype(int)
-        return steps.take(before, axis=0, mode=mode), steps.take(behind, axis=0, mode=mode)
+        before, after = np.ceil(at).astype(int) - 1, np.floor(at).astype(int)
+        return steps.take(before, axis=0, mode=mode), steps.take(after, axis=0, mode=mode)
 
     def cells(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows and columns of the cells on the left and on the right of every step, each (N, 2); -z is left of +x."""
@@ -161,7 +161,7 @@ _CLEARED = 0.04
 _PROBED = 0.02
 """Whether a line cuts cells is asked this often along it (cells)."""
 _NEAR, _REACH = 1.0, 24
-"""Lines that follow edges leave out corners at most this near to them (cells), and fewer than so many at once."""
+"""Lines that follow edges leave out corners up to this far from them (cells), at most _REACH - 1 in a row."""
 _GRAZED = 0.3
 """A line is also moved away from the next corners of its wall where it cuts less than this far into them (cells)."""
 _ROUNDS = 4
@@ -216,7 +216,7 @@ def straight_lines(
     """The walls as straight lines, at most `tolerance` cells away; lines that met in a corner still meet there.
 
     Lines between a cell of `clear` (rows, cols) and another cell are then moved until they cut no cell of `clear`;
-    where that fails, they follow the edges of the cells.
+    where that fails, they follow the edges of the cells. These lines may be farther away than `tolerance`.
     """
     chains = chains_of(walls)
     places: list[tuple[float, float]] = []
@@ -365,7 +365,8 @@ def _sided(chain: Chain, line_ids: _Kept, clear: NDArray[np.bool_]) -> Iterator[
     """The lines of a chain between clear cells and others: number, first and last corner, 1 = clear cells are right."""
     left, right = (clear[side[:, 0], side[:, 1]] for side in chain.cells())
     for k, (low, high) in enumerate(itertools.pairwise(np.round(line_ids.at).astype(int).tolist())):
-        steps = np.arange(low, max(high, low + 1)) % len(left)
+        steps = np.arange(low, max(high, low + 1))
+        steps = steps % len(left) if chain.is_closed else np.minimum(steps, len(left) - 1)
         is_left, is_right = (2 * np.count_nonzero(side[steps]) >= len(steps) for side in (left, right))
         if is_left != is_right:
             yield k, low, max(high, low + 1), 1.0 if is_right else -1.0  # the line moves to the left, or to the right
@@ -381,21 +382,22 @@ def _with_edges(
     where, found = where.copy(), []
     sided = [{k: sign for k, _, _, sign in _sided(chain, ids, clear)} for chain, ids in zip(chains, kept, strict=True)]
     exact: list[list[int]] = [[] for _ in chains]
-    num_exact = -1
-    while num_exact < sum(map(len, exact)):
-        num_exact = sum(map(len, exact))
+    moved = np.ones(len(where), bool)
+    while moved.any():
+        asked, moved = moved, np.zeros(len(where), bool)
         for chain, ids, signs, done in zip(chains, kept, sided, exact, strict=True):
             for k in [k for k in signs if k not in done]:
                 ends = ids.points[k : k + 2]
-                if _cuts(where[ends[0]], where[ends[1]], clear):
+                if (asked[ends] | moved[ends]).any() and _cuts(where[ends[0]], where[ends[1]], clear):
                     where[ends] = _beside_edges(chain, np.array(ids.at[k : k + 2]), signs[k])
+                    moved[ends] = True
                     done.append(k)
     for chain, ids, signs, done in zip(chains, kept, sided, exact, strict=True):
         points, at = list(ids.points), list(ids.at)
         for k in sorted(done, reverse=True):
             corners = np.arange(math.floor(at[k]) + 1.0, math.ceil(at[k + 1]))
-            before, behind = chain.steps_around(corners)
-            turns = corners[(before != behind).any(axis=1)]
+            before, after = chain.steps_around(corners)
+            turns = corners[(before != after).any(axis=1)]
             line = np.stack([where[points[k]], *_beside_edges(chain, turns, signs[k]), where[points[k + 1]]])
             needed = _needed(line, clear)[1:-1]
             points[k + 1 : k + 1] = range(len(where), len(where) + len(needed))
@@ -421,15 +423,15 @@ def _needed(line: Points, clear: NDArray[np.bool_]) -> list[int]:
 
 def _beside_edges(chain: Chain, at: Points, sign: float) -> Points:
     """Points (N, 2) at places (N,) along a chain, a little away from its clear side (sign 1 = right, -1 = left)."""
-    before, behind = chain.steps_around(at)
-    out = _left_of(before) + np.where((before == behind).all(axis=1)[:, None], 0.0, _left_of(behind))
+    before, after = chain.steps_around(at)
+    out = _left_of(before) + np.where((before == after).all(axis=1)[:, None], 0.0, _left_of(after))
     start = np.floor(at).astype(int)
     corners = chain.corners[start % len(chain.steps) if chain.is_closed else start]
-    return corners + (at - start)[:, None] * behind + sign * _CLEARED * out
+    return corners + (at - start)[:, None] * after + sign * _CLEARED * out
 
 
 def _cuts(start: Points, end: Points, clear: NDArray[np.bool_]) -> bool:
-    """Whether a line from corner to corner (row, col) leads through a clear cell."""
+    """Whether a line between two points (row, col) leads through a clear cell; a hundredth of a cell does not count."""
     count = max(2, math.ceil(float(np.hypot(*(end - start))) / _PROBED))
     points = start + (end - start) * np.linspace(0, 1, count)[:, None]
     cell = np.clip(np.floor(points).astype(int), 0, np.array(clear.shape) - 1)
