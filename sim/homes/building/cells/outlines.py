@@ -430,13 +430,19 @@ def _beside_edges(chain: Chain, at: Points, sign: float) -> Points:
     return corners + (at - start)[:, None] * after + sign * _CLEARED * out
 
 
-def _cuts(start: Points, end: Points, clear: NDArray[np.bool_]) -> bool:
+@njit(cache=True, nogil=True)
+def _cuts(start, end, clear):
     """Whether a line between two points (row, col) leads through a clear cell; a hundredth of a cell does not count."""
-    count = max(2, math.ceil(float(np.hypot(*(end - start))) / _PROBED))
-    points = start + (end - start) * np.linspace(0, 1, count)[:, None]
-    cell = np.clip(np.floor(points).astype(int), 0, np.array(clear.shape) - 1)
-    inside = np.minimum(points - cell, 1 - (points - cell)).min(axis=1) > _PROBED / 2
-    return bool((inside & clear[cell[:, 0], cell[:, 1]]).any())
+    rows, cols = clear.shape
+    count = max(2, math.ceil(math.hypot(end[0] - start[0], end[1] - start[1]) / _PROBED))
+    for k in range(count):
+        share = k / (count - 1)
+        y, x = start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share
+        row, col = min(max(math.floor(y), 0), rows - 1), min(max(math.floor(x), 0), cols - 1)
+        inside = min(y - row, row + 1 - y, x - col, col + 1 - x)
+        if inside > _PROBED / 2 and clear[row, col]:
+            return True
+    return False
 
 
 def _lines(chain: Chain, kept: _Kept, where: Points, degree: NDArray[np.int64]) -> list[Straight]:
