@@ -104,14 +104,14 @@ def object_crop(item: SceneObject, scene: Scene, renderer: Renderer) -> tuple[in
         return None
     trials = renderer.render_batch(np.stack([T_world_camera(pose, _TRIAL) for pose in poses]), _TRIAL)
     masks = [frame.instance_ids == item.instance_id for frame in trials]
-    best = min(range(len(poses)), key=lambda number: _hidden_cut_small(masks[number]))
+    best = min(range(len(poses)), key=lambda number: view_faults(masks[number]))
     frame = renderer.render(T_world_camera(poses[best], camera), camera)
     pixels = int((frame.instance_ids == item.instance_id).sum())
     return (pixels, Crop(item, _cut_out(frame, item.instance_id))) if pixels >= MIN_PIXELS else None
 
 
-def _hidden_cut_small(shown: NDArray[np.bool_]) -> tuple[bool, int, int]:
-    """How bad a view of an object (pixels: rows, cols) is: hardly there, cut by so many sides, small."""
+def view_faults(shown: NDArray[np.bool_]) -> tuple[bool, int, int]:
+    """What is wrong with a view of an object (pixels: rows, cols): hardly there, number of sides that cut it, small."""
     sides, count = (shown[0], shown[-1], shown[:, 0], shown[:, -1]), int(shown.sum())
     return count < _LEAST_SHOWN, sum(bool(side.any()) for side in sides), -count
 

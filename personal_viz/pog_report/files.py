@@ -45,7 +45,8 @@ def document(report: PogReport, gallery: Gallery | None) -> dict[str, object]:
     values: dict[str, object] = report.model_dump(mode="json")
     if gallery is not None:
         values["failure_counts"] = [
-            {"table": c.table, "edition": c.edition, "method": c.method, "kind": c.kind, "n": c.n, "of": c.of}
+            {"table": c.table, "edition": edition_of(c.dataset_digest)}
+            | {"method": c.method, "kind": c.kind, "n": c.n, "of": c.of}
             for c in gallery.counts
         ]
         values["failures"] = [dict(zip(_FAILURE_HEADS, _failure_line(item), strict=True)) for item in gallery.drawn]

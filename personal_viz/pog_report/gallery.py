@@ -24,7 +24,6 @@ class KindCount:
 
     table: str
     """Title of the map variant."""
-    edition: str
     dataset_digest: str
     method: str
     kind: FailureKind
@@ -99,8 +98,8 @@ def failure_gallery(
     drawn: list[DrawnFailure] = []
     for (table, method), failures in found.items():
         of_kind: Counter[FailureKind] = Counter(failure.kind for _, _, failure in failures)
-        of_what, total = (table, failures[0][0].edition, failures[0][0].dataset_digest, method), len(failures)
-        counts += [KindCount(*of_what, kind, of_kind[kind], total) for kind in KINDS if of_kind[kind]]
+        digest, total = failures[0][0].dataset_digest, len(failures)
+        counts += [KindCount(table, digest, method, kind, of_kind[kind], total) for kind in KINDS if of_kind[kind]]
         rng = np.random.default_rng(seed)
         chosen = rng.choice(len(failures), size=min(per_method, len(failures)), replace=False)
         for info, answer, failure in (failures[index] for index in sorted(chosen.tolist())):

@@ -118,7 +118,6 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
             groups[(who, condition, kind, "pog")].append(run)
     rows = []
     for (who, condition, kind, task), pooled in groups.items():
-        require_comparable(run.info for run in pooled)
         _require_no_trial_twice(pooled, task)
         items = [item for run in pooled for item in (run.episodes if task == "pan" else run.answers)]
         names: dict[str, Any] = {"who": who, "condition": condition, "scene_kind": kind, "task": task}

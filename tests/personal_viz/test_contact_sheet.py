@@ -11,7 +11,7 @@ from PIL import Image
 from personal_viz.bench.homes.playability import home_facts
 from personal_viz.contact_sheet.plan import storey_picture
 from personal_viz.contact_sheet.sheet import PER_ROW, WIDTH, contact_sheet_picture, portraits, write_crops
-from personal_viz.contact_sheet.views import CROP_SIDE, category_crops, object_crop, room_views
+from personal_viz.contact_sheet.views import CROP_SIDE, category_crops, object_crop, room_views, view_faults
 from sim.frames import T_world_camera
 from sim.homes.invented.plans import invent_plan
 from sim.homes.open_home import scene_from_plan
@@ -72,6 +72,13 @@ def test_a_crop_shows_its_object_and_nothing_is_written_on_it(scene: Scene) -> N
     assert crop.rgb.shape == (CROP_SIDE, CROP_SIDE, 3)
     inside_a_wall = type(couch)(999, "ghost_1", "ghost", couch.centre, couch.size)
     assert object_crop(inside_a_wall, scene, caster) is None
+
+
+def test_the_best_view_shows_an_object_whole_then_large_and_never_hardly_at_all() -> None:
+    whole, larger, cut, sliver, nothing = np.zeros((5, 120, 160), bool)
+    whole[50:60, 50:60] = larger[40:70, 40:70] = cut[20:120, 20:140] = sliver[5:7, 5:7] = True
+    ranked = sorted([nothing, sliver, cut, whole, larger], key=view_faults)
+    assert [int(view.sum()) for view in ranked] == [900, 100, 12_000, 4, 0]
 
 
 def test_the_storey_is_to_scale_and_names_stand_on_it(scene: Scene, plan: HomePlan) -> None:

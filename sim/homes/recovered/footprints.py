@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 REACH = 1.0
 """Largest planar distance from a view point to the object's box (metres; GOAT's view points, DATA_FORMAT.md)."""
-HEADROOM = 1.0
+STANDING_ROOM = 1.0
 """Nobody stands below what is lower than this above the floor (metres): AGENT_HEIGHT in whole voxels of a navmesh."""
 _LATTICE = 0.25
 _LARGEST, SMALLEST = 1.6, 0.6
@@ -156,7 +156,7 @@ def _is_near(bounds: Points, places: Points) -> NDArray[np.bool_]:
 
 def in_the_way(places: Points, *, bottom: float, top: float) -> NDArray[np.bool_]:
     """Whether a robot's body at each place (N, 3) would meet a thing that reaches from `bottom` to `top`, (N,)."""
-    return (places[:, 1] < top - 0.1) & (places[:, 1] + HEADROOM > bottom)
+    return (places[:, 1] < top - 0.1) & (places[:, 1] + STANDING_ROOM > bottom)
 
 
 def _misfit(half: Points, offsets: Points) -> float:

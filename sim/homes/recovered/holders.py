@@ -15,7 +15,7 @@ from ..cells import CellGrid
 from ..furniture.appearance import finish_from_text
 from ..furniture.families import Mounting, look_of
 from ..plan import Furniture, Storey
-from .footprints import HEADROOM
+from .footprints import STANDING_ROOM
 
 STAND, PANEL = "cabinet", "wall panel"
 """Categories of holders."""
@@ -63,7 +63,7 @@ def holders(
         )
         if is_held:
             continue
-        if piece.bottom_y - floors_y[k] < HEADROOM:
+        if piece.bottom_y - floors_y[k] < STANDING_ROOM:
             found.append(_stand(piece, floors_y[k], number=number + len(found)))
             continue
         if not is_at_wall and ceilings_y[k] > piece.top_y:

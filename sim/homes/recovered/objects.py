@@ -43,7 +43,7 @@ _MATTRESS = 0.52
 _NARROW = 2 * (NEAR_ENOUGH - CELL - APART)
 """Largest lesser side of a standing thing that the robot only came near to on top of it (metres)."""
 _LEAST_HUNG = 0.55
-"""Least height of a thing that hangs from the ceiling over a recorded place (metres)."""
+"""Least height of a thing that hangs from the ceiling over a recorded place, even if less than HEADROOM is left."""
 _RIM = 0.06
 """Height by which a piece reaches above places on top of it (metres)."""
 _LIE_IF_HIGH: tuple[Family, ...] = ("box", "basket", "bin", "plant", "stove", "washing machine", "suitcase")
@@ -152,8 +152,8 @@ def _piece(fact: _Facts, recorded: Recorded) -> Furniture:
     elif fact.mounting == "wall":
         height = max(0.1, min(usual_h, 2 * fact.above))
     elif fact.mounting == "ceiling":
-        headroom = fact.goal.position[1] - _walked_below_y(fact, recorded)
-        height = min(usual_h, max(_LEAST_HUNG, 2 * (headroom - HEADROOM)))
+        above_place = fact.goal.position[1] - _walked_below_y(fact, recorded)
+        height = min(usual_h, max(_LEAST_HUNG, 2 * (above_place - HEADROOM)))
     return _furniture(fact, recorded, height=height)
 
 
