@@ -109,6 +109,7 @@ def test_rows_have_their_steps_pictures_come_from_the_camera_and_goal_and_measur
     assert found[("/goal/centre", False)]["step"] == [40]
     assert found[("/goal/region", False)]["step"] == [40]
     texts = [text[0] for text in found[("/task", True)]["TextDocument:text"]]
+    assert all("Edition of the episodes: own." in text for text in texts)
     assert ["| straight.agent | yes |" in text for text in texts] == [False, True]
     assert all("**Query:** Find Nell's table." in text for text in texts)
     assert "Nell keeps the red table" in texts[0]
