@@ -36,6 +36,7 @@ from .flow_steps import (
     take_step,
 )
 from .flow_studies import Line, PlannedStudy
+from .gateways import wait_until
 
 pytestmark = pytest.mark.browser
 
@@ -47,7 +48,6 @@ def arrived(study: PlannedStudy, browser: BrowserContext, task: TaskKind = "pan"
     if task == "pan":
         see_step(page, 0)
         expect(page.get_by_text(LABEL)).to_be_hidden()  # the page has heard of the participant's keys
-        page.evaluate("() => new Promise((done) => requestIdleCallback(done))")  # messages of a busy page come too late
     return page, code
 
 
@@ -147,6 +147,30 @@ def press_place(page: Page, code: str, key: str) -> None:
         [code, key],
     )
     page.wait_for_timeout(HOLD_MS)
+
+
+def test_the_time_of_a_press_arrives_on_a_busy_page(quick_study: PlannedStudy, browser: BrowserContext) -> None:
+    page, code = arrived(quick_study, browser)
+    page.evaluate(
+        """() => {
+            const press = (code) => document.body.dispatchEvent(new KeyboardEvent('keydown', {code: code, bubbles: true}));
+            press('KeyA');
+            press('KeyD');
+            for (const end = performance.now() + 300; performance.now() < end;);
+            press('KeyW');
+        }"""
+    )
+
+    def keys() -> list[Key]:
+        return [event for event in events(quick_study, code, 1) if isinstance(event, Key)]
+
+    wait_until(lambda: len(keys()) == 3)
+    assert [key.code for key in keys()] == ["KeyA", "KeyD", "KeyW"]
+    left, right, forward = [key.t_cli_ms for key in keys()]
+    assert left is not None
+    assert right is not None
+    assert forward is not None
+    assert left <= right <= forward - 300
 
 
 def test_keys_are_places_on_the_keyboard_and_can_be_chosen(quick_study: PlannedStudy, browser: BrowserContext) -> None:

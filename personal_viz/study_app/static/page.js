@@ -1,11 +1,12 @@
 // A participant's page: keys by their place on the keyboard, no auto-repeat, own keys, larger text, and messages to the
 // server through a hidden text input of viser's (LABEL). viser sends at most one message of all its inputs within 50 ms
-// and forgets those in between, so ours keep away from clicks, carry numbers, and are sent again until acknowledged.
+// and forgets those in between, so ours keep away from clicks, carry numbers, and are sent again until acknowledged; a key
+// waits until viser is free, because the message with the time of its press has to arrive before it.
 (() => {
   if (window.personalPage) return;
   const LABEL = 'messages of this page', EVERY_MS = 120, AGAIN_MS = 2500, PING_MS = 10000, LOST_MS = 12000,
     COMES_BACK_MS = 4000;
-  const AFTER_CLICK_MS = 90, MAX_PENDING = 200, MAX_AT_ONCE = 40;
+  const FREE_MS = 55, AFTER_CLICK_MS = 90, MAX_PENDING = 200, MAX_AT_ONCE = 40;
   const DEFAULT = {
     forward: ['KeyW', 'ArrowUp'], left: ['KeyA', 'ArrowLeft'], right: ['KeyD', 'ArrowRight'],
     look_up: ['KeyR'], look_down: ['KeyF'], stop: ['Enter', 'NumpadEnter'],
@@ -37,7 +38,15 @@
     Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(input, text);
     input.dispatchEvent(new Event('input', { bubbles: true }));
     state.sentAt = now();
+    occupy(FREE_MS);
     return true;
+  };
+  // Time alone does not tell whether viser is free: on a busy page its timers are late. Ours, set after its own, is later.
+  let isFree = true, freeing = 0;
+  const occupy = (ms) => {
+    isFree = false;
+    clearTimeout(freeing);
+    freeing = setTimeout(() => { isFree = true; passKeys(); }, ms);
   };
   const send = () => {
     clearTimeout(state.timer);
@@ -61,7 +70,7 @@
   };
   const tellPress = (code, t) => {  // unacknowledged: it must not keep the key that follows it waiting
     const action = actionOf(code);
-    if (action && state.seat && now() - state.sentAt > 55 && !state.isDown)
+    if (action && state.seat && !state.isDown)
       type(JSON.stringify({ seat: state.seat, said: [{ n: 0, kind: 'press', action: action, code: code, t_cli_ms: t }] }));
   };
   const acknowledge = (number) => {
@@ -143,12 +152,20 @@
     if (!key) return;
     const isTrial = document.querySelector('.personal-page') === null;
     if (isTrial) event.preventDefault();  // arrows and space must not scroll the panel
-    tellPress(code, event.timeStamp);
-    const twin = new KeyboardEvent('keydown', { key: key, code: known, bubbles: false, cancelable: true });
-    ours.add(twin);
-    document.documentElement.dispatchEvent(twin);  // where viser's hotkeys listen; its camera listens further out
+    waitingKeys.push({ code: code, t: event.timeStamp, twin: { key: key, code: known, bubbles: false, cancelable: true } });
+    passKeys();
   }, true);
-  const hold = () => { state.holdUntil = now() + AFTER_CLICK_MS; };
+  const waitingKeys = [];
+  const passKeys = () => {
+    while (isFree && waitingKeys.length) {
+      const { code, t, twin } = waitingKeys.shift();
+      tellPress(code, t);
+      const event = new KeyboardEvent('keydown', twin);
+      ours.add(event);
+      document.documentElement.dispatchEvent(event);  // where viser's hotkeys listen; its camera listens further out
+    }
+  };
+  const hold = () => { state.holdUntil = now() + AFTER_CLICK_MS; occupy(AFTER_CLICK_MS); };
   window.addEventListener('pointerdown', () => { state.isDown = true; hold(); }, true);
   const lift = () => { state.isDown = false; hold(); };
   window.addEventListener('pointerup', lift, true);
