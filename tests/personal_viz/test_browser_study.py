@@ -153,7 +153,8 @@ def test_the_time_of_a_press_arrives_on_a_busy_page(quick_study: PlannedStudy, b
     page, code = arrived(quick_study, browser)
     page.evaluate(
         """() => {
-            const press = (code) => document.body.dispatchEvent(new KeyboardEvent('keydown', {code: code, bubbles: true}));
+            const key = (code) => new KeyboardEvent('keydown', {code: code, bubbles: true});
+            const press = (code) => document.body.dispatchEvent(key(code));
             press('KeyA');
             press('KeyD');
             for (const end = performance.now() + 300; performance.now() < end;);
