@@ -8,11 +8,14 @@ from tyro.conf import Positional, arg
 
 from sim.episodes.dataset import PersonalDataset, key_from_text
 from sim.errors import PersonalVizError
+from sim.exchange.action_lists import read_action_list
+from sim.exchange.episode_names import NumberedBy
 from sim.exchange.import_runs import import_runs
 from sim.exchange.pose_files import MAX_ROUNDING, FreeMotion, PoseReading
+from sim.exchange.reported import import_reported
 from sim.frames import CameraAxes, PoseFrame
-from sim.tasks.run_files import Measures, Run, read_run
-from sim.types import MAX_STEPS
+from sim.tasks.run_files import REPORTED, Measures, Run, read_run
+from sim.types import MAX_STEPS, SPLITS, Split
 
 from .options import Dataset, RunId, ScenesDir
 from .refusals import check_options
@@ -23,10 +26,14 @@ class Import:
     """Read runs of another simulator, check every step and compute all distances.
 
     Files of recordings/habitat_writer.py say themselves how to read them. Pose lists (CSV, TUM, JSON, npz) need
-    --frame, and everything else that the files do not say: nothing is guessed.
+    --frame, and everything else that the files do not say: nothing is guessed. OneMap's poses need --numbered-by
+    onemap, VLFM's positions --actions. --reported takes a program's own figures as they are; tables say so.
     """
 
-    files: Annotated[Positional[tuple[Path, ...]], arg(help="Steps files (.jsonl), or .csv, .tsv, .tum, .json, .npz.")]
+    files: Annotated[
+        Positional[tuple[Path, ...]],
+        arg(help="Steps files (.jsonl), or .csv, .tsv, .tum, .json, .npz; or folders of them."),
+    ]
     dataset: Dataset
     who: Annotated[str, arg(help="Row name in tables.")]
     scenes_dir: ScenesDir = None
@@ -61,6 +68,21 @@ class Import:
     ] = None
     allow_sliding: Annotated[bool, arg(help="The robot slid along walls, where files do not say.")] = False
     episode: Annotated[str | None, arg(help="SPLIT/SCENE/ID of the file, where neither it nor its name says.")] = None
+    split: Annotated[Split | None, arg(help="The split that was played, where names of files hold none.")] = None
+    numbered_by: Annotated[
+        NumberedBy | None,
+        arg(
+            help="What numbers of episodes count: id = the dataset's ids; place = the place in the scene's file, as in "
+            "habitat-lab; onemap = OneMap's running index over a split (poses_N.csv, with state/state_N.txt beside)."
+        ),
+    ] = None
+    actions: Annotated[
+        Path | None,
+        arg(help="List of all actions, one a line, for files with positions only (VLFM's trajectory/N_SCENE.txt)."),
+    ] = None
+    reported: Annotated[
+        bool, arg(help="Take the figures of VLFM's N_SCENE.json or of a table as reported; recompute nothing.")
+    ] = False
     rounding: Annotated[float, arg(help="Metres by which positions are rounded, up to 0.01.")] = 0.001
     motion: Annotated[
         Literal["paper", "free"],
@@ -72,10 +94,25 @@ class Import:
 
     def run(self) -> int:
         check_options(self)
-        reading = self._reading()
+        dataset = PersonalDataset(self.dataset)
+        splits = SPLITS if self.split is None else (self.split,)
+        if self.reported:
+            self._require_no_reading()
+            (folder,) = import_reported(
+                self.files,
+                dataset=dataset,
+                out=self.out,
+                who=self.who,
+                run_id=self.run_id,
+                numbered_by=self.numbered_by,
+                splits=splits,
+            )
+            print(f"{folder}: {len(read_run(folder).reported)} episodes of {self.who!r}, {REPORTED}.")
+            return 0
+        reading = self._reading(splits)
         folders = import_runs(
             self.files,
-            dataset=PersonalDataset(self.dataset),
+            dataset=dataset,
             scenes_dir=self.scenes_dir,
             out=self.out,
             who=self.who,
@@ -86,7 +123,17 @@ class Import:
             _print_run(folder, read_run(folder), self.who, is_free=self.motion == "free")
         return 0
 
-    def _reading(self) -> PoseReading | None:
+    def _require_no_reading(self) -> None:
+        """Refuses options about poses beside `--reported`, which reads none."""
+        given = [name for name in ("frame", "columns", "rows", "stopped", "episode", "actions") if getattr(self, name)]
+        if given or self.motion == "free" or self.numbered_by == "onemap":
+            found = given[0] if given else "motion" if self.motion == "free" else "numbered-by onemap"
+            raise PersonalVizError(
+                f"--{found}: stands beside --reported, which takes figures as they are; expected one of them. "
+                "Leave --reported out to import poses and compute the figures."
+            )
+
+    def _reading(self, splits: tuple[Split, ...]) -> PoseReading | None:
         """How to read pose files; None = the files are steps files.
 
         Raises:
@@ -99,8 +146,18 @@ class Import:
                 f"--rounding is {self.rounding}; expected more than 0 and at most {MAX_ROUNDING} (metres). "
                 "Write positions with more decimals."
             )
-        others = (self.quaternion, self.camera_axes, self.columns, self.rows, self.stopped, self.episode, free)
-        if self.frame is None:
+        if self.actions is not None and free is not None:
+            raise PersonalVizError(
+                "--actions stands beside --motion free; expected one of them, since the list holds PersONAL's actions. "
+                "Leave one out."
+            )
+        frame, columns, rows = self.frame, self.columns, self.rows
+        if self.numbered_by == "onemap":
+            frame, columns, rows = frame or "ros", columns or "x,y,z,yaw", rows or "before-action"
+        elif self.actions is not None:
+            frame, columns = frame or "world", columns or "step,x,y,z"
+        others = (self.quaternion, self.camera_axes, columns, rows, self.stopped, self.episode, free)
+        if frame is None:
             if any(others) or self.allow_sliding or self.poses == "camera":
                 raise PersonalVizError(
                     "--frame is missing beside other options of pose files; expected world, zup, ros, start, start-ros "
@@ -108,17 +165,20 @@ class Import:
                 )
             return None
         return PoseReading(
-            frame=self.frame,
+            frame=frame,
             quaternion=self.quaternion,
             poses=self.poses,
             camera_axes=self.camera_axes,
-            columns=tuple(name.strip() for name in self.columns.split(",")) if self.columns else (),
-            rows=self.rows,
+            columns=tuple(name.strip() for name in columns.split(",")) if columns else (),
+            rows=rows,
             stopped=None if self.stopped is None else self.stopped == "yes",
             allow_sliding=self.allow_sliding,
             episode=None if self.episode is None else key_from_text(self.episode, where="--episode"),
             rounding=self.rounding,
             free=free,
+            numbered_by=self.numbered_by,
+            splits=splits,
+            actions=None if self.actions is None else read_action_list(self.actions),
         )
 
     def _free_motion(self) -> FreeMotion | None:

@@ -35,8 +35,8 @@ class Metrics:
     json: Json = False
 
     def run(self) -> int:
-        found = read_runs(self.runs)
-        require_comparable(run.info for run in found if run.episodes)
+        found = read_runs(self.runs, with_reported=True)
+        require_comparable(run.info for run in found if run.episodes or run.reported)
         require_comparable(run.info for run in found if run.answers)
         rows = metric_rows(found, rule=self.rule)
         warnings = rule_warnings(rows)

@@ -5,30 +5,28 @@ about success, measures or collisions are not used; a file with an impossible st
 then nothing is written.
 """
 
-import hashlib
 import math
-import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from pydantic import ValidationError
-
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.errors import RunFileError, line_from_validation_error
+from sim.errors import RunFileError, short
 from sim.homes.kind import common_kind
-from sim.types import EpisodeKey, SceneKind
+from sim.types import EpisodeKey
 
-from ..tasks.provenance import make_run_info
 from ..tasks.rules import score_run
-from ..tasks.run_files import EpisodeEnd, EpisodeRun, RunInfo, read_episode_runs
+from ..tasks.run_files import EpisodeEnd, EpisodeRun, read_episode_runs
 from ..tasks.run_writer import RunWriter
 from ..tasks.step_checks import CheckedRun, check_free_motion, check_places, check_steps, start_problem, with_own_facts
-from .episode_names import find_episode, key_of_table
+from .action_lists import run_along_positions
+from .episode_names import find_episode, key_of_facts, numbered_keys, only_fitting
+from .foreign_files import digest_of, files_in, info_of_import
 from .pose_actions import run_from_poses
-from .pose_files import PoseReading, is_pose_file, poses_from_table, read_pose_tables, undeclared_frame
-from .pose_tables import PoseTable
+from .pose_files import POSE_SUFFIXES, PoseReading, is_pose_file, poses_from_table, read_pose_tables, undeclared_frame
+from .pose_tables import PoseTable, read_text
 
 
 def import_runs(
@@ -45,7 +43,8 @@ def import_runs(
     """Checks files of another simulator, scores their runs and writes them as run folders below `out`.
 
     Args:
-        files: Steps or pose files, read as one run (an evaluation may write one file per worker or episode).
+        files: Steps or pose files, or folders of them, read as one run (an evaluation may write one file per worker or
+            episode).
         dataset: The episodes that were played.
         scenes_dir: Folder with the scans; None only for invented homes, whose plan is beside the episodes.
         out: Folder that gets `<run_id>/`.
@@ -62,6 +61,7 @@ def import_runs(
             written.
         SceneError: The scenes are of several kinds, or one cannot be opened.
     """
+    paths, files = files, files_in(files, *_patterns(reading))
     _require_one_kind(files, reading)
     checked = [run for path in files for run in check_file(path, dataset=dataset, reading=reading)]
     _require_some_and_no_twins(checked, files)
@@ -71,8 +71,16 @@ def import_runs(
             f"{dataset.root}: there are neither scans nor plans of its homes, only schematic homes, which another "
             "simulator did not use; expected the scenes that were played. Give --scenes-dir the folder of their GLBs."
         )
-    declared = _declared(reading, checked) if reading else {}
-    info = _run_info(files, dataset=dataset, kind=kind, who=who, run_id=run_id, declared=declared)
+    info = info_of_import(
+        paths,
+        digest_of(files),
+        dataset=dataset,
+        kind=kind,
+        who=who,
+        run_id=run_id,
+        condition="free motion" if reading and reading.free else "none",
+        declared=_declared(reading, checked) if reading else {},
+    )
     scored = _score(checked, dataset=dataset, scenes_dir=scenes_dir)
     writer = RunWriter(out / info.run_id, info)
     for run in scored:
@@ -105,14 +113,21 @@ def check_file(path: Path, *, dataset: PersonalDataset, reading: PoseReading | N
         yield CheckedRun(episode, with_own_facts(run, episode), wheres)
 
 
+def _patterns(reading: PoseReading | None) -> tuple[str, ...]:
+    """Names of the files that are taken from a folder."""
+    if reading is None:
+        return ("*.jsonl",)
+    if reading.numbered_by == "onemap":
+        return ("**/poses_*.csv",)
+    if reading.actions is not None:
+        return ("**/*_*.txt",)
+    return tuple(f"*{suffix}" for suffix in POSE_SUFFIXES)
+
+
 def _check_poses(path: Path, dataset: PersonalDataset, reading: PoseReading) -> Iterator[CheckedRun]:
     for table in read_pose_tables(path, reading):
-        named = key_of_table(table, reading.episode, dataset)
-
-        def problem(episode: Episode, table: PoseTable = table) -> str | None:
-            return start_problem(_run(table, reading, episode)[1].start, episode)
-
-        episode = find_episode(table.where, named, dataset, problem)
+        table = _with_state(table) if reading.numbered_by == "onemap" else table
+        episode = _episode_of(table, reading, dataset)
         wheres, run = _run(table, reading, episode)
         if reading.free is None:
             check_steps(wheres, run, rounding=reading.rounding)
@@ -123,9 +138,53 @@ def _check_poses(path: Path, dataset: PersonalDataset, reading: PoseReading) -> 
         yield CheckedRun(episode, with_own_facts(run, episode), wheres, ignored=table.ignored)
 
 
+def _episode_of(table: PoseTable, reading: PoseReading, dataset: PersonalDataset) -> Episode:
+    """The episode that a table names, after a look at its start."""
+
+    def problem(episode: Episode) -> str | None:
+        if reading.actions is None:
+            return start_problem(_run(table, reading, episode)[1].start, episode)
+        try:
+            _run(table, reading, episode)
+        except RunFileError as error:
+            return str(error)
+        return None
+
+    facts, numbered = table.facts, reading.numbered_by
+    if reading.episode is None:
+        keys = numbered_keys(table.path, facts, dataset, numbered_by=numbered, splits=reading.splits)
+        if keys:
+            return dataset.episode(only_fitting(table.where, keys, lambda key: problem(dataset.episode(key))))
+        if numbered == "onemap":
+            raise RunFileError(
+                f"{table.where}: its name is {table.path.name!r}; expected poses_N, where the dataset has more than N "
+                "episodes with one target in a split. Give --dataset the very episodes that OneMap was given."
+            )
+    named = key_of_facts(table.where, table.path, facts, reading.episode, dataset)
+    return find_episode(table.where, named, dataset, problem)
+
+
 def _run(table: PoseTable, reading: PoseReading, episode: Episode) -> tuple[tuple[str, ...], EpisodeRun]:
+    if reading.actions is not None:
+        return run_along_positions(table, reading, episode)
     poses = poses_from_table(table, reading, episode.start)
     return run_from_poses(table, reading, poses, key=episode.key, start=episode.start)
+
+
+def _with_state(table: PoseTable) -> PoseTable:
+    """The table, and whether the robot stopped, from OneMap's `state/state_N.txt`, where that file is there.
+
+    Of its `Result`s, SUCCESS (1), FAILURE_MISDETECT (2) and FAILURE_NOT_REACHED (5) follow a stop; the robots of the
+    others (3, 4, 6) walked until their steps were used up.
+    """
+    number = table.path.stem.rpartition("_")[2]
+    path = table.path.parent.parent / "state" / f"state_{number}.txt"
+    if not path.is_file():
+        return table
+    state = read_text(path).strip()
+    if state not in tuple("123456"):
+        raise RunFileError(f"{path}: found {short(state)}; expected 1 to 6, OneMap's Result. Copy the file again.")
+    return replace(table, facts={**table.facts, "stopped": "yes" if state in tuple("125") else "no"})
 
 
 def _require_some_and_no_twins(checked: Sequence[CheckedRun], files: Sequence[Path]) -> None:
@@ -186,33 +245,6 @@ def _score(checked: Sequence[CheckedRun], *, dataset: PersonalDataset, scenes_di
     return [scored[item.episode.key] for item in checked]
 
 
-def _run_info(
-    files: Sequence[Path],
-    *,
-    dataset: PersonalDataset,
-    kind: SceneKind,
-    who: str,
-    run_id: str | None,
-    declared: dict[str, str | int | float | bool | None],
-) -> RunInfo:
-    digest = _digest(files)
-    names = " ".join(path.name for path in files)
-    slug = re.sub(r"[^A-Za-z0-9._-]+", "-", who).strip("-.")[:60] or "run"
-    try:
-        return make_run_info(
-            run_id or f"{slug}-{digest[:8]}",
-            who=who,
-            who_kind="agent",
-            scene_kind=kind,
-            condition="free motion" if "max_move" in declared else "none",
-            dataset_digest=dataset.digest(),
-            config={"imported": names, "imported_digest": digest, **declared},
-        )
-    except ValidationError as error:
-        advice = "Give another --run-id (letters, digits, '.', '_', '-') or --who."
-        raise RunFileError(line_from_validation_error("import", error, advice=advice)) from None
-
-
 def _declared(reading: PoseReading, checked: Sequence[CheckedRun]) -> dict[str, str | int | float | bool | None]:
     """Declarations about pose files, and their rows that were left out, for `run.json`."""
     free = reading.free
@@ -228,16 +260,7 @@ def _declared(reading: PoseReading, checked: Sequence[CheckedRun]) -> dict[str, 
         "allow_sliding": reading.allow_sliding,
         "rounding": reading.rounding,
         "ignored_columns": ",".join(ignored) or None,
+        **({"numbered_by": reading.numbered_by} if reading.numbered_by else {}),
+        **({"actions": len(reading.actions)} if reading.actions else {}),
         **({"max_move": free.max_move, "max_turn_deg": free.max_turn_deg, "max_steps": free.max_steps} if free else {}),
     }
-
-
-def _digest(files: Sequence[Path]) -> str:
-    """sha256 over the bytes of all files, in the given order."""
-    total = hashlib.sha256()
-    for path in files:
-        try:
-            total.update(path.read_bytes())
-        except OSError as error:
-            raise RunFileError(f"{path}: cannot be read ({error}); expected steps or poses. Check the path.") from None
-    return total.hexdigest()

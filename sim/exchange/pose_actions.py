@@ -90,11 +90,16 @@ def _given_actions(table: PoseTable) -> list[Action | None] | None:
     found: list[Action | None] = []
     for row, value in enumerate(table.actions):
         where = table.wheres[min(row, len(table.wheres) - 1)]
-        found.append(None if value in (None, "", "none") else _action(where, value))
+        found.append(None if value in (None, "", "none") else action_of(where, value))
     return found
 
 
-def _action(where: str, value: object) -> Action:
+def action_of(where: str, value: object) -> Action:
+    """The action that a number of Habitat's or a name stands for.
+
+    Raises:
+        RunFileError: It stands for none.
+    """
     number = number_of(value)
     if number is not None and number.is_integer() and 0 <= number < len(_ORDER):
         return _ORDER[int(number)]
@@ -208,6 +213,8 @@ def _ended(table: PoseTable, reading: PoseReading, walk: _Walk, *, is_told: bool
             f"{table.where}: nothing says whether the run ended with STOP; expected an action column, a 'stopped' "
             "field or a declaration. Give --stopped yes or --stopped no."
         )
+    if not stopped and reading.free and reading.rows == "before-action" and len(table.wheres) == reading.free.max_steps:
+        return _Walk([*walk.states, walk.states[-1]], [*walk.actions, Action.FORWARD])  # its result was never written
     if has_stopped and not stopped:
         raise RunFileError(
             f"{table.where}: stopped is false, but the last action is 'stop'; expected them to agree. Correct one."

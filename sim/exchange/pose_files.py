@@ -24,9 +24,10 @@ from sim.frames import (
     T_world_frame,
     yaw_tilt_roll_from_R,
 )
-from sim.types import CAMERA_HEIGHT, MAX_STEPS, EpisodeKey, Pose
+from sim.types import CAMERA_HEIGHT, MAX_STEPS, SPLITS, Action, EpisodeKey, Pose, Split
 
 from ..tasks.step_checks import ANGLE_TOLERANCE, POSITION_TOLERANCE
+from .episode_names import NumberedBy
 from .pose_readers import TUM_SUFFIXES, read_csv_tables, read_json_tables, read_npz_table
 from .pose_tables import ADVERTISED, GPS, LISTED_QUAT, MATRIX, NAMED_QUAT, PLANAR, POSITION, PoseTable
 
@@ -78,6 +79,12 @@ class PoseReading:
     """Metres of rounding in the positions; 0.001 fits four decimals and more."""
     free: FreeMotion | None = None
     """Bounds of a robot with other actions than PersONAL's; None = PersONAL's actions."""
+    numbered_by: NumberedBy | None = None
+    """What numbers in the files' names count; None = ids or places, whichever starts there."""
+    splits: tuple[Split, ...] = SPLITS
+    """Splits that were played, for names without a split."""
+    actions: tuple[Action, ...] | None = None
+    """The actions of all episodes, for files that hold positions only."""
 
 
 def is_pose_file(path: Path) -> bool:
@@ -120,7 +127,7 @@ def poses_from_table(table: PoseTable, reading: PoseReading, start: Pose) -> tup
         RunFileError: A value is missing or not finite, columns are missing, a convention is missing, or a rotation is
             impossible for a robot on a floor.
     """
-    positions, has_height = _positions(table, reading, start)
+    positions, has_height = world_positions(table, reading, start)
     yaws, tilts = _yaws_and_tilts(table, reading, start)
     if abs(tilts[0]) > (math.pi / 2 if reading.free else ANGLE_TOLERANCE):
         raise RunFileError(
@@ -135,13 +142,12 @@ def poses_from_table(table: PoseTable, reading: PoseReading, start: Pose) -> tup
     )
 
 
-def tells_tilt(table: PoseTable, reading: PoseReading) -> bool:
-    """Whether the rows give the camera's tilt."""
-    return table.has("tilt") or table.has("tilt_deg") or (reading.poses == "camera" and _rotation(table) != "yaw")
+def world_positions(table: PoseTable, reading: PoseReading, start: Pose) -> tuple[NDArray[np.float64], bool]:
+    """World points (T, 3), and whether the file gives heights; if not, all points are at the start's height.
 
-
-def _positions(table: PoseTable, reading: PoseReading, start: Pose) -> tuple[NDArray[np.float64], bool]:
-    """World points (T, 3), and whether the file gives heights; if not, all points are at the start's height."""
+    Raises:
+        RunFileError: A value is missing or not finite, or columns are missing.
+    """
     frame = reading.frame
     T = T_world_frame(frame, start)
     is_zup = frame in ZUP_FRAMES
@@ -165,6 +171,11 @@ def _positions(table: PoseTable, reading: PoseReading, start: Pose) -> tuple[NDA
     if not has_height:
         world[:, 1] = start.position[1]
     return world, has_height
+
+
+def tells_tilt(table: PoseTable, reading: PoseReading) -> bool:
+    """Whether the rows give the camera's tilt."""
+    return table.has("tilt") or table.has("tilt_deg") or (reading.poses == "camera" and _rotation(table) != "yaw")
 
 
 def _rotation(table: PoseTable) -> Literal["matrix", "named", "listed", "yaw"]:

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict
 from sim.errors import RunFileError
 from sim.types import RULE_NOTES, SPLITS, EpisodeKey, SuccessRule, TaskKind
 
-from .run_files import FAR_FROM_VIEW, Answer, EpisodeRun, Measures, Run, RunInfo, read_run
+from .run_files import FAR_FROM_VIEW, REPORTED, Answer, EpisodeRun, Measures, Reported, Run, RunInfo, read_run
 
 _Z_95 = 1.959963984540054
 """Half the width of a 95 % interval, in standard errors."""
@@ -56,8 +56,8 @@ class MetricRow(BaseModel):
     """Edition of the episodes."""
     split: str
     """A split, or `total` = the plain mean of the splits present, as in the paper's Total column."""
-    rule: SuccessRule | Literal["planar"]
-    """`planar` for POG (DESIGN.md)."""
+    rule: SuccessRule | Literal["planar", "reported"]
+    """`planar` for POG (DESIGN.md); `reported` = figures that another program reported, by a rule of its own."""
     n: int
     """Counted trials; technical failures and undefined episodes are left out."""
     k: int
@@ -89,7 +89,7 @@ def metrics(folders: Sequence[Path | str], *, rule: SuccessRule = "paper") -> li
     Raises:
         RunFileError: A folder holds no run, or runs are damaged or cannot be pooled (`metric_rows`).
     """
-    return metric_rows(read_runs([Path(folder) for folder in folders]), rule=rule)
+    return metric_rows(read_runs([Path(folder) for folder in folders], with_reported=True), rule=rule)
 
 
 def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[MetricRow]:
@@ -104,7 +104,7 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
         RunFileError: A run was never scored, an episode stands twice in one run, runs of one task are on different
             episode files, or PAN runs in one kind of homes were made with and without labels.
     """
-    _require_same_dataset(run.info for run in runs if run.episodes)
+    _require_same_dataset(run.info for run in runs if run.episodes or run.reported)
     _require_same_dataset(run.info for run in runs if run.answers)
     for kind in {run.info.scene_kind for run in runs}:
         _require_same_labels(run.info for run in runs if run.episodes and run.info.scene_kind == kind)
@@ -112,14 +112,14 @@ def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[Met
     for run in runs:
         _require_scored(run)
         who, condition, kind = run.info.who, run.info.condition, run.info.scene_kind
-        if run.episodes:
+        if run.episodes or run.reported:
             groups[(who, condition, kind, "pan")].append(run)
         if run.answers:
             groups[(who, condition, kind, "pog")].append(run)
     rows = []
     for (who, condition, kind, task), pooled in groups.items():
         _require_no_trial_twice(pooled, task)
-        items = [item for run in pooled for item in (run.episodes if task == "pan" else run.answers)]
+        items = [item for run in pooled for item in _trials(run, task)]
         names: dict[str, Any] = {"who": who, "condition": condition, "scene_kind": kind, "task": task}
         names["edition"] = pooled[0].info.edition
         made_for = {run.info.made_for for run in pooled if run.info.made_for is not None and task == "pan"}
@@ -189,7 +189,12 @@ def made_for_warning(who: str, made_for: Sequence[str], *, rule: str) -> str:
 
 def reading_notes(rows: Sequence[MetricRow]) -> list[str]:
     """Notes below a table: its rule, and for each row name the effect of our reading of the paper; none for POG."""
-    notes = [f"Rule {RULE_NOTES[row.rule]}." for row in rows[:1] if row.rule != "planar"]
+    rules = dict.fromkeys(row.rule for row in rows)
+    notes = [f"Rule {RULE_NOTES[rule]}." for rule in RULE_NOTES if rule in rules]
+    if "reported" in rules:
+        notes.append(
+            f"Rows {REPORTED!r} hold figures that another program wrote, by its own rule and on its own homes."
+        )
     for row in rows:
         strict, far = row.paper_strict, row.far_from_view
         if row.split != "total" or strict is None or far is None:
@@ -257,16 +262,25 @@ def run_folders(folders: Sequence[Path]) -> list[Path]:
     return found
 
 
-def read_runs(folders: Sequence[Path]) -> list[Run]:
+def read_runs(folders: Sequence[Path], *, with_reported: bool = False) -> list[Run]:
     """The runs in the named folders, or one level below a named folder.
 
+    Args:
+        folders: The folders.
+        with_reported: Whether figures that another program reported may be among them. They are no trials to pair.
+
     Raises:
-        RunFileError: A folder holds no run, or a run is damaged.
+        RunFileError: A folder holds no run, or only reported figures where none may be, or a run is damaged.
     """
     found = run_folders(folders)
     runs = [read_run(folder) for folder in found]
     for folder, run in zip(found, runs, strict=True):
-        if not run.episodes and not run.answers:
+        if run.reported and not with_reported:
+            raise RunFileError(
+                f"{folder}: holds figures that were {REPORTED}; expected runs whose steps were checked here. Import "
+                "the steps or poses of that program, or leave it out; personal-viz metrics shows such figures."
+            )
+        if not run.episodes and not run.answers and not run.reported:
             raise RunFileError(f"{folder}: holds no finished episode or answer; expected at least one. Run it again.")
     return runs
 
@@ -291,8 +305,9 @@ def _require_no_trial_twice(runs: Sequence[Run], task: TaskKind) -> None:
     seen: dict[tuple[EpisodeKey, str | None, int | str], str] = {}
     for run in runs:
         source = run.info.run_id if run.info.seed is None else run.info.seed
-        for item in run.episodes if task == "pan" else run.answers:
-            participant = item.start.participant if isinstance(item, EpisodeRun) else item.participant
+        for item in _trials(run, task):
+            participant = item.start.participant if isinstance(item, EpisodeRun) else None
+            participant = item.participant if isinstance(item, Answer) else participant
             trial = (item.key, participant, source)
             if trial in seen:
                 raise RunFileError(
@@ -302,9 +317,17 @@ def _require_no_trial_twice(runs: Sequence[Run], task: TaskKind) -> None:
             seen[trial] = run.info.run_id
 
 
-def _row(names: dict[str, Any], split: str, items: Sequence[EpisodeRun | Answer], *, rule: SuccessRule) -> MetricRow:
+def _trials(run: Run, task: TaskKind) -> tuple[EpisodeRun | Answer | Reported, ...]:
+    return (*run.episodes, *run.reported) if task == "pan" else run.answers
+
+
+def _row(
+    names: dict[str, Any], split: str, items: Sequence[EpisodeRun | Answer | Reported], *, rule: SuccessRule
+) -> MetricRow:
     if names["task"] == "pog":
         return _pog_row(names, split, [item for item in items if isinstance(item, Answer)])
+    if reported := [item for item in items if isinstance(item, Reported)]:
+        return _reported_row(names, split, reported)
     return _pan_row(names, split, [item for item in items if isinstance(item, EpisodeRun)], rule=rule)
 
 
@@ -334,6 +357,23 @@ def _rule_figures(counted: Sequence[Measures], rule: SuccessRule) -> RuleFigures
         dtg=float(np.mean(reached)) if reached else None,
         unreachable=sum(measures.dtg is None or measures.start_distance is None for measures in found),
         undefined=len(scored) - len(found),
+    )
+
+
+def _reported_row(names: dict[str, Any], split: str, figures: Sequence[Reported]) -> MetricRow:
+    """SPL only where every episode has one; DTG over the episodes that have one, as for our own runs."""
+    spl = [item.spl for item in figures if item.spl is not None]
+    reached = [item.dtg for item in figures if item.dtg is not None]
+    successes = sum(item.success for item in figures)
+    return MetricRow(
+        **names,
+        split=split,
+        rule="reported",
+        n=len(figures),
+        k=successes,
+        sr=_percent(successes, len(figures)),
+        spl=_percent(sum(spl), len(figures)) if len(spl) == len(figures) else None,
+        dtg=float(np.mean(reached)) if reached else None,
     )
 
 

@@ -1,7 +1,8 @@
 """Runs on disk and in memory: `EpisodeRun` (PAN) and `Answer` (POG), from agents, people and other simulators alike.
 
 `runs/<run_id>/`: `run.json` (who and with what), `steps.jsonl` (one block of lines per PAN episode: `episode`,
-`step`..., `end`), `answers.jsonl` (one line per POG answer). Blocks are appended whole; files are never edited.
+`step`..., `end`), `answers.jsonl` (one line per POG answer), `reported.jsonl` (one line per PAN episode whose figures
+another program reported). Blocks are appended whole; files are never edited.
 """
 
 import hashlib
@@ -9,7 +10,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -32,6 +33,7 @@ RUN_ID = r"^[A-Za-z0-9_-][A-Za-z0-9._-]{0,79}$"
 MAX_NAME = 80
 """Most characters of a run's name and of a row's name."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
+_Line = TypeVar("_Line", bound=BaseModel)
 
 
 _NO_CONTROLS = r"^[^\x00-\x1f\x7f-\x9f]*$"
@@ -280,6 +282,35 @@ class Answer(BaseModel):
         return EpisodeKey(self.split, self.scene, self.episode_id)
 
 
+class Reported(BaseModel):
+    """The figures of one PAN episode as another program reported them; one line of `reported.jsonl`.
+
+    Nothing about them was checked or recomputed.
+    """
+
+    model_config = _MODEL
+    kind: Literal["reported"] = "reported"
+    schema_version: Literal[1] = 1
+    split: Split
+    scene: str
+    episode_id: str
+    success: bool
+    spl: Share | None = None
+    dtg: Length | None = None
+    """Metres to the goal at the end, by the program's own definition; None = not told, or no path."""
+    num_steps: int | None = Field(default=None, ge=0)
+    stopped: bool | None = None
+
+    @property
+    def key(self) -> EpisodeKey:
+        """The episode."""
+        return EpisodeKey(self.split, self.scene, self.episode_id)
+
+
+REPORTED = "reported, not recomputed"
+"""Condition of runs whose figures another program reported."""
+
+
 class Run(BaseModel):
     """A whole run folder in memory."""
 
@@ -287,6 +318,7 @@ class Run(BaseModel):
     info: RunInfo
     episodes: tuple[EpisodeRun, ...] = ()
     answers: tuple[Answer, ...] = ()
+    reported: tuple[Reported, ...] = ()
 
 
 def fitting_run_id(name: str) -> str:
@@ -310,12 +342,12 @@ def _digest_of(name: str) -> str:
     return "-" + hashlib.sha256(name.encode(errors="backslashreplace")).hexdigest()[:8]
 
 
-_LINE_MODELS = {"episode": EpisodeStart, "step": Step, "end": EpisodeEnd, "answer": Answer}
+_LINE_MODELS = {"episode": EpisodeStart, "step": Step, "end": EpisodeEnd, "answer": Answer, "reported": Reported}
 _ADVICE = "Write the file again from its source, or delete the damaged line's episode block."
 
 
 def read_lines(path: Path) -> Iterator[tuple[int, BaseModel]]:
-    """(line number from 1, checked model) of each line of a steps or answers file.
+    """(line number from 1, checked model) of each line of a file of steps, answers or reported figures.
 
     Raises:
         RunFileError: The file is unreadable or a line is not valid.
@@ -386,14 +418,21 @@ def read_run(folder: Path) -> Run:
         RunFileError: `run.json` is missing or any file is damaged.
     """
     info = read_run_info(folder)
-    steps, answers = folder / "steps.jsonl", folder / "answers.jsonl"
+    steps = folder / "steps.jsonl"
     runs = tuple(run for _, run in read_episode_runs(steps)) if steps.is_file() else ()
+    answers = _read_all(folder / "answers.jsonl", Answer)
+    return Run(info=info, episodes=runs, answers=answers, reported=_read_all(folder / "reported.jsonl", Reported))
+
+
+def _read_all(path: Path, model: type[_Line]) -> tuple[_Line, ...]:
+    """The lines of a file that holds one kind of them; () where there is no file."""
     found = []
-    for number, line in read_lines(answers) if answers.is_file() else ():
-        if not isinstance(line, Answer):
-            raise RunFileError(f"{answers}:{number}: found a line of another kind; expected 'answer'. {_ADVICE}")
+    for number, line in read_lines(path) if path.is_file() else ():
+        if not isinstance(line, model):
+            kind = model.model_fields["kind"].default
+            raise RunFileError(f"{path}:{number}: found a line of another kind; expected {kind!r}. {_ADVICE}")
         found.append(line)
-    return Run(info=info, episodes=runs, answers=tuple(found))
+    return tuple(found)
 
 
 def run_texts(run: Run) -> dict[str, str]:
@@ -401,7 +440,8 @@ def run_texts(run: Run) -> dict[str, str]:
     lines = [line for walk in run.episodes for line in (walk.start, *walk.steps, walk.end)]
     texts = {"run.json": run.info.model_dump_json(indent=2) + "\n"}
     texts |= {"steps.jsonl": _text_of(lines)} if run.episodes else {}
-    return texts | ({"answers.jsonl": _text_of(run.answers)} if run.answers else {})
+    texts |= {"answers.jsonl": _text_of(run.answers)} if run.answers else {}
+    return texts | ({"reported.jsonl": _text_of(run.reported)} if run.reported else {})
 
 
 def _text_of(lines: Iterable[BaseModel]) -> str:

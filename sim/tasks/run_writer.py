@@ -11,7 +11,7 @@ from sim.errors import RunFileError
 from sim.files import append_whole, write_whole
 from sim.types import EpisodeKey
 
-from .run_files import Answer, EpisodeRun, RunInfo, read_run, read_run_info
+from .run_files import Answer, EpisodeRun, Reported, RunInfo, read_run, read_run_info
 
 
 class RunWriter:
@@ -34,10 +34,10 @@ class RunWriter:
                 folder.rmdir()  # this shows that it can be written; a run without results leaves no folder
             if (folder / "run.json").exists():
                 self._require_same_run(read_run_info(folder), info)
-                for name in ("steps.jsonl", "answers.jsonl"):
+                for name in ("steps.jsonl", "answers.jsonl", "reported.jsonl"):
                     _cut_incomplete_tail(folder / name)
                 run = read_run(folder)
-                self.done |= {item.key for item in (*run.episodes, *run.answers)}
+                self.done |= {item.key for item in (*run.episodes, *run.answers, *run.reported)}
                 for episode in run.episodes:
                     self._require_same_scene(episode)
         except OSError as error:
@@ -61,6 +61,15 @@ class RunWriter:
         """
         self._append("answers.jsonl", answers)
         self.done.update(answer.key for answer in answers)
+
+    def add_reported(self, figures: Sequence[Reported]) -> None:
+        """Appends one line each; they are on disk when this returns.
+
+        Raises:
+            RunFileError: The folder cannot be written.
+        """
+        self._append("reported.jsonl", figures)
+        self.done.update(item.key for item in figures)
 
     def _append(self, name: str, lines: Sequence[BaseModel]) -> None:
         text = "".join(line.model_dump_json() + "\n" for line in lines)
@@ -132,4 +141,4 @@ def _closes_a_block(line: str) -> bool:
         raw = json.loads(line)
     except (ValueError, RecursionError):
         return False
-    return isinstance(raw, dict) and raw.get("kind") in ("end", "answer")
+    return isinstance(raw, dict) and raw.get("kind") in ("end", "answer", "reported")

@@ -1,5 +1,6 @@
 """`personal-viz export`, and `import` of its files, as a person types them."""
 
+import json
 import math
 from itertools import pairwise
 from pathlib import Path
@@ -9,6 +10,7 @@ import pytest
 
 from personal_viz.cli.export import Export
 from personal_viz.cli.import_runs import Import
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
 from sim.tasks.metrics import metric_rows
 from sim.tasks.run_files import Run, read_run
@@ -75,6 +77,84 @@ def test_tum_files_are_imported_to_the_same_poses_and_measures(home: Path, tmp_p
         assert [pose.position for pose in run.poses] == [pose.position for pose in other.poses]
         assert [step.action for step in run.steps] == [step.action for step in other.steps]
         assert run.end == other.end
+
+
+def written_as_vlfm(run: Run, folder: Path) -> None:
+    """Writes a run as VLFM does: positions without the last step, and one list of the actions of all episodes."""
+    (folder / "trajectory").mkdir(parents=True)
+    numbers = {"stop": 0, "forward": 1, "left": 2, "right": 3}
+    actions = [numbers[step.action] for episode in run.episodes for step in episode.steps]
+    (folder / "actions.txt").write_text("".join(f"{action}\n" for action in actions))
+    for episode in run.episodes:
+        rows = [(number, *step.position) for number, step in enumerate(episode.steps[:-1], start=1)]
+        text = "".join(", ".join(map(str, row)) + "\n" for row in rows)
+        (folder / "trajectory" / f"{episode.key.episode_id}_{episode.key.scene}.txt").write_text(text)
+        measures = episode.end.measures
+        assert measures is not None
+        figures = {"success": True, "spl": 0.5, "distance_to_goal": 0.0, "num_steps": measures.num_steps}
+        (folder / f"{episode.key.episode_id}_{episode.key.scene}.json").write_text(json.dumps(figures))
+
+
+def test_vlfms_files_are_imported_step_by_step_and_as_reported(home: Path, tmp_path: Path) -> None:
+    run = read_run(home / "runs" / RUN)
+    easy = run.model_copy(update={"episodes": tuple(item for item in run.episodes if item.start.split == "easy")})
+    written_as_vlfm(easy, tmp_path / "vlfm")
+    options = ("--dataset", str(home / "data"), "--split", "easy", "--out", str(tmp_path / "runs"))
+    done = personal_viz(
+        *("import", str(tmp_path / "vlfm"), "--who", "VLFM", "--run-id", "steps"),
+        *("--actions", str(tmp_path / "vlfm" / "actions.txt"), *options),
+    )
+    assert done.returncode == 0, done.stderr
+    found = read_run(tmp_path / "runs" / "steps")
+    assert [item.key for item in found.episodes] == [item.key for item in easy.episodes]
+    assert [item.end for item in found.episodes] == [item.end for item in easy.episodes]
+
+    done = personal_viz("import", str(tmp_path / "vlfm"), "--who", "VLFM", "--run-id", "told", "--reported", *options)
+    assert done.returncode == 0, done.stderr
+    assert "1 episodes of 'VLFM', reported, not recomputed" in done.stdout
+    done = personal_viz("metrics", str(tmp_path / "runs"))
+    assert done.returncode == 0, done.stderr
+    assert "VLFM (reported, not recomputed)" in " ".join(done.stdout.split())
+    data, out = str(home / "data"), str(tmp_path / "page")
+    refused = personal_viz("compare", str(tmp_path / "runs"), "--dataset", data, "--out", out)
+    assert_one_line(refused, "reported, not recomputed", "personal-viz metrics shows such figures")
+
+
+def test_onemaps_files_are_imported_by_their_number(home: Path, tmp_path: Path) -> None:
+    run = read_run(home / "runs" / RUN)
+    episode = next(item for item in run.episodes if item.start.split == "easy")
+    data = PersonalDataset(home / "data")
+    (scene,) = (scene for split, scene in data.files if split == "easy")
+    single = [item.episode_id for item in data.content("easy", scene).episodes if isinstance(item.object_id, str)]
+    path = tmp_path / "onemap" / "trajectories" / f"poses_{single.index(episode.key.episode_id)}.csv"
+    path.parent.mkdir(parents=True)
+    np.savetxt(
+        path, [[-z, -x, y, pose.yaw] for pose in episode.poses[:-1] for x, y, z in [pose.position]], delimiter=","
+    )
+    (tmp_path / "onemap" / "state").mkdir()
+    (tmp_path / "onemap" / "state" / path.name.replace("poses", "state").replace("csv", "txt")).write_text("1")
+    done = personal_viz(
+        *("import", str(tmp_path / "onemap"), "--who", "OneMap", "--numbered-by", "onemap", "--split", "easy"),
+        *("--motion", "free", "--max-move", "0.25", "--max-turn-deg", "30"),
+        *("--dataset", str(home / "data"), "--out", str(tmp_path / "runs"), "--run-id", "onemap"),
+    )
+    assert done.returncode == 0, done.stderr
+    (found,) = read_run(tmp_path / "runs" / "onemap").episodes
+    assert found.key == episode.key
+    assert found.end.reason == "stop"
+    assert found.end.measures is not None
+    assert found.end.measures.rules == episode.end.measures.rules  # type: ignore[union-attr]
+
+
+def test_options_that_contradict_each_other_are_refused(home: Path, tmp_path: Path) -> None:
+    options = {"dataset": home / "data", "who": "VLFM", "out": tmp_path}
+    for contradiction, found in (
+        ({"reported": True, "frame": "world"}, "--frame: stands beside --reported"),
+        ({"reported": True, "numbered_by": "onemap"}, "--numbered-by onemap: stands beside --reported"),
+        ({"actions": tmp_path, "motion": "free", "max_move": 1.0, "max_turn_deg": 9.0}, "--actions stands beside"),
+    ):
+        with pytest.raises(PersonalVizError, match=found):
+            Import(files=(tmp_path,), **options, **contradiction).run()
 
 
 def test_a_recording_is_exported_as_the_run_that_it_shows(home: Path, tmp_path: Path) -> None:
