@@ -86,7 +86,7 @@ class Run:
         chosen = self._chosen(episodes)
         kind = common_kind(episodes, {item.key.scene for item in chosen}, self.scenes_dir)
         require_no_scan(kind, clutter=self.clutter)
-        by_scene = _by_scene(chosen, self.scenes_dir)
+        by_scene = keys_by_scene(chosen, self.scenes_dir)
         info = self._info(episodes, kind, made_for, who=who, code=code)
         folder = self.out / info.run_id
         writer = RunWriter(folder, info)
@@ -101,6 +101,10 @@ class Run:
                 run_agent(jobs, writer, processes=self.jobs, on_episode=progress.add)
             print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
         return 0
+
+    def check(self) -> None:
+        """Raises AgentError if no agent has this name, or a user's own cannot be built."""
+        self._agent()
 
     def _chosen(self, episodes: PersonalDataset) -> list[Episode]:
         """The named episode, or a sample of splits and scenes; raises PersonalVizError if these hold no episode."""
@@ -195,7 +199,7 @@ def _made_for(agent: str, rule: SuccessRule | None) -> SuccessRule | None:
     return None
 
 
-def _by_scene(chosen: Sequence[Episode], scenes_dir: Path | None) -> dict[str, list[EpisodeKey]]:
+def keys_by_scene(chosen: Sequence[Episode], scenes_dir: Path | None) -> dict[str, list[EpisodeKey]]:
     """The episodes' keys, scene by scene; raises SceneError if a scene has no scan below `scenes_dir`."""
     found: dict[str, list[EpisodeKey]] = {}
     for episode in chosen:

@@ -23,6 +23,7 @@ VERBS = {
     "stats": "stats.Stats",
     "invent": "invent.Invent",
     "check-scans": "scans.check_scans.CheckScans",
+    "reproduce": "scans.reproduce.Reproduce",
     "homes": "homes.Homes",
     "contact-sheet": "contact_sheet.ContactSheet",
     "run": "run.Run",

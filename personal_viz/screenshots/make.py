@@ -202,6 +202,17 @@ def picture_scans(folder: Path) -> None:
         page.screenshot(path=PICTURES / "check-scans.png")
 
 
+def picture_tables(folder: Path) -> None:
+    """The page of `reproduce` on an invented home."""
+    write_files(folder / "data", dataset_files("Invented7", seed=7, episodes_per_split=8))
+    few = ("--encoder", "hashed", "--method", "random", "center", "qs", "rpg", "dual", "--limit", "6")
+    _work("reproduce", "--dataset", str(folder / "data"), "--out", str(folder / "out"), *few)
+    with open_chromium(width=1350, height=900) as browser:
+        page = browser.new_page()
+        page.goto((folder / "out" / "index.html").as_uri())
+        page.screenshot(path=PICTURES / "reproduce.png")
+
+
 def picture_view(folder: Path) -> None:
     """`view` on an invented home, with two points and the robot a few steps away from its first place."""
     write_files(folder, dataset_files("Invented7", seed=7, episodes_per_split=1))
@@ -278,6 +289,7 @@ JOBS: dict[str, Callable[[Path], None]] = {
     "grounding": picture_grounding,
     "homes": picture_homes,
     "scans": picture_scans,
+    "tables": picture_tables,
     "browse": picture_browse,
     "view": picture_view,
     "instructions": picture_instructions,

@@ -140,8 +140,19 @@ class Ground:
     label: Label = None
     json: Json = False
 
+    def check(self) -> None:
+        """Refuses unknown names, and plug-ins that cannot be built, before anything is opened.
+
+        Raises:
+            AgentError: A name is refused; the message names the option.
+        """
+        encoder_called(self.encoder)
+        require_method(self.method)
+        takes_objects(self.method)
+        phrases_called(self.phrases)
+
     def run(self) -> int:
-        _require_names(self.encoder, self.method, self.phrases)
+        self.check()
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         settings = self.settings(episodes)
         check_options(self)
@@ -267,18 +278,6 @@ class Ground:
             return fitting_run_id(f"{self.run_id}{phrases}")
         name = self.sweep.partition("=")[0].strip().replace("-", "_")
         return fitting_run_id(f"{self.run_id}-{name.replace('_', '-')}{getattr(settings, name)}{phrases}")
-
-
-def _require_names(encoder: str, method: str, phrases: str) -> None:
-    """Refuses unknown names, and plug-ins that cannot be built, before anything is opened.
-
-    Raises:
-        AgentError: A name is refused; the message names the option.
-    """
-    encoder_called(encoder)
-    require_method(method)
-    takes_objects(method)
-    phrases_called(phrases)
 
 
 def _facts(settings: GroundSettings) -> Grounder:

@@ -1,0 +1,289 @@
+"""Verb `reproduce`: the paper's tables from nothing to a page, on scans or on homes without one."""
+
+import io
+import json
+import resource
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Literal, NamedTuple
+
+from tyro.conf import arg
+
+from grounding.encoders.blip2 import DEFAULT_MODEL
+from grounding.encoders.by_name import is_model
+from personal_viz.reproduce.page import document_of, page_of, rows_of
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.errors import PersonalVizError
+from sim.homes.kind import common_kind
+from sim.tasks.metrics import read_runs
+from sim.tasks.workers import run_jobs
+from sim.types import SPLITS
+from sim.words.english import how_many
+
+from ...progress import counted
+from ..grounding.ground import EXPLORATIONS, Ground
+from ..metrics import Metrics
+from ..options import (
+    Dataset,
+    Evidence,
+    Jobs,
+    Json,
+    Limit,
+    ModelAutocast,
+    ModelBatch,
+    SampleSeed,
+    Scenes,
+    ScenesDir,
+    Splits,
+)
+from ..output import print_json, print_table, say, write_report
+from ..refusals import check_options, require_folder
+from ..run import Run, keys_by_scene
+
+PAGE, FIGURES = "index.html", "reproduce.json"
+"""Names of the files below --out."""
+
+
+class Step(NamedTuple):
+    """A part of the work; done again, it continues."""
+
+    name: str
+    work: Callable[[], object]
+    per: Literal["home", "episode"]
+    """What its time grows with."""
+    check: Callable[[], object] = lambda: None
+    """Refuses unknown names before any work."""
+
+
+class Cost(NamedTuple):
+    """The measured cost of a step, and how often it comes."""
+
+    step: str
+    seconds: float
+    gigabytes: float
+    """Files that it left."""
+    times: float
+
+
+@dataclass(frozen=True, slots=True)
+class _ExploreJob:
+    """Everything that a worker process needs to explore one home."""
+
+    dataset_root: Path
+    evidence: tuple[Path, ...]
+    scene: str
+    scenes_dir: Path | None
+    folder: Path
+    seed: int
+
+
+@dataclass
+class Reproduce:
+    """Compute the paper's tables: explore, map, ground and walk, then write one page. A second call continues."""
+
+    dataset: Dataset
+    out: Annotated[Path, arg(help="Folder of the page, the runs, the maps and the explorations.")] = Path(
+        "runs/reproduce"
+    )
+    scenes_dir: ScenesDir = None
+    evidence: Evidence = ()
+    encoder: Annotated[str, arg(help="Encoder of the maps, as in ground.")] = f"blip2-itc256:{DEFAULT_MODEL}"
+    method: Annotated[tuple[str, ...], arg(help="Methods of POG, as in ground.")] = (
+        *("random", "center", "qs", "rpg"),
+        *("phrase", "dual", "joint"),
+    )
+    agent: Annotated[tuple[str, ...], arg(help="Agents of PAN, as in run.")] = ("random-frontier",)
+    runs: Annotated[
+        tuple[Path, ...], arg(help="Further runs for the tables: exports of studies, imported or reported runs.")
+    ] = ()
+    scene: Scenes = ()
+    split: Splits = ()
+    limit: Limit = None
+    sample_seed: SampleSeed = 0
+    seed: int = 0
+    jobs: Jobs = 1
+    device: Annotated[
+        Literal["auto", "cpu", "cuda"], arg(help="Where a real encoder runs; auto = on a GPU if there is one.")
+    ] = "auto"
+    autocast: ModelAutocast = "off"
+    batch: ModelBatch = 8
+    dry_run: Annotated[bool, arg(help="Do one home in a temporary folder and say what all of them will take.")] = False
+    json: Json = False
+
+    def run(self) -> int:
+        check_options(self)
+        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
+        for name in self.scene:
+            episodes.require_scene(name)
+        chosen = episodes.sample(
+            splits=self.split or SPLITS, scenes=self.scene or None, per_split=self.limit, seed=self.sample_seed
+        )
+        if not chosen:
+            raise PersonalVizError(
+                f"{self.dataset}: the chosen splits and scenes hold no episode; expected one. Choose others."
+            )
+        homes = tuple(keys_by_scene(chosen, self.scenes_dir))
+        kind = common_kind(episodes, homes, self.scenes_dir)
+        steps = list(self._steps(self.out, homes, scene=self.scene, limit=self.limit))
+        for step in steps:
+            step.check()
+        say(f"{how_many(len(chosen), 'episode')} in {how_many(len(homes), 'home')} ({kind}).")
+        if self.dry_run:
+            return self._estimate(chosen, homes)
+        require_folder(self.out)
+        for step in steps:
+            say(f"{step.name} ...")
+            _done_quietly(step)
+        return self._report()
+
+    def _report(self) -> int:
+        """Writes the page and prints the tables."""
+        runs = read_runs([self.out, *self.runs], with_reported=True)
+        rows = rows_of(runs)
+        document = document_of(runs, rows)
+        write_report(self.out, {PAGE: page_of(runs, rows), FIGURES: json.dumps(document, indent=1) + "\n"}, earlier=())
+        if self.json:
+            print_json(document)
+        else:
+            Metrics((self.out, *self.runs)).run()
+        say(f"Written to {self.out / PAGE}; {self.out / FIGURES} holds the figures.")
+        return 0
+
+    def _steps(
+        self,
+        out: Path,
+        homes: Sequence[str],
+        *,
+        scene: tuple[str, ...],
+        limit: int | None,
+        agents_limit: int | None = None,
+    ) -> Iterator[Step]:
+        """The work on these homes, in order; the agents' episodes may be fewer."""
+        device = self._device()
+        jobs = [
+            _ExploreJob(self.dataset, self.evidence, name, self.scenes_dir, out / EXPLORATIONS, self.seed)
+            for name in homes
+        ]
+        if self.method:
+            yield Step("Exploring", lambda: self._explore(jobs), "home")
+        for method in self.method:
+            ground = Ground(
+                self.dataset,
+                method,
+                map="explore",
+                encoder=self.encoder,
+                device=device,
+                autocast=self.autocast if is_model(self.encoder) else "off",
+                batch=self.batch if is_model(self.encoder) else 8,
+                evidence=self.evidence,
+                scenes_dir=self.scenes_dir,
+                out=out,
+                scene=scene,
+                split=self.split,
+                limit=limit,
+                sample_seed=self.sample_seed,
+                seed=self.seed,
+                jobs=1 if device == "cuda" else self.jobs,  # one GPU holds one model
+            )
+            yield Step(f"POG, {method}", ground.run, "home", ground.check)
+        for agent in self.agent:
+            walk = Run(
+                self.dataset,
+                agent,
+                out=out,
+                evidence=self.evidence,
+                scenes_dir=self.scenes_dir,
+                scene=scene,
+                split=self.split,
+                limit=limit if agents_limit is None else agents_limit,
+                sample_seed=self.sample_seed,
+                seed=self.seed,
+                jobs=self.jobs,
+            )
+            yield Step(f"PAN, {agent}", walk.run, "episode", walk.check)
+
+    def _device(self) -> Literal["cpu", "cuda"]:
+        if self.device != "auto":
+            return self.device
+        if not is_model(self.encoder):
+            return "cpu"
+        import torch
+
+        return "cuda" if torch.cuda.is_available() else "cpu"
+
+    def _explore(self, jobs: Sequence[_ExploreJob]) -> None:
+        with counted("explore", len(jobs)) as progress:
+            for _ in run_jobs(_explored, jobs, processes=self.jobs, kept="finished explorations are kept"):
+                progress.add()
+
+    def _estimate(self, chosen: Sequence[Episode], homes: Sequence[str]) -> int:
+        """Does one home, measures it, and says what all of them will take."""
+        counts = {name: sum(episode.key.scene == name for episode in chosen) for name in homes}
+        home = sorted(homes, key=lambda name: counts[name])[len(homes) // 2]
+        costs: list[Cost] = []
+        with TemporaryDirectory(prefix="reproduce-") as folder:
+            out = Path(folder)
+            walked = 0
+            for step in self._steps(out, [home], scene=(home,), limit=self.limit, agents_limit=1):
+                before_s, before = time.monotonic(), _gigabytes(out)
+                _done_quietly(step)
+                seconds, times = time.monotonic() - before_s, float(len(homes))
+                if step.per == "episode":
+                    earlier, walked = walked, sum(len(run.episodes) for run in read_runs([out]))
+                    times = len(chosen) / (walked - earlier)
+                costs.append(Cost(step.name, seconds, _gigabytes(out) - before, times))
+        return self._say_costs(costs, home)
+
+    def _say_costs(self, costs: Sequence[Cost], home: str) -> int:
+        hours = sum(cost.seconds * cost.times for cost in costs) / 3600
+        gigabytes = sum(cost.gigabytes * cost.times for cost in costs)
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+        document = {
+            "home": home,
+            "device": self._device(),
+            "jobs": self.jobs,
+            "steps": [cost._asdict() for cost in costs],
+            "hours_one_process": hours,
+            "hours": hours / self.jobs,
+            "gigabytes_on_disk": gigabytes,
+            "gigabytes_of_memory_per_process": memory,
+        }
+        if self.json:
+            print_json(document)
+            return 0
+        lines = [
+            (cost.step, f"{cost.seconds:.1f}", f"{cost.times:.0f}", f"{cost.seconds * cost.times / 3600:.2f}")
+            for cost in costs
+        ]
+        print_table(f"Measured on {home}, {self._device()}", ("Step", "s", "times", "hours"), lines)
+        print(
+            f"About {hours / self.jobs:.2f} hours with --jobs {self.jobs} ({hours:.2f} with one process), "
+            f"{gigabytes:.2f} GB of files in {self.out}, {memory:.1f} GB of memory per process. "
+            "An upper bound where a model is loaded: it was loaded for this one home."
+        )
+        return 0
+
+
+def _done_quietly(step: Step) -> None:
+    """Does a step without the tables of its verb, since the page has them all; progress still shows."""
+    with redirect_stdout(io.StringIO()):
+        step.work()
+
+
+def _explored(job: _ExploreJob) -> None:
+    """Explores the storeys of a home on which episodes start, where there is no file yet."""
+    from grounding.agents.explored_storeys import storey_explorations
+    from sim.homes.open_home import open_scene
+
+    episodes = PersonalDataset(job.dataset_root, evidence=job.evidence)
+    scene = open_scene(episodes, job.scene, scenes_dir=job.scenes_dir)
+    storey_explorations(episodes, scene, folder=job.folder, seed=job.seed)
+
+
+def _gigabytes(folder: Path) -> float:
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) / 1e9

@@ -1,0 +1,148 @@
+"""Verb `reproduce`: from episodes and homes to the paper's tables, once on a scan and once on an invented home."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from personal_viz.reproduce.page import document_of, page_of, rows_of
+from personal_viz.reproduce.paper import PAPER_PAN, paper_cells
+from sim.tasks.metrics import MetricRow, read_runs
+
+from ..grounding.tiny_models import save_blip2
+from .program import assert_one_line, personal_viz
+
+pytestmark = pytest.mark.slow
+NAME = "Small"
+FEW = ("--method", "random", "rpg", "--limit", "1", "--split", "easy")
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory, small_home_root: Path) -> Path:
+    """An invented home as a lab's scan, reproduced in `out`, with figures that VLFM reported in `vlfm`."""
+    root = tmp_path_factory.mktemp("lab")
+    shutil.copytree(small_home_root / "easy", root / "data" / "easy")
+    folder = root / "hm3d" / "val" / f"00900-{NAME}"
+    folder.mkdir(parents=True)
+    for end in (".glb", ".semantic.glb", ".semantic.txt"):
+        shutil.copy(small_home_root / "scenes" / f"{NAME}{end}", folder)
+    (root / "vlfm.csv").write_text("scene_id,episode_id,success,spl\nSmall,0,1,0.5\n")
+    told = ("--reported", "--split", "easy", "--numbered-by", "place")
+    done = personal_viz(
+        *("import", root / "vlfm.csv", "--dataset", root / "data", "--who", "VLFM", *told, "--out", root / "vlfm")
+    )
+    assert done.returncode == 0, done.stderr
+    (root / "model").mkdir()
+    save_blip2(root / "model")
+    done = personal_viz("reproduce", *places(root), *FEW)
+    assert done.returncode == 0, done.stderr
+    return root
+
+
+def places(root: Path) -> tuple[object, ...]:
+    encoder = ("--encoder", f"blip2-itc256:{root / 'model'}")
+    return (*encoder, "--dataset", root / "data", "--scenes-dir", root / "hm3d", "--out", root / "out")
+
+
+def lines_of(page: str) -> list[list[str]]:
+    """The cells of each line of the page's tables."""
+    rows = re.findall(r"<tr>(.*?)</tr>", page, re.DOTALL)
+    return [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row, re.DOTALL) for row in rows]
+
+
+def test_the_papers_figures_stand_below_ours_on_scans(lab: Path) -> None:
+    page = (lab / "out" / "index.html").read_text()
+    lines = {line[0]: line[2:] for line in lines_of(page)}
+    assert lines["paper: Region-Gated (RPG)"][:1] == ["25.3"]
+    assert lines["paper: Random (x,y)"][:1] == ["0.5"]
+    assert lines["paper: Random"][:4] == ["0.0", "", "0.0", "6.02"]
+    assert re.fullmatch(r"[01]/1", lines["random-frontier"][1])
+    assert "phrases dataset" in page
+    assert "phrases rules" in page
+    assert "GPT-4.1" in page
+    document = json.loads((lab / "out" / "reproduce.json").read_text())
+    assert (document["scene_kinds"], document["scene_labels"], document["paper"]) == (["scan"], [], True)
+    assert {row["who"] for row in document["rows"]} == {"random", "rpg", "random-frontier"}
+
+
+def test_a_second_call_continues_and_takes_further_runs_into_its_tables(lab: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in (lab / "out").glob("*/*")}
+    done = personal_viz("reproduce", *places(lab), *FEW, "--runs", lab / "vlfm", "--json")
+    assert done.returncode == 0, done.stderr
+    assert {path: path.stat().st_mtime_ns for path in (lab / "out").glob("*/*")} == before
+    assert {row["who"] for row in json.loads(done.stdout)["rows"]} == {"random", "rpg", "random-frontier", "VLFM"}
+    lines = {line[0]: line[1:] for line in lines_of((lab / "out" / "index.html").read_text())}
+    assert lines["VLFM"][:5] == ["reported, not recomputed", "100.0", "1/1", "50.0", "-"]
+    assert lines["paper: VLFM"][1] == "12.5"
+
+
+def test_no_line_of_the_papers_stands_below_maps_of_captions(lab: Path) -> None:
+    runs = read_runs([lab / "out"])
+    named = [run.info.condition.replace("blip2-itc256", "hashed+oracle-perception") for run in runs]
+    told = [
+        run.model_copy(update={"info": run.info.model_copy(update={"condition": condition})})
+        for run, condition in zip(runs, named, strict=True)
+    ]
+    names = [line[0] for line in lines_of(page_of(told, rows_of(told)))]
+    assert "paper: Random" in names
+    assert "paper: Region-Gated (RPG)" not in names
+
+
+def test_a_dry_run_measures_one_home_and_writes_nothing(lab: Path) -> None:
+    out = lab / "dry"
+    done = personal_viz("reproduce", *places(lab)[:6], "--out", out, *FEW, "--dry-run", "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["home"] == NAME
+    assert [step["step"] for step in found["steps"]] == ["Exploring", "POG, random", "POG, rpg", "PAN, random-frontier"]
+    assert found["hours"] == pytest.approx(sum(step["seconds"] * step["times"] for step in found["steps"]) / 3600)
+    assert min(found["gigabytes_on_disk"], found["gigabytes_of_memory_per_process"]) > 0
+    assert not out.exists()
+
+
+def test_invented_homes_are_labelled_and_have_no_line_of_the_papers(lab: Path) -> None:
+    runs = read_runs([lab / "out"])
+    invented = [run.model_copy(update={"info": run.info.model_copy(update={"scene_kind": "invented"})}) for run in runs]
+    rows = rows_of(invented)
+    page = page_of(invented, rows)
+    assert "Invented homes, made from a seed: no human baseline for PersONAL" in page
+    assert not [line for line in lines_of(page) if line[0].startswith("paper: ")]
+    assert document_of(invented, rows)["paper"] is False
+
+
+def test_unknown_encoders_and_scenes_are_refused_before_any_work(lab: Path, tmp_path: Path) -> None:
+    base = ("reproduce", "--dataset", lab / "data", "--out", tmp_path / "out")
+    assert_one_line(personal_viz(*base, "--scene", "Nowhere"), "found no scene 'Nowhere'")
+    assert_one_line(personal_viz(*base, "--encoder", "no-such"), "no-such")
+    assert_one_line(personal_viz(*base, "--encoder", "hashed", "--method", "guess"), "guess")
+    assert_one_line(personal_viz(*base, "--encoder", "hashed", "--agent", "nobody"), "--agent is 'nobody'")
+    assert_one_line(personal_viz(*base, "--scenes-dir", tmp_path), "Small")
+    assert not list(tmp_path.glob("out/*"))
+
+
+@pytest.mark.parametrize(
+    ("who", "condition", "name", "cell"),
+    [
+        ("human", "none", "Human", ("63.5", "", "41.3", "1.48")),
+        ("human", "memory_topdown", "Human w. env. memory", ("86.0", "", "52.2", "1.03")),
+        ("OneMap", "free motion", "OneMap", ("28.9", "", "22.0", "3.82")),
+    ],
+)
+def test_rows_find_the_papers_line_by_their_name(who: str, condition: str, name: str, cell: tuple[str, ...]) -> None:
+    row = MetricRow(
+        who=who,
+        task="pan",
+        condition=condition,
+        scene_kind="scan",
+        edition="2025-09",
+        split="total",
+        rule="paper",
+        n=1,
+        k=0,
+        sr=0.0,
+    )
+    assert paper_cells(row, columns=("total",)) == (name, [cell])
+    assert paper_cells(row.model_copy(update={"who": "mine"}), columns=("total",)) is None
+    assert all(len(figures) == 4 for line in PAPER_PAN.values() for figures in line)
