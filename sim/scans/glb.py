@@ -1,5 +1,6 @@
 """Reads a GLB or glTF file into a `TriangleMesh` in the world frame."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -19,7 +20,7 @@ MAX_NODES = 1 << 16
 MAX_PARTS = 1 << 13
 MAX_EXTENT = 1e5
 """Largest distance from the origin, metres: beyond it float32 cannot hold centimetres, and no home is there."""
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+_POINTS, _TRIANGLES, _STRIP, _FAN = 0, 4, 5, 6
 _BLOCK = 1 << 16
 """Number of vertices that are transformed together, in float64."""
 
@@ -57,6 +58,10 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linea
     """
     file = read_gltf(path)
     parts = _parts(file, T_world_glb_zup if up == "z" else np.eye(4))
+    if not parts and any(primitive.mode == _POINTS for mesh in file.document.meshes for primitive in mesh.primitives):
+        plain = f"trimesh.load_scene({str(path)!r}).to_geometry().export({str(path.with_suffix('.ply'))!r})"
+        advice = f'Run: {sys.executable} -c "import trimesh; {plain}", and open that file: it names the next command.'
+        raise file.refused("found points without faces", "a mesh of triangles", advice=advice)
     if not parts:
         raise file.refused("found no faces", "a mesh of triangles", advice="Export the scene with its geometry.")
     num_vertices, num_faces = max(part.vertices.stop for part in parts), parts[-1].faces.stop

@@ -11,7 +11,7 @@ from pydantic.alias_generators import to_camel
 
 from sim.errors import SceneError, line_from_validation_error, short
 
-from .gltf_schema import Accessor, Document
+from .gltf_schema import Accessor, Document, Primitive
 from .scene_files import COPY_AGAIN, Bytes, FilePart, mapped, refused, resource
 
 MAX_ELEMENTS = 1 << 25
@@ -25,21 +25,25 @@ _MAX_VALUES = 8_000_000
 """Most objects and values in the JSON part: about 0.4 GB of memory while it is read."""
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 _PLAIN = "Export the scene without it."
+_UNPACK = "Run: npx @gltf-transform/cli copy {file} {other}"
+"""Command that writes a file without compressed meshes; it was tried with version 4.5.1."""
+_AS_PNG = "Run: npx @gltf-transform/cli png {file} {other} --formats avif"
 _KNOWN = {
     "EXT_texture_webp",
     "GOOGLE_texture_basis",
     "KHR_texture_basisu",
     "KHR_texture_transform",
+    "KHR_draco_mesh_compression",
     "KHR_mesh_quantization",
     "KHR_lights_punctual",
 }
 _GEOMETRY = {
-    "KHR_draco_mesh_compression": "uncompressed meshes",
-    "EXT_meshopt_compression": "uncompressed meshes",
-    "KHR_meshopt_compression": "uncompressed meshes",
-    "EXT_mesh_gpu_instancing": "one node per copy of a mesh",
+    "EXT_meshopt_compression": ("uncompressed meshes", _UNPACK),
+    "KHR_meshopt_compression": ("uncompressed meshes", _UNPACK),
+    "EXT_mesh_gpu_instancing": ("one node per copy of a mesh", _PLAIN),
 }
-"""Extensions without which a part of the geometry is missing, even where the file calls them optional."""
+"""What is expected instead, and what to do, of extensions without which a part of the geometry is missing, even where
+the file calls them optional."""
 _COMPONENTS = {
     5120: np.dtype("<i1"),
     5121: np.dtype("<u1"),
@@ -61,6 +65,8 @@ class GltfFile:
         self._buffers: dict[int, Bytes] = {}
         self._binary = binary
         self._sparse: dict[int, NDArray] = {}
+        self._packed = _draco_accessors(document)
+        self._unpacked: dict[int, NDArray] = {}
 
     def get(self, kind: str, index: int, *, of: str) -> Any:
         """Element `index` of a list of the document, e.g. `accessors`; `of` is the part of the file that names it, for
@@ -111,11 +117,33 @@ class GltfFile:
                 f"{where} announces {accessor.count} elements", f"at most {MAX_ELEMENTS}", advice="Split the scene."
             )
         dtype, width = self._types(accessor, where)
+        if index in self._packed:
+            return self._draco(index, dtype, width, accessor.count, where)
         if accessor.sparse is not None:
             return self._with_sparse(index, accessor, dtype, width)
         if accessor.buffer_view is None:
             raise self.refused(f"{where} has no bufferView", "one")
         return self._strided(accessor.buffer_view, accessor.byte_offset, accessor.count, dtype, width, of=where)
+
+    def _draco(self, index: int, dtype: np.dtype, width: int, count: int, where: str) -> NDArray:
+        """The values of an accessor that Draco packed, in the accessor's type; a primitive is unpacked once."""
+        if index not in self._unpacked:
+            from .draco import unpacked  # needs the extra `draco`
+
+            primitive = self._packed[index]
+            part = primitive.extensions.draco
+            assert part is not None
+            data = self.view(part.buffer_view, of=f"{where}'s Draco data")
+            named = {
+                primitive.attributes[name]: number
+                for name, number in part.attributes.items()
+                if name in primitive.attributes
+            }
+            self._unpacked |= unpacked(data, named, primitive.indices, FilePart(self.path, where), most=MAX_ELEMENTS)
+        values = self._unpacked[index]
+        if values.shape != (count, width):
+            raise self.refused(f"{where} unpacks to {values.shape}", f"the {(count, width)} that it announces")
+        return values if values.dtype.kind == "f" and dtype.kind == "f" else values.astype(dtype)
 
     def _types(self, accessor: Accessor, where: str) -> tuple[np.dtype, int]:
         dtype, width = _COMPONENTS.get(accessor.component_type), _WIDTHS.get(accessor.type)
@@ -240,11 +268,32 @@ def _document(path: Path, text: bytes) -> Document:
         raise SceneError(line_from_validation_error(f"{path}: JSON part", error, advice=COPY_AGAIN)) from None
 
 
+def _draco_accessors(document: Document) -> dict[int, Primitive]:
+    """The primitive that packs each accessor with Draco, by the accessor's number; plain data, where given, count."""
+    found: dict[int, Primitive] = {}
+    for mesh in document.meshes:
+        for primitive in mesh.primitives:
+            if primitive.extensions.draco is not None:
+                names = [name for name in primitive.extensions.draco.attributes if name in primitive.attributes]
+                indices = [] if primitive.indices is None else [primitive.indices]
+                for accessor in (*(primitive.attributes[name] for name in names), *indices):
+                    if accessor < len(document.accessors) and document.accessors[accessor].buffer_view is None:
+                        found.setdefault(accessor, primitive)
+    return found
+
+
+def _command(advice: str, path: Path) -> str:
+    return advice.format(file=path, other=path.with_stem(f"{path.stem}-plain"))
+
+
 def _require_known_extensions(file: GltfFile) -> None:
     document = file.document
     for name in (*document.extensions_used, *document.extensions_required):
         if name in _GEOMETRY:
-            raise file.refused(f"found {name}", _GEOMETRY[name], advice=_PLAIN)
+            expected, advice = _GEOMETRY[name]
+            raise file.refused(f"found {name}", expected, advice=_command(advice, file.path))
     for name in document.extensions_required:
+        if name == "EXT_texture_avif":
+            raise file.refused(f"found {name}", "PNG, JPEG or WebP", advice=_command(_AS_PNG, file.path))
         if name not in _KNOWN and not name.startswith("KHR_materials_"):  # materials change light, which we leave out
             raise file.refused(f"needs the extension {short(name)}", "extensions that we can read", advice=_PLAIN)

@@ -144,8 +144,19 @@ class Material(Json):
     extensions: MaterialExtensions = MaterialExtensions()
 
 
+class DracoPart(Json):
+    buffer_view: Index
+    attributes: Annotated[dict[str, Index], BeforeValidator(_few)]
+    """Draco's unique id of each attribute."""
+
+
+class PrimitiveExtensions(Json):
+    draco: DracoPart | None = Field(default=None, alias="KHR_draco_mesh_compression")
+
+
 class Primitive(Json):
     attributes: Annotated[dict[str, Index], BeforeValidator(_few)]
+    extensions: PrimitiveExtensions = PrimitiveExtensions()
     indices: Index | None = None
     material: Index | None = None
     mode: Annotated[Literal[0, 1, 2, 3, 4, 5, 6], _Whole] = 4

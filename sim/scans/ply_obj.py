@@ -19,7 +19,16 @@ from ..mesh import FLAT, VERTEX_COLOURS, TriangleMesh
 from .glb import mean_rgb, require_near
 from .gltf_file import MAX_ELEMENTS
 from .images import MAX_SIDE, MAX_TEXELS, measured, tinted
-from .scene_files import Bytes, FilePart, MissingFileError, file_beside, mapped, refused, warn_of_missing
+from .scene_files import (
+    Bytes,
+    FilePart,
+    MissingFileError,
+    file_beside,
+    mapped,
+    refused,
+    surface_command,
+    warn_of_missing,
+)
 
 _MAX_BYTES = 1 << 30
 _MAX_PARTS = 1 << 13
@@ -69,6 +78,8 @@ def load_ply_or_obj(path: Path, *, up: Literal["z", "y"]) -> TriangleMesh:
     except _DAMAGES as error:
         reason = " ".join(str(error).split())[:120]
         raise refused(path, f"cannot be read ({type(error).__name__}: {reason})", f"a whole {kind} file") from None
+    if not parts and kind == ".ply" and any(len(getattr(one, "vertices", ())) for one in loaded.geometry.values()):
+        raise refused(path, "found points without faces", "a mesh of triangles", advice=surface_command(path))
     if not parts:
         raise refused(path, "found no faces", "a mesh of triangles", advice="Export the scene with its geometry.")
     return _joined(parts, textures)
