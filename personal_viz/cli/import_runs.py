@@ -1,6 +1,6 @@
 """Verb `import`: makes a run folder from another simulator's runs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -107,7 +107,9 @@ class Import:
                 numbered_by=self.numbered_by,
                 splits=splits,
             )
-            print(f"{folder}: {len(read_run(folder).reported)} episodes of {self.who!r}, {REPORTED}.")
+            print(
+                f"{folder}: {len(read_run(folder, with_reported=True).reported)} episodes of {self.who!r}, {REPORTED}."
+            )
             return 0
         reading = self._reading(splits)
         folders = import_runs(
@@ -124,13 +126,16 @@ class Import:
         return 0
 
     def _require_no_reading(self) -> None:
-        """Refuses options about poses beside `--reported`, which reads none."""
-        given = [name for name in ("frame", "columns", "rows", "stopped", "episode", "actions") if getattr(self, name)]
-        if given or self.motion == "free" or self.numbered_by == "onemap":
-            found = given[0] if given else "motion" if self.motion == "free" else "numbered-by onemap"
+        """Refuses options about poses and homes beside `--reported`, which uses none."""
+        used = ("files", "dataset", "who", "out", "run_id", "split", "numbered_by", "reported")
+        given = [
+            each.name for each in fields(self) if each.name not in used and getattr(self, each.name) != each.default
+        ]
+        given += ["numbered-by onemap"] if self.numbered_by == "onemap" else []
+        if given:
             raise PersonalVizError(
-                f"--{found}: stands beside --reported, which takes figures as they are; expected one of them. "
-                "Leave --reported out to import poses and compute the figures."
+                f"--{given[0].replace('_', '-')}: stands beside --reported, which takes figures as they are; expected "
+                "one of them. Leave --reported out to import poses and compute the figures."
             )
 
     def _reading(self, splits: tuple[Split, ...]) -> PoseReading | None:
@@ -146,9 +151,10 @@ class Import:
                 f"--rounding is {self.rounding}; expected more than 0 and at most {MAX_ROUNDING} (metres). "
                 "Write positions with more decimals."
             )
-        if self.actions is not None and free is not None:
+        if self.actions is not None and (free is not None or self.numbered_by == "onemap"):
+            other = "--motion free" if free is not None else "--numbered-by onemap"
             raise PersonalVizError(
-                "--actions stands beside --motion free; expected one of them, since the list holds PersONAL's actions. "
+                f"--actions stands beside {other}; expected one of them, since the list holds PersONAL's actions. "
                 "Leave one out."
             )
         frame, columns, rows = self.frame, self.columns, self.rows
@@ -156,7 +162,8 @@ class Import:
             frame, columns, rows = frame or "ros", columns or "x,y,z,yaw", rows or "before-action"
         elif self.actions is not None:
             frame, columns = frame or "world", columns or "step,x,y,z"
-        others = (self.quaternion, self.camera_axes, columns, rows, self.stopped, self.episode, free)
+        named = (self.episode, self.split, self.numbered_by)
+        others = (self.quaternion, self.camera_axes, columns, rows, self.stopped, free, *named)
         if frame is None:
             if any(others) or self.allow_sliding or self.poses == "camera":
                 raise PersonalVizError(

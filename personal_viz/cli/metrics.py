@@ -58,6 +58,8 @@ class Metrics:
                     for head in table.heads
                 ]
                 lines = [(line.name, *chain(*line.cells)) for line in table.lines]
+                if all(row.rule == "reported" for row in shown):
+                    title = "PAN, as reported"
                 print_table(f"{title}; edition {shown[0].edition}; scenes: {kind}", ("Method", *heads), lines)
                 label = scene_label(kind)
                 answered = [run.info for run in found if run.answers and run.info.scene_kind == kind]

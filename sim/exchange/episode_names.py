@@ -115,6 +115,8 @@ def numbered_keys(
         number = re.search(r"(?:^|_)(\d+)$", path.stem)
         orders = [_onemap_order(dataset, split) for split in splits] if number else []
         return tuple(order[int(number[1])] for order in orders if number and int(number[1]) < len(order))
+    if _key_from_name(path, dataset) is not None:
+        return ()
     named = re.fullmatch(r"(\d+)_([A-Za-z0-9_-]+)", path.stem)
     if "split" in facts or "episode" in facts or (named is None and not {"scene", "episode_id"} <= set(facts)):
         return ()

@@ -29,10 +29,9 @@ _NAMES = {
     "steps": "num_steps",
     "stop_called": "stopped",
     "stop": "stopped",
-    "episode": "episode_id",
 }
 """Other programs' names of our fields."""
-_EPISODE = ("split", "scene", "episode_id")
+_KEY = ("split", "scene", "episode_id")
 _EXPECTED = (
     "success, and where known spl (0 to 1), distance_to_goal (metres), num_steps, stop_called; split, scene_id, "
     "episode_id"
@@ -75,6 +74,9 @@ def import_reported(
             if item.key in found:
                 raise RunFileError(f"{where}: {item.key} comes a second time; expected it once. Leave one of them out.")
             found[item.key] = item
+    if not found:
+        names = ", ".join(map(str, paths)) or "no file"
+        raise RunFileError(f"{names}: found no episode; expected {_EXPECTED} of each. Check the files.")
     info = info_of_import(
         paths,
         digest_of(files),
@@ -130,7 +132,7 @@ def _figures(
 ) -> Reported:
     if row.get("success") is None:
         raise RunFileError(f"{where}: found no success; expected {_EXPECTED}. Check the file, or leave --reported out.")
-    named = {name: row[name] for name in _EPISODE if row.get(name) is not None}
+    named = {name: row[name] for name in (*_KEY, "episode") if row.get(name) is not None}
     keys = numbered_keys(path, named, dataset, numbered_by=numbered_by, splits=splits)
     if keys:
         key = only_fitting(where, keys, lambda _: None)
@@ -146,7 +148,7 @@ def _figures(
         numbers["dtg"] = None
     stopped = row.get("stopped")
     values = {
-        **dict(zip(_EPISODE, key, strict=True)),
+        **dict(zip(_KEY, key, strict=True)),
         **numbers,
         "success": truth_of(where, "success", row["success"]),
         "stopped": None if stopped is None else truth_of(where, "stop_called", stopped),

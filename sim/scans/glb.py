@@ -1,6 +1,5 @@
 """Reads a GLB or glTF file into a `TriangleMesh` in the world frame."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -14,7 +13,7 @@ from ..mesh import FLAT, VERTEX_COLOURS, TriangleMesh
 from .gltf_file import MAX_ELEMENTS, GltfFile, floats, read_gltf
 from .gltf_schema import Mesh, Node, Primitive
 from .gltf_textures import Look, TextureSet, look_of
-from .scene_files import refused
+from .scene_files import python_command, refused
 
 MAX_NODES = 1 << 16
 MAX_PARTS = 1 << 13
@@ -60,7 +59,7 @@ def load_glb(path: Path, *, up: Literal["z", "y"] = "z", colours: Literal["linea
     parts = _parts(file, T_world_glb_zup if up == "z" else np.eye(4))
     if not parts and any(primitive.mode == _POINTS for mesh in file.document.meshes for primitive in mesh.primitives):
         plain = f"trimesh.load_scene({str(path)!r}).to_geometry().export({str(path.with_suffix('.ply'))!r})"
-        advice = f'Run: {sys.executable} -c "import trimesh; {plain}", and open that file: it names the next command.'
+        advice = f"{python_command(f'import trimesh; {plain}')}, and open that file: it names the next command."
         raise file.refused("found points without faces", "a mesh of triangles", advice=advice)
     if not parts:
         raise file.refused("found no faces", "a mesh of triangles", advice="Export the scene with its geometry.")

@@ -1,5 +1,6 @@
 """A glTF 2.0 file, binary or text, as its JSON part and views of its buffers; every length in it is checked here."""
 
+import shlex
 import struct
 from pathlib import Path
 from typing import Any
@@ -283,7 +284,9 @@ def _draco_accessors(document: Document) -> dict[int, Primitive]:
 
 
 def _command(advice: str, path: Path) -> str:
-    return advice.format(file=path, other=path.with_stem(f"{path.stem}-plain"))
+    names = (path, path.with_stem(f"{path.stem}-plain"))
+    file, other = (shlex.quote(str(name)) for name in names)
+    return advice.format(file=file, other=other)
 
 
 def _require_known_extensions(file: GltfFile) -> None:

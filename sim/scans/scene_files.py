@@ -4,6 +4,7 @@ import base64
 import binascii
 import mmap
 import re
+import shlex
 import stat
 import sys
 import warnings
@@ -32,13 +33,18 @@ def surface_command(points: Path) -> str:
     surface lay within 5 cm of the true one, and all of it within 10 cm.
     """
     mesh = points.with_name(f"{points.stem}-mesh.ply")
-    return (
-        f'Run: {sys.executable} -c "import numpy as np, open3d as o3d; p = o3d.io.read_point_cloud({str(points)!r}); '
+    return python_command(
+        f"import numpy as np, open3d as o3d; p = o3d.io.read_point_cloud({str(points)!r}); "
         "p.has_normals() or p.estimate_normals() or p.orient_normals_towards_camera_location(p.get_center()); "
         "m, d = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(p, depth=9); "
         "m.remove_vertices_by_mask(np.asarray(d) < np.quantile(d, 0.05)); "
-        f'o3d.io.write_triangle_mesh({str(mesh)!r}, m)"'
+        f"o3d.io.write_triangle_mesh({str(mesh)!r}, m)"
     )
+
+
+def python_command(code: str) -> str:
+    """The advice to run a line of Python, for a shell."""
+    return f"Run: {shlex.quote(sys.executable)} -c {shlex.quote(code)}"
 
 
 def refused(path: Path, found: str, expected: str, *, advice: str = COPY_AGAIN) -> SceneError:

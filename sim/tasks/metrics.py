@@ -267,19 +267,14 @@ def read_runs(folders: Sequence[Path], *, with_reported: bool = False) -> list[R
 
     Args:
         folders: The folders.
-        with_reported: Whether figures that another program reported may be among them. They are no trials to pair.
+        with_reported: As in `read_run`.
 
     Raises:
         RunFileError: A folder holds no run, or only reported figures where none may be, or a run is damaged.
     """
     found = run_folders(folders)
-    runs = [read_run(folder) for folder in found]
+    runs = [read_run(folder, with_reported=with_reported) for folder in found]
     for folder, run in zip(found, runs, strict=True):
-        if run.reported and not with_reported:
-            raise RunFileError(
-                f"{folder}: holds figures that were {REPORTED}; expected runs whose steps were checked here. Import "
-                "the steps or poses of that program, or leave it out; personal-viz metrics shows such figures."
-            )
         if not run.episodes and not run.answers and not run.reported:
             raise RunFileError(f"{folder}: holds no finished episode or answer; expected at least one. Run it again.")
     return runs

@@ -411,17 +411,27 @@ def read_episode_runs(path: Path) -> Iterator[tuple[list[int], EpisodeRun]]:
             raise RunFileError(f"{path}:{number}: kind is {line.kind!r}; expected {expected} here. {_ADVICE}")  # type: ignore[attr-defined]
 
 
-def read_run(folder: Path) -> Run:
+def read_run(folder: Path, *, with_reported: bool = False) -> Run:
     """A run folder.
 
+    Args:
+        folder: The folder.
+        with_reported: Whether it may hold figures that another program reported. They are no trials to show or pair.
+
     Raises:
-        RunFileError: `run.json` is missing or any file is damaged.
+        RunFileError: `run.json` is missing, any file is damaged, or the folder holds only reported figures.
     """
     info = read_run_info(folder)
     steps = folder / "steps.jsonl"
     runs = tuple(run for _, run in read_episode_runs(steps)) if steps.is_file() else ()
     answers = _read_all(folder / "answers.jsonl", Answer)
-    return Run(info=info, episodes=runs, answers=answers, reported=_read_all(folder / "reported.jsonl", Reported))
+    reported = _read_all(folder / "reported.jsonl", Reported)
+    if reported and not with_reported:
+        raise RunFileError(
+            f"{folder}: holds figures that were {REPORTED}; expected runs whose steps were checked here. Import "
+            "the steps or poses of that program, or leave it out; personal-viz metrics shows such figures."
+        )
+    return Run(info=info, episodes=runs, answers=answers, reported=reported)
 
 
 def _read_all(path: Path, model: type[_Line]) -> tuple[_Line, ...]:

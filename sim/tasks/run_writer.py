@@ -36,7 +36,7 @@ class RunWriter:
                 self._require_same_run(read_run_info(folder), info)
                 for name in ("steps.jsonl", "answers.jsonl", "reported.jsonl"):
                     _cut_incomplete_tail(folder / name)
-                run = read_run(folder)
+                run = read_run(folder, with_reported=True)
                 self.done |= {item.key for item in (*run.episodes, *run.answers, *run.reported)}
                 for episode in run.episodes:
                     self._require_same_scene(episode)

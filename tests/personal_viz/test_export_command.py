@@ -115,7 +115,12 @@ def test_vlfms_files_are_imported_step_by_step_and_as_reported(home: Path, tmp_p
     done = personal_viz("metrics", str(tmp_path / "runs"))
     assert done.returncode == 0, done.stderr
     assert "VLFM (reported, not recomputed)" in " ".join(done.stdout.split())
+    alone = personal_viz("metrics", str(tmp_path / "runs" / "told"))
+    assert "PAN, as reported" in alone.stdout
+    assert "rule paper" not in alone.stdout
     data, out = str(home / "data"), str(tmp_path / "page")
+    shown = personal_viz("replay", "--runs", str(tmp_path / "runs" / "told"), "--dataset", data, "--out", out + ".rrd")
+    assert_one_line(shown, "reported, not recomputed")
     refused = personal_viz("compare", str(tmp_path / "runs"), "--dataset", data, "--out", out)
     assert_one_line(refused, "reported, not recomputed", "personal-viz metrics shows such figures")
 
@@ -151,6 +156,11 @@ def test_options_that_contradict_each_other_are_refused(home: Path, tmp_path: Pa
     for contradiction, found in (
         ({"reported": True, "frame": "world"}, "--frame: stands beside --reported"),
         ({"reported": True, "numbered_by": "onemap"}, "--numbered-by onemap: stands beside --reported"),
+        ({"reported": True, "scenes_dir": tmp_path}, "--scenes-dir: stands beside --reported"),
+        ({"reported": True, "allow_sliding": True}, "--allow-sliding: stands beside --reported"),
+        ({"numbered_by": "place"}, "--frame is missing beside other options"),
+        ({"split": "easy"}, "--frame is missing beside other options"),
+        ({"actions": tmp_path, "numbered_by": "onemap"}, "--actions stands beside --numbered-by onemap"),
         ({"actions": tmp_path, "motion": "free", "max_move": 1.0, "max_turn_deg": 9.0}, "--actions stands beside"),
     ):
         with pytest.raises(PersonalVizError, match=found):

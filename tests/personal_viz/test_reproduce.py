@@ -92,12 +92,14 @@ def test_no_line_of_the_papers_stands_below_maps_of_captions(lab: Path) -> None:
 
 def test_a_dry_run_measures_one_home_and_writes_nothing(lab: Path) -> None:
     out = lab / "dry"
-    done = personal_viz("reproduce", *places(lab)[:6], "--out", out, *FEW, "--dry-run", "--json")
+    done = personal_viz("reproduce", *places(lab)[:6], "--out", out, *FEW, "--jobs", "4", "--dry-run", "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found["home"] == NAME
     assert [step["step"] for step in found["steps"]] == ["Exploring", "POG, random", "POG, rpg", "PAN, random-frontier"]
-    assert found["hours"] == pytest.approx(sum(step["seconds"] * step["times"] for step in found["steps"]) / 3600)
+    assert [step["processes"] for step in found["steps"]] == [1, 1, 1, 4]
+    hours = [step["seconds"] * step["times"] / step["processes"] / 3600 for step in found["steps"]]
+    assert found["hours"] == pytest.approx(sum(hours))
     assert min(found["gigabytes_on_disk"], found["gigabytes_of_memory_per_process"]) > 0
     assert not out.exists()
 
@@ -119,6 +121,17 @@ def test_unknown_encoders_and_scenes_are_refused_before_any_work(lab: Path, tmp_
     assert_one_line(personal_viz(*base, "--encoder", "hashed", "--method", "guess"), "guess")
     assert_one_line(personal_viz(*base, "--encoder", "hashed", "--agent", "nobody"), "--agent is 'nobody'")
     assert_one_line(personal_viz(*base, "--scenes-dir", tmp_path), "Small")
+    assert_one_line(personal_viz(*base, "--encoder", "hashed", "--device", "cuda"), "--device is 'cuda'")
+    assert_one_line(personal_viz(*base, "--encoder", f"blip2-itc256:{tmp_path}"), str(tmp_path))
+    assert not list(tmp_path.glob("out/*"))
+
+
+def test_runs_that_cannot_stand_in_these_tables_are_refused_before_any_work(lab: Path, tmp_path: Path) -> None:
+    base = ("reproduce", "--dataset", lab / "data", "--encoder", "hashed")  # without --scenes-dir: a schematic home
+    again = personal_viz(*base, "--out", lab / "out")
+    assert_one_line(again, "found scene kinds scan", "schematic (reproduce)")
+    assert_one_line(personal_viz(*base, "--out", tmp_path / "out", "--runs", lab / "vlfm"), "found scene kinds scan")
+    assert_one_line(personal_viz(*base, "--out", tmp_path / "out", "--runs", tmp_path / "none"), "none")
     assert not list(tmp_path.glob("out/*"))
 
 

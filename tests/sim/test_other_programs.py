@@ -234,7 +234,7 @@ def test_reported_figures_stand_in_metrics_under_their_own_condition(flat: Perso
     options = {"dataset": flat, "out": tmp_path / "runs", "who": "VLFM"}
     (folder,) = import_reported([tmp_path / "vlfm"], **options)
     assert import_reported([tmp_path / "vlfm"], **options) == [folder]
-    run = read_run(folder)
+    run = read_run(folder, with_reported=True)
     assert [(str(item.key), item.success, item.dtg) for item in run.reported] == [
         ("easy/Flat/41", False, None),
         ("easy/Flat/40", True, 0.25),
@@ -243,8 +243,9 @@ def test_reported_figures_stand_in_metrics_under_their_own_condition(flat: Perso
     assert (row.condition, row.rule, row.scene_kind) == ("reported, not recomputed", "reported", "scan")
     assert (row.n, row.k, row.sr, row.spl, row.dtg) == (2, 1, 50.0, 25.0, 0.25)
     assert (row.paper_strict, row.far_from_view, total.split) == (None, None, "total")
-    with pytest.raises(RunFileError, match="reported, not recomputed; expected runs whose steps were checked"):
-        read_runs([folder])
+    for read in (read_run, lambda folder: read_runs([folder])):
+        with pytest.raises(RunFileError, match="reported, not recomputed; expected runs whose steps were checked"):
+            read(folder)
 
 
 def test_a_table_of_any_program_may_leave_out_all_but_success(flat: PersonalDataset, tmp_path: Path) -> None:
@@ -253,7 +254,7 @@ def test_a_table_of_any_program_may_leave_out_all_but_success(flat: PersonalData
     (folder,) = import_reported([path], dataset=flat, out=tmp_path / "runs", who="mine")
     row = sim.metrics([folder])[0]
     assert (row.sr, row.spl, row.dtg) == (50.0, None, None)
-    assert [item.num_steps for item in read_run(folder).reported] == [12, None]
+    assert [item.num_steps for item in read_run(folder, with_reported=True).reported] == [12, None]
 
 
 @pytest.mark.parametrize(
@@ -267,6 +268,7 @@ def test_a_table_of_any_program_may_leave_out_all_but_success(flat: PersonalData
         ("split,scene,episode_id,success\neasy,Flat,9,1\n", "found no episode easy/Flat/9"),
         ("split,scene,episode_id,success\neasy,Flat,40,1\neasy,Flat,40,1\n", "easy/Flat/40 comes a second time"),
         ("", "found no header"),
+        ("split,scene,episode_id,success\n", "figures.csv: found no episode; expected success"),
     ],
 )
 def test_damaged_tables_of_figures_are_refused_and_nothing_is_written(
@@ -286,7 +288,15 @@ def test_a_reported_number_that_may_be_two_episodes_is_refused(split_of_three: P
     with pytest.raises(RunFileError, match="may be easy/beta/2 or easy/beta/4 or medium/beta/2; expected one"):
         import_reported([path], **options)
     (folder,) = import_reported([path], numbered_by="place", splits=("easy",), **options)
-    assert [str(item.key) for item in read_run(folder).reported] == ["easy/beta/4"]
+    assert [str(item.key) for item in read_run(folder, with_reported=True).reported] == ["easy/beta/4"]
+
+
+def test_a_name_or_a_field_with_the_whole_key_leaves_no_doubt(split_of_three: PersonalDataset, tmp_path: Path) -> None:
+    named = vlfm_figures(tmp_path / "vlfm", "2_beta.json").rename(tmp_path / "vlfm" / "medium-beta-2.json")
+    (tmp_path / "table.csv").write_text("episode,success\neasy/beta/2,1\n")
+    (folder,) = import_reported([named, tmp_path / "table.csv"], dataset=split_of_three, out=tmp_path / "runs", who="x")
+    found = read_run(folder, with_reported=True).reported
+    assert [str(item.key) for item in found] == ["medium/beta/2", "easy/beta/2"]
 
 
 def test_a_folder_without_such_files_is_refused(flat: PersonalDataset, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Scans that other programs packed: Draco is read, and for the rest a refusal names the command that unpacks them."""
 
+import shlex
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -130,6 +131,9 @@ def test_what_is_not_read_is_refused_with_the_command_that_converts_it(tmp_path:
     writer.show(writer.square())
     writer.json |= {"extensionsUsed": [name], "extensionsRequired": [name]}
     assert refusal(writer.save(tmp_path / "a.glb")).endswith(f"Run: {command.format(tmp_path)}")
+    (tmp_path / "it's a").mkdir()
+    told = refusal(writer.save(tmp_path / "it's a" / "b.glb")).partition("Run: ")[2]
+    assert str(tmp_path / "it's a" / "b.glb") in shlex.split(told)
 
 
 @pytest.mark.slow
@@ -137,6 +141,8 @@ def test_points_become_a_mesh_by_the_commands_that_the_refusals_name(tmp_path: P
     """A room of 4 m x 3 m x 2.5 m, first as points in a GLB, then in a PLY file, then as a mesh."""
     room = trimesh.creation.box((4, 2.5, 3))
     points, _ = trimesh.sample.sample_surface(room, 40_000, seed=0)
+    tmp_path = tmp_path / "it's a"
+    tmp_path.mkdir()
     trimesh.PointCloud(points).export(tmp_path / "room.glb")
     told = refusal(tmp_path / "room.glb").partition("Run: ")[2]
     subprocess.run(told.removesuffix(", and open that file: it names the next command."), shell=True, check=True)

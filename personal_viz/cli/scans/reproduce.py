@@ -4,6 +4,7 @@ import io
 import json
 import resource
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -14,15 +15,18 @@ from typing import Annotated, Literal, NamedTuple
 from tyro.conf import arg
 
 from grounding.encoders.blip2 import DEFAULT_MODEL
-from grounding.encoders.by_name import is_model
+from grounding.encoders.by_name import is_model, make_encoder, require_no_model_options
+from grounding.encoders.protocol import ModelOptions
 from personal_viz.reproduce.page import document_of, page_of, rows_of
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import PersonalVizError
 from sim.homes.kind import common_kind
-from sim.tasks.metrics import read_runs
+from sim.tasks.metrics import read_runs, require_comparable
+from sim.tasks.provenance import make_run_info
+from sim.tasks.run_files import read_run_info
 from sim.tasks.workers import run_jobs
-from sim.types import SPLITS
+from sim.types import SPLITS, SceneKind
 from sim.words.english import how_many
 
 from ...progress import counted
@@ -56,6 +60,8 @@ class Step(NamedTuple):
     work: Callable[[], object]
     per: Literal["home", "episode"]
     """What its time grows with."""
+    processes: int
+    """Most processes that share the whole work."""
     check: Callable[[], object] = lambda: None
     """Refuses unknown names before any work."""
 
@@ -65,9 +71,16 @@ class Cost(NamedTuple):
 
     step: str
     seconds: float
+    """With one process."""
     gigabytes: float
     """Files that it left."""
     times: float
+    processes: int
+
+    @property
+    def hours(self) -> float:
+        """Hours of the whole step."""
+        return self.seconds * self.times / self.processes / 3600
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,9 +142,11 @@ class Reproduce:
             )
         homes = tuple(keys_by_scene(chosen, self.scenes_dir))
         kind = common_kind(episodes, homes, self.scenes_dir)
+        self._require_fitting_runs(kind, episodes.digest())
         steps = list(self._steps(self.out, homes, scene=self.scene, limit=self.limit))
         for step in steps:
             step.check()
+        self._require_encoder()
         say(f"{how_many(len(chosen), 'episode')} in {how_many(len(homes), 'home')} ({kind}).")
         if self.dry_run:
             return self._estimate(chosen, homes)
@@ -140,6 +155,23 @@ class Reproduce:
             say(f"{step.name} ...")
             _done_quietly(step)
         return self._report()
+
+    def _require_fitting_runs(self, kind: SceneKind, digest: str) -> None:
+        """Refuses runs in `--out` and `--runs` that cannot stand in these tables, before hours of work."""
+        others = [run.info for run in read_runs(self.runs, with_reported=True)] if self.runs else []
+        before = [read_run_info(path.parent) for path in sorted(self.out.glob("*/run.json"))]
+        own = make_run_info("reproduce", who="reproduce", who_kind="agent", scene_kind=kind, dataset_digest=digest)
+        require_comparable([*before, *others, own])
+
+    def _require_encoder(self) -> None:
+        """Loads a real encoder once, so that a missing package, model or GPU shows before the homes are explored."""
+        if not self.method:
+            return
+        options = ModelOptions(self._device(), self.batch, self.autocast)
+        if is_model(self.encoder):
+            make_encoder(self.encoder, options=options)
+        else:
+            require_no_model_options(f"--encoder {self.encoder}", options)
 
     def _report(self) -> int:
         """Writes the page and prints the tables."""
@@ -162,24 +194,29 @@ class Reproduce:
         scene: tuple[str, ...],
         limit: int | None,
         agents_limit: int | None = None,
+        is_measured: bool = False,
     ) -> Iterator[Step]:
-        """The work on these homes, in order; the agents' episodes may be fewer."""
+        """The work on these homes, in order; the agents' episodes may be fewer.
+
+        One process does what is measured, whose time and memory are then its own.
+        """
         device = self._device()
-        jobs = [
+        models = 1 if device == "cuda" else self.jobs  # one GPU holds one model
+        unexplored = [
             _ExploreJob(self.dataset, self.evidence, name, self.scenes_dir, out / EXPLORATIONS, self.seed)
             for name in homes
         ]
         if self.method:
-            yield Step("Exploring", lambda: self._explore(jobs), "home")
-        for method in self.method:
+            yield Step("Exploring", lambda: _explore(unexplored, 1 if is_measured else self.jobs), "home", self.jobs)
+        for method in dict.fromkeys(self.method):
             ground = Ground(
                 self.dataset,
                 method,
                 map="explore",
                 encoder=self.encoder,
                 device=device,
-                autocast=self.autocast if is_model(self.encoder) else "off",
-                batch=self.batch if is_model(self.encoder) else 8,
+                autocast=self.autocast,
+                batch=self.batch,
                 evidence=self.evidence,
                 scenes_dir=self.scenes_dir,
                 out=out,
@@ -188,10 +225,10 @@ class Reproduce:
                 limit=limit,
                 sample_seed=self.sample_seed,
                 seed=self.seed,
-                jobs=1 if device == "cuda" else self.jobs,  # one GPU holds one model
+                jobs=1 if is_measured else models,
             )
-            yield Step(f"POG, {method}", ground.run, "home", ground.check)
-        for agent in self.agent:
+            yield Step(f"POG, {method}", ground.run, "home", models, ground.check)
+        for agent in dict.fromkeys(self.agent):
             walk = Run(
                 self.dataset,
                 agent,
@@ -203,9 +240,9 @@ class Reproduce:
                 limit=limit if agents_limit is None else agents_limit,
                 sample_seed=self.sample_seed,
                 seed=self.seed,
-                jobs=self.jobs,
+                jobs=1 if is_measured else self.jobs,
             )
-            yield Step(f"PAN, {agent}", walk.run, "episode", walk.check)
+            yield Step(f"PAN, {agent}", walk.run, "episode", self.jobs, walk.check)
 
     def _device(self) -> Literal["cpu", "cuda"]:
         if self.device != "auto":
@@ -216,31 +253,29 @@ class Reproduce:
 
         return "cuda" if torch.cuda.is_available() else "cpu"
 
-    def _explore(self, jobs: Sequence[_ExploreJob]) -> None:
-        with counted("explore", len(jobs)) as progress:
-            for _ in run_jobs(_explored, jobs, processes=self.jobs, kept="finished explorations are kept"):
-                progress.add()
-
     def _estimate(self, chosen: Sequence[Episode], homes: Sequence[str]) -> int:
         """Does one home, measures it, and says what all of them will take."""
-        counts = {name: sum(episode.key.scene == name for episode in chosen) for name in homes}
+        counts = Counter(episode.key.scene for episode in chosen)
         home = sorted(homes, key=lambda name: counts[name])[len(homes) // 2]
+        limit = max(Counter(episode.key.split for episode in chosen if episode.key.scene == home).values())
         costs: list[Cost] = []
         with TemporaryDirectory(prefix="reproduce-") as folder:
             out = Path(folder)
             walked = 0
-            for step in self._steps(out, [home], scene=(home,), limit=self.limit, agents_limit=1):
+            for step in self._steps(out, [home], scene=(home,), limit=limit, agents_limit=1, is_measured=True):
                 before_s, before = time.monotonic(), _gigabytes(out)
                 _done_quietly(step)
                 seconds, times = time.monotonic() - before_s, float(len(homes))
                 if step.per == "episode":
                     earlier, walked = walked, sum(len(run.episodes) for run in read_runs([out]))
                     times = len(chosen) / (walked - earlier)
-                costs.append(Cost(step.name, seconds, _gigabytes(out) - before, times))
+                processes = min(step.processes, len(homes)) if step.per == "home" else step.processes
+                costs.append(Cost(step.name, seconds, _gigabytes(out) - before, times, processes))
         return self._say_costs(costs, home)
 
     def _say_costs(self, costs: Sequence[Cost], home: str) -> int:
-        hours = sum(cost.seconds * cost.times for cost in costs) / 3600
+        hours = sum(cost.hours for cost in costs)
+        alone = sum(cost.seconds * cost.times for cost in costs) / 3600
         gigabytes = sum(cost.gigabytes * cost.times for cost in costs)
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
         document = {
@@ -248,8 +283,8 @@ class Reproduce:
             "device": self._device(),
             "jobs": self.jobs,
             "steps": [cost._asdict() for cost in costs],
-            "hours_one_process": hours,
-            "hours": hours / self.jobs,
+            "hours_one_process": alone,
+            "hours": hours,
             "gigabytes_on_disk": gigabytes,
             "gigabytes_of_memory_per_process": memory,
         }
@@ -257,12 +292,12 @@ class Reproduce:
             print_json(document)
             return 0
         lines = [
-            (cost.step, f"{cost.seconds:.1f}", f"{cost.times:.0f}", f"{cost.seconds * cost.times / 3600:.2f}")
+            (cost.step, f"{cost.seconds:.1f}", f"{cost.times:.0f}", f"{cost.processes}", f"{cost.hours:.2f}")
             for cost in costs
         ]
-        print_table(f"Measured on {home}, {self._device()}", ("Step", "s", "times", "hours"), lines)
+        print_table(f"Measured on {home}, {self._device()}", ("Step", "s", "times", "processes", "hours"), lines)
         print(
-            f"About {hours / self.jobs:.2f} hours with --jobs {self.jobs} ({hours:.2f} with one process), "
+            f"About {hours:.2f} hours with --jobs {self.jobs} ({alone:.2f} with one process), "
             f"{gigabytes:.2f} GB of files in {self.out}, {memory:.1f} GB of memory per process. "
             "An upper bound where a model is loaded: it was loaded for this one home."
         )
@@ -273,6 +308,12 @@ def _done_quietly(step: Step) -> None:
     """Does a step without the tables of its verb, since the page has them all; progress still shows."""
     with redirect_stdout(io.StringIO()):
         step.work()
+
+
+def _explore(jobs: Sequence[_ExploreJob], processes: int) -> None:
+    with counted("explore", len(jobs)) as progress:
+        for _ in run_jobs(_explored, jobs, processes=processes, kept="finished explorations are kept"):
+            progress.add()
 
 
 def _explored(job: _ExploreJob) -> None:
