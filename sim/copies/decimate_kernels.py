@@ -68,7 +68,7 @@ def _add_plane(quadric, nx, ny, nz, p, weight):
     quadric[9] += weight * d * d
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _error(q, p):
     """Mean squared distance (m2) of a point from the planes of a quadric."""
     x, y, z = p[0], p[1], p[2]
@@ -170,7 +170,7 @@ def _edge_weight(surface, f, u, v):
     return 0.0 if joins else _SEAM_WEIGHT
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _neighbours(surface, u, near, count):
     """Number of neighbours of `u`; writes them and the number of their common faces with `u`. -1 = too many."""
     found = 0
@@ -192,7 +192,7 @@ def _neighbours(surface, u, near, count):
     return found
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _num_common(surface, v, near, found, seen):
     """Number of neighbours of `v` among the first `found` of `near`."""
     seen[:found] = False
@@ -209,7 +209,7 @@ def _num_common(surface, v, near, found, seen):
     return common
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _shift(surface, u, v, is_loose, plane, value):
     """Weighted mean squared shift (m2) of the look of the faces around `u` after its move to `v`; inf = not allowed."""
     points, faces = surface.points, surface.faces
@@ -234,7 +234,7 @@ def _shift(surface, u, v, is_loose, plane, value):
     return _SHIFT_WEIGHT * total / max(total_area, NO_AREA)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _keeps_shape(a, p, b, c):
     """Whether a face may have its corner `p` instead of `a`: it must not turn over nor become a sliver."""
     ox, oy, oz = normal(a, b, c)

@@ -51,7 +51,7 @@ def rings(faces, num_vertices):
     return start, ring
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def shows_same(surface, f, g, v):
     """Whether two faces show the same at their common vertex."""
     if surface.look[f] != surface.look[g]:
@@ -64,7 +64,7 @@ def shows_same(surface, f, g, v):
     return same
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def value_at(surface, f, u, v, value):
     """Writes the look of face `f` at its corner `u` after a move of that corner to `v`.
 
@@ -81,7 +81,7 @@ def value_at(surface, f, u, v, value):
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def plane_at(surface, f, i, p, value):
     """Writes the look at `p` of face `f` extended without end; returns its area (0: the look of its corner `i`)."""
     j, m = (i + 1) % 3, (i + 2) % 3
@@ -101,7 +101,7 @@ def plane_at(surface, f, i, p, value):
     return math.sqrt(squared) / 2
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def is_folded(surface, f, g, u, v):
     """Whether two faces at an edge lie nearly on each other, so that their planes do not hold the edge in place."""
     p, q = surface.points[u], surface.points[v]
@@ -113,7 +113,7 @@ def is_folded(surface, f, g, u, v):
     return ax * bx + ay * by + az * bz > _FOLD_COS * lengths
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def third(faces, f, u, v):
     """The vertex of a face that is neither `u` nor `v`."""
     for corner in range(2):
@@ -122,18 +122,18 @@ def third(faces, f, u, v):
     return faces[f, 2]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def has(faces, f, v):
     return faces[f, 0] == v or faces[f, 1] == v or faces[f, 2] == v
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def corner_of(faces, f, v):
     """The index of a vertex among the corners of a face."""
     return 0 if faces[f, 0] == v else (1 if faces[f, 1] == v else 2)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def normal(a, b, c):
     """Normal of a triangle, twice its area long."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -141,6 +141,6 @@ def normal(a, b, c):
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def squared(a, b):
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2

@@ -162,6 +162,15 @@ def test_a_part_that_takes_too_long_is_ended() -> None:
     assert in_child("browser", 30_000, 10, 0, 2, 16, timeout_s=0.01) is None
 
 
+@pytest.mark.slow
+def test_a_soup_of_triangles_gets_a_copy_within_the_limits() -> None:
+    found = in_child("soup", 30_000, 0)
+    assert found is not None
+    assert 0 < found["faces"] <= 30_000
+    assert 0 < found["megabytes"] <= 15
+    assert found["build_s"] > 0
+
+
 @pytest.mark.release
 def test_parts_without_time_left_are_named_as_left_out() -> None:
     late = BenchSettings(TINY.sizes, budget_s=0.0)

@@ -169,7 +169,9 @@ def _resident_mb() -> float:
     return psutil.Process().memory_info().rss / 1e6
 
 
-def _browser(faces: str, clicks: str, seed: str, num_textures: str, texture_size: str) -> dict[str, float]:
+def _browser(
+    faces: str, clicks: str, seed: str, num_textures: str, texture_size: str, cluttered: str = ""
+) -> dict[str, float]:
     from sim.mesh import Scene
     from sim.walk.floor_grid import floor_grid_from_mesh
 
@@ -177,11 +179,21 @@ def _browser(faces: str, clicks: str, seed: str, num_textures: str, texture_size
     from .scenes import bench_mesh
 
     mesh = bench_mesh(
-        int(faces), cluttered=False, seed=int(seed), texture_size=int(texture_size), num_textures=int(num_textures)
+        int(faces),
+        cluttered=cluttered == "cluttered",
+        seed=int(seed),
+        texture_size=int(texture_size),
+        num_textures=int(num_textures),
     )
     navigation = floor_grid_from_mesh(mesh)
     scene = Scene("house", "invented", mesh, (), navigation, "house")
     return browser_figures(scene, navigation.storey_heights[0], num_clicks=int(clicks), seed=int(seed))
+
+
+def _soup(faces: str, seed: str) -> dict[str, float]:
+    from .copies import soup_figures
+
+    return soup_figures(int(faces), seed=int(seed))
 
 
 PARTS: dict[str, Callable[..., dict[str, Any]]] = {
@@ -189,6 +201,7 @@ PARTS: dict[str, Callable[..., dict[str, Any]]] = {
     "load": _load,
     "trimesh": _load_trimesh,
     "browser": _browser,
+    "soup": _soup,
 }
 
 if __name__ == "__main__":
