@@ -2,16 +2,17 @@
 
 import re
 import tempfile
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
 from sim.errors import DatasetError, PersonalVizError, line_from_validation_error
 from sim.tasks.run_files import RUN_ID
-from sim.types import SceneKind
+from sim.types import SPLITS, SceneKind, Split
 
 _LEAST = {
     **dict.fromkeys(("limit", "jobs", "batch", "homes", "width", "height", "max_steps"), 1),
@@ -45,6 +46,26 @@ def check_options(verb: object) -> None:
             f"--run-id is {run_id!r}; expected 1 to 80 letters, digits, '.', '_' or '-', not starting with '.'. "
             "Give another, or leave it out; --out says in which folder."
         )
+
+
+def sampled(
+    episodes: PersonalDataset, *, splits: Sequence[Split], scenes: Sequence[str], limit: int | None, seed: int
+) -> list[Episode]:
+    """The episodes that `--split`, `--scene`, `--limit` and `--sample-seed` choose; no splits or scenes = all.
+
+    Raises:
+        PersonalVizError: They hold no episode.
+        DatasetError: As `PersonalDataset.sample`.
+    """
+    chosen = episodes.sample(splits=tuple(splits) or SPLITS, scenes=tuple(scenes) or None, per_split=limit, seed=seed)
+    if not chosen:
+        raise nothing_chosen(episodes.root)
+    return chosen
+
+
+def nothing_chosen(dataset: Path) -> PersonalVizError:
+    """The error of splits and scenes without an episode."""
+    return PersonalVizError(f"{dataset}: the chosen splits and scenes hold no episode; expected one. Choose others.")
 
 
 def require_suffix(option: str, path: Path, suffix: str) -> None:

@@ -11,7 +11,7 @@ from tyro.conf import arg
 
 from sim.episodes.dataset import PersonalDataset, key_from_text
 from sim.episodes.schema import Episode
-from sim.errors import AgentError, PersonalVizError
+from sim.errors import AgentError
 from sim.homes.kind import common_kind
 from sim.mesh import Scene
 from sim.plugins import is_plugin, own_name, plugin_digest
@@ -21,7 +21,7 @@ from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
-from sim.types import SPLITS, EpisodeKey, SceneKind, SuccessRule
+from sim.types import EpisodeKey, SceneKind, SuccessRule
 from sim.words.english import how_many
 
 from ..progress import counted
@@ -42,7 +42,7 @@ from .options import (
     WithPixels,
 )
 from .output import recorded
-from .refusals import check_options, require_no_scan
+from .refusals import check_options, require_no_scan, sampled
 
 SHORT_NAMES = {"random-frontier": "grounding.agents.random_frontier:random_frontier"}
 """Our own agents that the simulator loads as plug-ins; run files hold the short name."""
@@ -110,13 +110,7 @@ class Run:
         """The named episode, or a sample of splits and scenes; raises PersonalVizError if these hold no episode."""
         if self.episode is not None:
             return [episodes.episode(key_from_text(self.episode, where="--episode"))]
-        scenes, splits = self.scene or None, self.split or SPLITS
-        chosen = episodes.sample(splits=splits, scenes=scenes, per_split=self.limit, seed=self.sample_seed)
-        if not chosen:
-            raise PersonalVizError(
-                f"{episodes.root}: the chosen splits and scenes hold no episode; expected one. Choose others."
-            )
-        return chosen
+        return sampled(episodes, splits=self.split, scenes=self.scene, limit=self.limit, seed=self.sample_seed)
 
     def _agent(self) -> tuple[SuccessRule | None, str, dict[str, str]]:
         """The rule that the agent walks for, its row name, and the digest of a user's own agent.

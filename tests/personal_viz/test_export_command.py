@@ -121,6 +121,8 @@ def test_vlfms_files_are_imported_step_by_step_and_as_reported(home: Path, tmp_p
     data, out = str(home / "data"), str(tmp_path / "page")
     shown = personal_viz("replay", "--runs", str(tmp_path / "runs" / "told"), "--dataset", data, "--out", out + ".rrd")
     assert_one_line(shown, "reported, not recomputed")
+    browsed = personal_viz("browse", "--dataset", data, "--runs", str(tmp_path / "runs" / "told"), "--port", "0")
+    assert_one_line(browsed, "reported, not recomputed")
     refused = personal_viz("compare", str(tmp_path / "runs"), "--dataset", data, "--out", out)
     assert_one_line(refused, "reported, not recomputed", "personal-viz metrics shows such figures")
 
@@ -148,7 +150,8 @@ def test_onemaps_files_are_imported_by_their_number(home: Path, tmp_path: Path) 
     assert found.key == episode.key
     assert found.end.reason == "stop"
     assert found.end.measures is not None
-    assert found.end.measures.rules == episode.end.measures.rules  # type: ignore[union-attr]
+    assert episode.end.measures is not None
+    assert found.end.measures.rules == episode.end.measures.rules
 
 
 def test_options_that_contradict_each_other_are_refused(home: Path, tmp_path: Path) -> None:

@@ -3,10 +3,13 @@
 import json
 import re
 import shutil
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from personal_viz.cli.scans.reproduce import Reproduce
 from personal_viz.reproduce.page import document_of, page_of, rows_of
 from personal_viz.reproduce.paper import PAPER_PAN, paper_cells
 from sim.tasks.metrics import MetricRow, read_runs
@@ -16,6 +19,8 @@ from .program import assert_one_line, personal_viz
 
 pytestmark = pytest.mark.slow
 NAME = "Small"
+TWICE = ("--agent", "random-frontier", "random-frontier")
+"""A name that stands twice is done once."""
 FEW = ("--method", "random", "rpg", "--limit", "1", "--split", "easy")
 
 
@@ -92,7 +97,7 @@ def test_no_line_of_the_papers_stands_below_maps_of_captions(lab: Path) -> None:
 
 def test_a_dry_run_measures_one_home_and_writes_nothing(lab: Path) -> None:
     out = lab / "dry"
-    done = personal_viz("reproduce", *places(lab)[:6], "--out", out, *FEW, "--jobs", "4", "--dry-run", "--json")
+    done = personal_viz("reproduce", *places(lab)[:6], "--out", out, *FEW, "--jobs", "4", "--dry-run", "--json", *TWICE)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found["home"] == NAME
@@ -102,6 +107,22 @@ def test_a_dry_run_measures_one_home_and_writes_nothing(lab: Path) -> None:
     assert found["hours"] == pytest.approx(sum(hours))
     assert min(found["gigabytes_on_disk"], found["gigabytes_of_memory_per_process"]) > 0
     assert not out.exists()
+
+
+def test_a_dry_run_takes_as_many_episodes_of_its_home_as_the_whole_work_does(
+    invented_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[dict[str, Any]] = []
+
+    def no_steps(verb: Reproduce, out: Path, homes: Sequence[str], **how: Any) -> Iterator[Any]:
+        asked.append({"homes": list(homes), **how})
+        return iter(())
+
+    monkeypatch.setattr(Reproduce, "_steps", no_steps)
+    Reproduce(invented_root, tmp_path / "out", encoder="hashed", limit=4, split=("easy",), dry_run=True).run()
+    whole, one_home = asked
+    assert (len(whole["homes"]), whole["limit"]) == (2, 4)
+    assert (len(one_home["homes"]), one_home["limit"]) == (1, 2)
 
 
 def test_invented_homes_are_labelled_and_have_no_line_of_the_papers(lab: Path) -> None:

@@ -27,7 +27,7 @@ from grounding.evaluation.settings import CELLS, GroundSettings
 from grounding.methods.by_name import Grounder, make_grounder, require_method, takes_objects
 from grounding.phrases.sources import phrases_called
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import AgentError, PersonalVizError
+from sim.errors import AgentError
 from sim.homes.kind import common_kind
 from sim.homes.plan import HOMES_VERSION
 from sim.plugins import is_plugin, own_name, plugin_digest
@@ -56,7 +56,7 @@ from ..options import (
     Splits,
 )
 from ..output import print_json
-from ..refusals import check_options
+from ..refusals import check_options, nothing_chosen
 from .ground_maps import cell_of_maps, layout_of_maps
 from .ground_tables import GroundResult, ground_document, print_ground_table
 
@@ -211,9 +211,7 @@ class Ground:
     def _answer(self, work: Sequence[GroundJob], folder: Path, info: RunInfo) -> None:
         """Answers the episodes that the run folder does not hold yet."""
         if not work:
-            raise PersonalVizError(
-                f"{self.dataset}: the chosen splits and scenes hold no episode; expected one. Choose others."
-            )
+            raise nothing_chosen(self.dataset)
         writer = RunWriter(folder, info)
         keys = [key for job in work for key in job.keys]
         with counted(info.run_id, len(keys)) as progress:

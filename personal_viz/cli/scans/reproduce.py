@@ -20,13 +20,12 @@ from grounding.encoders.protocol import ModelOptions
 from personal_viz.reproduce.page import document_of, page_of, rows_of
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.errors import PersonalVizError
 from sim.homes.kind import common_kind
 from sim.tasks.metrics import read_runs, require_comparable
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import read_run_info
 from sim.tasks.workers import run_jobs
-from sim.types import SPLITS, SceneKind
+from sim.types import SceneKind
 from sim.words.english import how_many
 
 from ...progress import counted
@@ -46,7 +45,7 @@ from ..options import (
     Splits,
 )
 from ..output import print_json, print_table, say, write_report
-from ..refusals import check_options, require_folder
+from ..refusals import check_options, require_folder, sampled
 from ..run import Run, keys_by_scene
 
 PAGE, FIGURES = "index.html", "reproduce.json"
@@ -131,15 +130,7 @@ class Reproduce:
     def run(self) -> int:
         check_options(self)
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
-        for name in self.scene:
-            episodes.require_scene(name)
-        chosen = episodes.sample(
-            splits=self.split or SPLITS, scenes=self.scene or None, per_split=self.limit, seed=self.sample_seed
-        )
-        if not chosen:
-            raise PersonalVizError(
-                f"{self.dataset}: the chosen splits and scenes hold no episode; expected one. Choose others."
-            )
+        chosen = sampled(episodes, splits=self.split, scenes=self.scene, limit=self.limit, seed=self.sample_seed)
         homes = tuple(keys_by_scene(chosen, self.scenes_dir))
         kind = common_kind(episodes, homes, self.scenes_dir)
         self._require_fitting_runs(kind, episodes.digest())
