@@ -10,6 +10,8 @@ from sim.compiled import njit
 
 NO_AREA = 1e-14
 """Square metres below which a face has no direction."""
+# Small kernels are inlined: otherwise numba counts references to each array of `Surface` at every call, which takes a
+# third of the time of a copy.
 _FOLD_COS = 0.7
 """Faces whose angle at an edge has a larger cosine are folded onto each other."""
 

@@ -106,8 +106,8 @@ def _run(
 ) -> tuple[tuple[str, ...], EpisodeRun] | None:
     """The run with these actions and its places in the file; None where a step is impossible.
 
-    The position after the last action is unknown: STOP moves nobody, and the last step of the budget moves 0.25 m at
-    most, which changes no success, because the run did not stop.
+    The position after the last action is unknown, so it is the one before: STOP moves nobody, and the last step of the
+    budget moves 0.25 m at most. Of the success rules only `authors`, which asks for no STOP, could tell the difference.
     """
     yaw, tilt, steps = episode.start.yaw, 0.0, []
     for action, position in zip(actions, [*positions, positions[-1:].reshape(-1)], strict=True):

@@ -175,7 +175,7 @@ def _with_state(table: PoseTable) -> PoseTable:
     """The table, and whether the robot stopped, from OneMap's `state/state_N.txt`, where that file is there.
 
     Of its `Result`s, SUCCESS (1), FAILURE_MISDETECT (2) and FAILURE_NOT_REACHED (5) follow a stop; the robots of the
-    others (3, 4, 6) walked until their steps were used up.
+    others (3, 4, 6) walked until their steps were used up. OneMap writes no pose after its last action.
     """
     number = table.path.stem.rpartition("_")[2]
     path = table.path.parent.parent / "state" / f"state_{number}.txt"
