@@ -156,7 +156,7 @@ async def _received(connection: BotConnection, within_s: float) -> bool:
 
 def _camera(target: Vector3, angle: float) -> dict[str, object]:
     """The message of a camera that looks down at a place from 8 m aside and 9 m above; `angle` in radians."""
-    eye = np.array(target) + (8 * math.cos(angle), 9.0, 8 * math.sin(angle))
+    eye = np.add(target, (8 * math.cos(angle), 9.0, 8 * math.sin(angle)))
     ahead = np.array(target) - eye
     ahead /= np.linalg.norm(ahead)
     right = np.cross(ahead, (0.0, 1.0, 0.0))
