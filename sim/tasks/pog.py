@@ -27,7 +27,7 @@ class PogScene:
         self._renderers = [make_renderer(storey_mesh(scene, floor_y)) for floor_y in self.storeys]
 
     def picture(self, storey: int, T_world_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.uint8]:
-        """The storey with this index, cut as for `hit`, on white, as a camera (4, 4; OpenCV axes) sees it: (H, W, 3)."""
+        """The storey with this index as a camera (4, 4; OpenCV axes) sees it, cut as for `hit`, on white: (H, W, 3)."""
         frame = self._renderers[storey].render(T_world_camera, camera)
         return np.where(frame.depth_m[..., None] > 0, frame.rgb, np.uint8(255))
 
