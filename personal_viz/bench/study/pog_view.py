@@ -14,13 +14,12 @@ import numpy as np
 import viser.transforms
 from pydantic import BaseModel, ConfigDict
 
-from human_study.design.study import StudyPog
+from human_study.design.study import StudyPog, load_study
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.open_home import open_scene
 from sim.tasks.run_files import Vector3
 
-from ...bots.figures import quantiles_ms
-from ...bots.forms import answer_pages, open_session
+from ...bots.forms import answer_pages, open_session, right_answers
 from ...bots.server import Server
 from ...bots.site import HOME, Site, make_pilot
 from ...bots.wire import BotConnection, connect_viser
@@ -97,7 +96,8 @@ def measure_pog_view(settings: PogViewSettings, *, folder: Path, dataset: Path, 
     return {
         "faces": num_faces,
         "fps": fps,
-        **quantiles_ms("", delays, 50, 95),
+        "p50_ms": float(np.quantile(delays, 0.5)),
+        "p95_ms": float(np.quantile(delays, 0.95)),
         "click_mm_p99": clicked["click_p99_mm"],
     }
 
@@ -105,7 +105,7 @@ def measure_pog_view(settings: PogViewSettings, *, folder: Path, dataset: Path, 
 async def _looked(site: Site, settings: PogViewSettings, target: Vector3) -> tuple[float, list[float]]:
     """Pictures a second while orbiting, and milliseconds to the picture of each single move."""
     session = open_session(site.everybody[0].link)
-    answer_pages(session)
+    answer_pages(session, right_answers(load_study(site.folder), "pog"))
     connection = await connect_viser(session)
     page = connection.page
     await _until(connection, lambda: page.is_pointing and page.num_surfaces > 0)
