@@ -89,12 +89,32 @@ def test_pictures_are_small_while_the_camera_moves_and_large_when_it_rests(
 ) -> None:
     now = [0.0]
     monkeypatch.setattr(pictures, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    rests: list[Callable[[], object]] = []
+
+    class Timer:
+        """A timer that ends when the test says so."""
+
+        def __init__(self, seconds: float, call: Callable[..., object], arguments: tuple[Any, ...]) -> None:
+            assert 0 <= seconds <= pictures.REST_S
+            self.end = lambda: call(*arguments)
+
+        def start(self) -> None:
+            with browser.changed:
+                rests.append(self.end)
+                browser.changed.notify_all()
+
+    monkeypatch.setattr(pictures, "threading", SimpleNamespace(Timer=Timer))
     painter.show(0)
     browser.wait_for(lambda: len(browser.sent) == 1)
-    painter.moved()
-    browser.wait_for(lambda: len(browser.sent) >= 2)
-    assert size(browser.sent[1]) <= MOVING_PIXELS * 1.01
+    for move in range(1, 4):  # each is drawn at once: none waits for the camera to rest
+        painter.moved()
+        browser.wait_for(lambda move=move: len(browser.sent) > move)
+        assert size(browser.sent[move]) <= MOVING_PIXELS * 1.01
+        browser.wait_for(lambda move=move: len(rests) == move)
     now[0] = 1.0
+    rests[0]()  # the camera has moved since: nothing is drawn
+    assert len(browser.sent) == 4
+    rests[-1]()
     browser.wait_for(lambda: size(browser.sent[-1]) > 2 * MOVING_PIXELS)
 
 

@@ -73,8 +73,8 @@ class Painter:
         self._client, self._picture, self._threads = client, picture, threads
         self._lock = threading.Lock()
         self._storey: int | None = None
-        self._wanted = self._drawn = 0
-        """Number of the newest change, and of the change that the browser's picture shows at full size."""
+        self._wanted = 0
+        """Number of the newest change."""
         self._moved_s = -math.inf
         self._is_busy = False
 
@@ -96,12 +96,22 @@ class Painter:
     def _change(self) -> None:
         """Notes a change; called with the lock held."""
         self._wanted += 1
+        self._begin()
+
+    def _begin(self) -> None:
+        """Draws as soon as a thread is free, unless a picture is being drawn; called with the lock held."""
         if not self._is_busy and self._storey is not None:
             self._is_busy = True
             self._threads.run(self._draw)
 
+    def _rested(self, number: int) -> None:
+        """Draws at full size if nothing has changed since."""
+        with self._lock:
+            if self._wanted == number:
+                self._begin()
+
     def _draw(self) -> None:
-        """Draws the newest change, and goes on until the browser has it at full size."""
+        """Draws the newest change; later ones follow, and full size when the camera rests."""
         with self._lock:
             storey, number = self._storey, self._wanted
             is_moving = time.monotonic() - self._moved_s < REST_S
@@ -113,15 +123,14 @@ class Painter:
                     self._client.scene.set_background_image(rgb, "jpeg", jpeg_quality=JPEG_QUALITY)
                     self._client.flush()
         with self._lock:
-            if not is_moving:
-                self._drawn = number
-            if self._storey is None or self._drawn == self._wanted:
-                self._is_busy = False
-            elif self._wanted != number:
-                self._threads.run(self._draw)
-            else:  # nothing new, but small: again when the camera rests
+            self._is_busy = False
+            if self._wanted != number:
+                self._begin()
+            elif is_moving:
                 left_s = max(0.0, self._moved_s + REST_S - time.monotonic())
-                threading.Timer(left_s, self._threads.run, (self._draw,)).start()
+                timer = threading.Timer(left_s, self._rested, (number,))
+                timer.daemon = True
+                timer.start()
 
 
 def _camera_of(handle: viser.CameraHandle, most: int) -> tuple[NDArray[np.float64], Camera] | None:
