@@ -22,6 +22,7 @@ from sim.types import (
     Action,
     Camera,
     ClutterLevel,
+    SceneKind,
     Split,
     SuccessRule,
     Task,
@@ -46,6 +47,8 @@ Condition = PanCondition | PogCondition
 """A participant's view of the home besides the task itself. PAN: `none`, or before walking its `topdown` map or its 3-D
 model (`glb`). POG: pointing after a look at the home (`map_first`), with text and home side by side (`map_open`), or on
 the agents' own top-down map (`map_2d`)."""
+HomeView = Literal["browser", "server"]
+"""Where the pictures of a 3-D home are made: in the browser, which then has its geometry, or on the server."""
 FlowStep = Literal["device", "consent", "instructions", "quiz"]
 
 
@@ -229,6 +232,8 @@ class StudyConfig(BaseModel):
     design: StudyDesign = StudyDesign()
     memory: StudyMemory = StudyMemory()
     pog: StudyPog = StudyPog()
+    pog_view: HomeView | Literal["auto"] = "auto"
+    """Where pictures of a 3-D home are made. `auto`: on the server for scans that are served beyond this machine."""
     flow: tuple[FlowStep, ...] = ("device", "consent", "instructions", "quiz")
     """Pages before practice, in this order."""
     practice: StudyPractice = StudyPractice()
@@ -290,6 +295,12 @@ class StudyConfig(BaseModel):
     def robot_camera(self) -> Camera:
         """The camera as a `Camera` of the simulator."""
         return Camera(self.camera.width, self.camera.height, self.camera.hfov_deg, self.camera.mount_height)
+
+    def view_of(self, kind: SceneKind, *, public: bool) -> HomeView:
+        """Where the pictures of a 3-D home of this kind are made; `public` = beyond this machine."""
+        if self.pog_view != "auto":
+            return self.pog_view
+        return "server" if kind == "scan" and public else "browser"
 
     def conditions(self, task: TaskKind) -> tuple[Condition, ...]:
         """The conditions of a task."""

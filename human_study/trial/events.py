@@ -12,7 +12,7 @@ from sim.errors import StudyError, line_from_validation_error
 from sim.tasks.run_files import ClickRay, Step, Vector3
 from sim.types import Action, EpisodeKey, GridSpec, Pose, Split, TaskKind
 
-from ..design.study import Condition
+from ..design.study import Condition, HomeView
 
 Finite = Annotated[float, AllowInfNan(False)]
 DropReason = Literal["repeat", "busy", "rate", "action", "storey", "nothing_marked", "phase", "too_early"]
@@ -49,6 +49,8 @@ class Open(TrialEvent):
     actions: tuple[Action, ...]
     condition: Condition | None = None
     """The view of the home besides the task; None in records of the first version: `none`, or `map_open`."""
+    home_view: HomeView | None = None
+    """Where the pictures of a 3-D home were made; None = none was shown, or, in older records, in the browser."""
     position: Vector3 | None = None
     """PAN: start of the robot, world metres."""
     yaw: Finite | None = None

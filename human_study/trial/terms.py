@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from ..design.study import Condition, StudyConfig
+from ..design.study import Condition, HomeView, StudyConfig
 from .events import Event, MapKind, MapOff, MapOn, Moment
 from .views import LookView
 
@@ -17,6 +17,8 @@ GIVE_UP_WITHIN_S = 5.0
 """The second press of giving up counts up to this long after the first."""
 RESUME_WITHIN_S = 600.0
 """Default of StudyConfig.resume_within_s."""
+SHOWS_HOME: tuple[Condition, ...] = ("glb", "map_first", "map_open")
+"""Conditions in which participants look around in a 3-D home."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,8 @@ class TrialTerms:
 
     condition: Condition | None = None
     """The trial's condition; None in records of the first version of studies."""
+    home_view: HomeView | None = None
+    """Where the pictures of a 3-D home are made; None = no such home is shown."""
     look: Look | None = None
     """The look before the task; None = there is none."""
     task_max_s: float | None = None
@@ -46,8 +50,8 @@ class TrialTerms:
     """Whether participants rate their confidence after an answer (STOP, a confirmed mark)."""
 
 
-def terms_of(config: StudyConfig, condition: Condition) -> TrialTerms:
-    """The terms of a study's trials in one condition."""
+def terms_of(config: StudyConfig, condition: Condition, *, home_view: HomeView | None = None) -> TrialTerms:
+    """The terms of a study's trials in one condition; `home_view` says where 3-D homes are drawn, if they are shown."""
     is_pan = condition in ("none", "topdown", "glb")
     look = None
     if condition == "topdown" or condition == "glb":
@@ -56,6 +60,7 @@ def terms_of(config: StudyConfig, condition: Condition) -> TrialTerms:
         look = Look("home", config.pog.look_min_s, config.pog.look_max_s)
     return TrialTerms(
         condition=condition,
+        home_view=home_view if condition in SHOWS_HOME else None,
         look=look,
         task_max_s=config.pan_max_s if is_pan else config.pog.answer_max_s,
         resume_within_s=config.resume_within_s,

@@ -193,6 +193,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
             max_steps=self._task.max_steps,
             actions=self._task.actions,
             condition=self._terms.condition,
+            home_view=self._terms.home_view,
         )
 
     def _end(self, reason: EndReason, event: Event) -> tuple[Event, ...]:

@@ -65,7 +65,7 @@ class BotPage:
     num_marks: int = 0
     """Number of times that a mark was shown."""
     num_surfaces: int = 0
-    """Number of times that a storey of the home or of its map was shown."""
+    """Number of times that a storey of the home or of its map was shown; where the server draws it, of pictures."""
     has_surface: bool = False
     """Whether a storey is shown on the present screen."""
     hears_clicks: bool = False
@@ -164,6 +164,9 @@ class BotPage:
             self.has_surface = False
         elif kind in ("GlbMessage", "ImageMessage") and message["name"] in _SURFACES:
             self.has_surface, self.num_surfaces = True, self.num_surfaces + 1
+        elif kind == "BackgroundImageMessage":  # a home that the server draws
+            self.has_surface = message["rgb_data"] is not None
+            self.num_surfaces += self.has_surface
         elif kind == "ScenePointerEnableMessage" and message["event_type"] == "click":
             self.hears_clicks = bool(message["modifiers"])
 

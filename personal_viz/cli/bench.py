@@ -15,7 +15,7 @@ from ..bench.harness import Report, machine_line, markdown, run_benchmark, table
 from .output import print_table, say
 from .refusals import require_folder, writing
 
-StudyPart = Literal["store", "load", "browser", "kills", "people", "big-home", "restart", "soak"]
+StudyPart = Literal["store", "load", "browser", "pogview", "kills", "people", "big-home", "restart", "soak"]
 
 
 @dataclass

@@ -70,9 +70,9 @@ def open_study(task: WorkerTask) -> Study:
     def open_one(name: str) -> Home:
         scene = plan.scene(name)
         if practice is not None and scene in plan.practice_scenes:
-            return open_home(config, scene, practice, None, threads=threads)
+            return open_home(config, scene, practice, None, threads=threads, public=task.public)
         watched = {"rerun": task.rerun, "with_pixels": task.with_pixels, "is_pilot": plan.is_pilot}
-        return open_home(config, scene, counted, scenes_dir, threads=threads, **watched)
+        return open_home(config, scene, counted, scenes_dir, threads=threads, public=task.public, **watched)
 
     return Study(config, plan, HomeLibrary(open_one), time.monotonic())
 
@@ -84,6 +84,7 @@ def open_home(
     scenes_dir: Path | None,
     *,
     threads: RenderThreads,
+    public: bool = False,
     rerun: str | None = None,
     with_pixels: bool = False,
     is_pilot: bool = False,
@@ -101,14 +102,19 @@ def open_home(
         from .watch_rerun import RerunObservers  # Rerun takes a second to import
 
         observers = RerunObservers(scene, config, rerun, with_pixels=with_pixels, is_pilot=is_pilot)
+    copies, view = StoreyCopies(scene), config.view_of(scene.kind, public=public)
+    if view == "browser":
+        _ = copies.glbs  # before anybody waits for them
     return Home(
         scene=scene,
         renderer=renderer,
         pog_scene=PogScene(scene, make_renderer=Raycaster),
-        copies=StoreyCopies(scene),
+        copies=copies,
         episodes={episode.key: episode for episode in dataset.episodes(scenes=(name,))},
         storeys=scene_storeys(dataset.goals(name).values()),
         watches=Watches(observers, make_env=lambda episode: pan_env(episode, scene, renderer, config)),
+        threads=threads,
+        view=view,
     )
 
 

@@ -54,6 +54,8 @@ class WorkerTask(msgspec.Struct, frozen=True):
     """A folder or a viewer's address, to which trials are streamed for a researcher."""
     with_pixels: bool = False
     """Whether the stream holds pictures of licensed scans too."""
+    public: bool = False
+    """Whether the study is served beyond this machine."""
 
     def command(self, fd: int) -> list[str]:
         """The command line of a worker, for the file descriptor of its socket."""

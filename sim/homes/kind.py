@@ -14,10 +14,12 @@ _LABELS = {
     "invented": "Invented homes, made from a seed: no human baseline for PersONAL",
 }
 
+HM3D_TERMS = "https://matterport.com/matterport-end-user-license-agreement-academic-use-model-data"
+"""Matterport's agreement on HM3D's scans."""
 _TERMS = {
     "schematic": (
         "Homes reconstructed from the CC BY episode files of PersONAL; HM3D's terms may apply to your use: "
-        "https://matterport.com/matterport-end-user-license-agreement-academic-use-model-data"
+        + HM3D_TERMS
     ),
 }
 

@@ -1,12 +1,17 @@
-"""POG: point at the object. `PogScene` intersects a person's click with the cut storey whose copy the browser shows."""
+"""POG: point at the object. `PogScene` intersects a person's click with the cut storey that the browser shows.
+
+It also draws that storey, for browsers that do not get a copy of it.
+"""
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.copies.cut import storey_mesh
 from sim.mesh import Scene, TriangleMesh
 from sim.render.renderer import Renderer
+from sim.types import Camera
 
 
 class PogScene:
@@ -20,6 +25,11 @@ class PogScene:
         """
         self.storeys = scene.navigation.storey_heights
         self._renderers = [make_renderer(storey_mesh(scene, floor_y)) for floor_y in self.storeys]
+
+    def picture(self, storey: int, T_world_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.uint8]:
+        """The storey with this index as a camera (4, 4; OpenCV axes) sees it, cut as for `hit`, on white: (H, W, 3)."""
+        frame = self._renderers[storey].render(T_world_camera, camera)
+        return np.where(frame.depth_m[..., None] > 0, frame.rgb, np.uint8(255))
 
     def hit(
         self, storey: int, origin: Sequence[float], direction: Sequence[float]

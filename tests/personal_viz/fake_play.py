@@ -14,6 +14,7 @@ from human_study.store.store import SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.trial.events import Event, event_from_json, event_to_json
 from human_study.trial.views import LookView, PanView, PogView, RateView
+from personal_viz.study_app.home import homes as homes_module
 from personal_viz.study_app.home.frames import Frames, RenderThreads
 from personal_viz.study_app.home.homes import Home
 from personal_viz.study_app.home.surfaces import SceneView
@@ -224,8 +225,8 @@ def fake_screens(monkeypatch: pytest.MonkeyPatch) -> tuple[list[View], list[str]
 
     for name in ("LookScreen", "PanScreen", "PogScreen"):
         monkeypatch.setattr(play_module, name, screen_named(name))
-    for name in ("SceneView", "MapView"):
-        monkeypatch.setattr(play_module, name, lambda client, things, name=name: screens.append(name))
+    for module, name in ((homes_module, "SceneView"), (play_module, "MapView")):
+        monkeypatch.setattr(module, name, lambda client, things, name=name: screens.append(name))
     return shown, screens
 
 
@@ -268,6 +269,7 @@ def fake_home(watches: Watches, **changes: Any) -> Home:
         "episodes": {episode().key: episode()},
         "storeys": [(0.0, 0.0)],
         "watches": watches,
+        "threads": RenderThreads(1),
     }
     return Home(**(fields | changes))
 

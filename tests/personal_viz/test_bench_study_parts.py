@@ -7,6 +7,7 @@ import pytest
 from personal_viz.bench.study.big_home import BigHomeSettings, measure_big_home
 from personal_viz.bench.study.kills import KillSettings, measure_kills
 from personal_viz.bench.study.load import LoadSettings, measure_load
+from personal_viz.bench.study.pog_view import PogViewSettings, measure_pog_view
 from personal_viz.bench.study.restart import RestartSettings, measure_restarts
 from personal_viz.bench.study.soak import SoakSettings, measure_soak
 from personal_viz.bots.site import HOME
@@ -53,6 +54,16 @@ def test_nothing_is_left_of_people_who_left(tmp_path: Path, dataset: Path) -> No
     assert (found["lost"], found["duplicated"], found["leases_left"]) == (0, 0, 0)
     assert found["actions"] > 10
     assert (found["at_start"]["clients"], found["clients_growth"], found["clients_left"]) == (4, 0, 0)
+
+
+@pytest.mark.slow
+def test_a_home_that_the_server_draws_is_timed(tmp_path: Path, dataset: Path) -> None:
+    settings = PogViewSettings(faces=30_000, seconds=1.0, moves=3, clicks=2_000)
+    found = measure_pog_view(settings, folder=tmp_path, dataset=dataset, progress=print)
+    assert found["faces"] >= 30_000
+    assert found["fps"] > 0
+    assert 0 < found["p50_ms"] <= found["p95_ms"]
+    assert found["click_mm_p99"] < 20
 
 
 @pytest.mark.bench

@@ -8,8 +8,8 @@ import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
 from human_study.trial.events import Shown
+from personal_viz.study_app.home import homes as homes_module
 from personal_viz.study_app.home.homes import Home
-from personal_viz.study_app.screens import play as play_module
 
 from .fake_play import EmptySurface, MemoryLink, meshless_home
 from .flow_steps import HOLD_MS, see_step
@@ -36,7 +36,7 @@ _MET_TWICE = "() => window.met.length > 1 && window.met.at(-1) !== null && windo
 @pytest.fixture
 def home(monkeypatch: pytest.MonkeyPatch) -> Home:
     """A home without a mesh, because only the buttons beside it are tested."""
-    monkeypatch.setattr(play_module, "SceneView", EmptySurface)
+    monkeypatch.setattr(homes_module, "SceneView", EmptySurface)
     return meshless_home()
 
 

@@ -1,5 +1,6 @@
 """The screens of a trial in real Chromium, without gateway and store: looks, walks, a home and a map to point at."""
 
+import dataclasses
 import io
 import math
 from collections.abc import Iterator
@@ -226,3 +227,31 @@ def test_looking_up_and_down_by_key_and_button_is_stored_and_verified(home: Home
     replayed = TrialHome(home.scene.navigation, home.scene.digest, home.storeys, home.episodes.__getitem__)
     found = verify_trial(events, outcome, stage.key, home=replayed, participant="p01")
     assert (found.status, found.max_position_error) == ("verified", pytest.approx(0.0, abs=1e-9)), found
+
+
+def test_the_servers_pictures_show_what_a_browser_would_draw_and_clicks_hit_the_same(
+    home: Home, browser: BrowserContext
+) -> None:
+    pictures, hits = [], []
+    for view in ("browser", "server"):
+        drawn = dataclasses.replace(home, view=view)
+        with staged(drawn, "pog", "map_open", pog={"conditions": ["map_open"]}) as stage:
+            page = browser.new_page()
+            page.goto(stage.url)
+            expect(page.get_by_role("button", name="Confirm the mark")).to_be_visible()
+            page.get_by_role("button", name="Left", exact=True).first.click()
+            cam = resting_camera(page, stage.link.events)
+            canvas = page.locator("canvas").first
+            shown = Image.open(io.BytesIO(canvas.screenshot())).convert("RGB")
+            pictures.append(np.asarray(shown.resize((160, 120)), float))
+            box = canvas.bounding_box()
+            assert box is not None
+            x, z = home.copies.middle(0)
+            page.mouse.click(*pixel_of((x, home.copies.storeys[0], z), cam, box))
+            hits += [event.hit for event in stage.link.wait_for("click") if isinstance(event, Clicked)]
+            page.close()
+    first, second = pictures
+    assert np.abs(first - first.mean(axis=(0, 1))).mean() > 10, "there is something to see"
+    assert np.abs(first - second).mean() < 6
+    assert hits[0] is not None
+    assert hits[1] == pytest.approx(hits[0], abs=0.02)

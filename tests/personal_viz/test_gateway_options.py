@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from human_study.design.study import StudyEthics
+from human_study.design.study import StudyEthics, StudyPog
 from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
 from sim.errors import StudyError
 
@@ -47,17 +47,37 @@ def test_unsafe_options_are_refused_with_the_missing_flag(options: dict[str, Any
 
 
 def test_geometry_of_scans_leaves_the_laboratory_only_with_the_flag_for_rights() -> None:
-    pog = small_config(**APPROVED).model_copy(update={"task": ("pan", "pog")})
+    pog = small_config(**APPROVED, pog_view="browser").model_copy(update={"task": ("pan", "pog")})
     require_may_serve(ServeOptions(), pog, ["scan"])
     require_may_serve(ServeOptions(**NAMED), pog, ["invented", "schematic"])
     require_may_serve(ServeOptions(**NAMED, i_have_rights=True), pog, ["scan"])
-    glb = small_config(**APPROVED, memory={"arms": ("none", "glb")})
+    glb = small_config(**APPROVED, memory={"arms": ("none", "glb")}, pog_view="browser")
     pictures = small_config(**APPROVED, memory={"arms": ("none", "topdown")})
     require_may_serve(ServeOptions(**NAMED), pictures, ["scan"])
     require_may_serve(ServeOptions(), glb, ["scan"])
     for config in (pog, glb):
-        with pytest.raises(StudyError, match=r"geometry of scans .* --i-have-rights"):
+        with pytest.raises(StudyError, match=r"geometry of scans .*matterport\.com.* --i-have-rights"):
             require_may_serve(ServeOptions(**NAMED), config, ["invented", "scan"])
+        for view in ("auto", "server"):
+            require_may_serve(ServeOptions(**NAMED), config.model_copy(update={"pog_view": view}), ["invented", "scan"])
+    flat = pog.model_copy(update={"pog": StudyPog(conditions=("map_2d",))})
+    require_may_serve(ServeOptions(**NAMED), flat, ["scan"])
+
+
+@pytest.mark.parametrize(
+    ("asked", "kind", "public", "view"),
+    [
+        ("auto", "scan", True, "server"),
+        ("auto", "scan", False, "browser"),
+        ("auto", "invented", True, "browser"),
+        ("server", "invented", False, "server"),
+        ("browser", "scan", True, "browser"),
+    ],
+)
+def test_scans_that_are_served_to_others_are_drawn_on_the_server(
+    asked: Any, kind: Any, public: bool, view: str
+) -> None:
+    assert small_config(pog_view=asked).view_of(kind, public=public) == view
 
 
 def test_without_an_approval_only_a_pilot_is_served() -> None:

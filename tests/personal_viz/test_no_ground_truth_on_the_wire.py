@@ -18,6 +18,7 @@ import pytest
 
 from human_study.design.plan import PRACTICE_FOLDER, StudyScene
 from human_study.design.study import (
+    HomeView,
     StudyBreaks,
     StudyChecks,
     StudyConfig,
@@ -26,6 +27,7 @@ from human_study.design.study import (
     StudyPractice,
     save_study,
 )
+from human_study.trial.events import Open
 from personal_viz.bots import forms
 from personal_viz.bots.crowd import run_bots
 from personal_viz.bots.page import BotPage, decoded
@@ -129,27 +131,39 @@ def assert_no_answer(messages: list[dict[str, Any]], buffers: list[bytes], root:
     assert not [number for number in numbers if FIRST_INSTANCE <= number < FIRST_INSTANCE + 1000]
 
 
+def is_background(message: dict[str, Any]) -> bool:
+    """Whether a message is a picture behind the scene."""
+    return message["type"] == "BackgroundImageMessage" and message["rgb_data"] is not None
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("task", "condition", "leave_look"),
+    ("task", "condition", "leave_look", "view"),
     [
-        ("pan", "none", None),
-        ("pan", "topdown", "Start walking"),
-        ("pan", "glb", "Start walking"),
-        ("pog", "map_first", "Show what to find"),
-        ("pog", "map_open", None),
-        ("pog", "map_2d", None),
+        ("pan", "none", None, "browser"),
+        ("pan", "topdown", "Start walking", "browser"),
+        ("pan", "glb", "Start walking", "browser"),
+        ("pan", "glb", "Start walking", "server"),
+        ("pog", "map_first", "Show what to find", "browser"),
+        ("pog", "map_first", "Show what to find", "server"),
+        ("pog", "map_open", None, "browser"),
+        ("pog", "map_open", None, "server"),
+        ("pog", "map_2d", None, "browser"),
     ],
 )
 def test_no_look_map_or_trial_names_home_or_object(
-    home: Home, marked_dataset: Path, task: Any, condition: Any, leave_look: str | None
+    home: Home, marked_dataset: Path, task: Any, condition: Any, leave_look: str | None, view: HomeView
 ) -> None:
+    home = dataclasses.replace(home, view=view)
     chosen: dict[str, Any] = (
         {"memory": {"arms": [condition]}} if task == "pan" else {"pog": {"conditions": [condition]}}
     )
     with staged(home, task, condition, **chosen) as stage, line_to(stage.url) as line:
         client = WireClient(line)
         client.send(CAMERA)
+        shows_home = condition in ("glb", "map_first", "map_open")
+        if shows_home and view == "server":  # its first picture is drawn while the screen is already there
+            client.receive_until(is_background, timeout=60)
         if leave_look is not None:
             client.press(leave_look)
         client.give_up()
@@ -157,7 +171,11 @@ def test_no_look_map_or_trial_names_home_or_object(
     assert_no_answer(client.messages, client.buffers, marked_dataset)
     kinds = {message["type"] for message in client.messages}
     has_geometry = any("Glb" in kind or "Mesh" in kind for kind in kinds)
-    assert has_geometry == (condition in ("glb", "map_first", "map_open"))
+    assert has_geometry == (shows_home and view == "browser")
+    assert any(map(is_background, client.messages)) == (shows_home and view == "server")
+    opened = stage.link.events()[0]
+    assert isinstance(opened, Open)
+    assert opened.home_view == (view if shows_home else None)
     if task == "pan" and condition == "none":
         numbers = {round(number, 4) for message in client.messages for number in numbers_of(message)}
         for goal in PersonalDataset(marked_dataset).goals(HOME).values():

@@ -61,7 +61,7 @@ def measure_big_home(settings: BigHomeSettings, *, folder: Path, dataset: Path, 
     for path in (*(data / "scenes").glob(f"{HOME}.*"), data / "scenes" / f"{BIG_HOME}.stage_config.json"):
         shutil.copy(path, scans)
     scan = scans / f"{BIG_HOME}.glb"
-    num_faces = _write_scan(scan, data, num_faces=settings.faces, seed=settings.seed)
+    num_faces = write_scan(scan, data, BIG_HOME, num_faces=settings.faces, seed=settings.seed)
     openers, others = _plan(folder / "study", data, scans, num_others=settings.bots, seed=settings.seed)
     with Server(folder / "study", data, scenes_dir=scans, cache=folder / "cache") as server:
         site = server.start()
@@ -100,9 +100,9 @@ def measure_big_home(settings: BigHomeSettings, *, folder: Path, dataset: Path, 
     }
 
 
-def _write_scan(path: Path, dataset: Path, *, num_faces: int, seed: int) -> int:
-    """Writes BIG_HOME of a dataset as a scan; returns its number of triangles."""
-    home = open_scene(PersonalDataset(dataset), BIG_HOME).mesh
+def write_scan(path: Path, dataset: Path, name: str, *, num_faces: int, seed: int) -> int:
+    """Writes a home of a dataset as a scan; returns its number of triangles."""
+    home = open_scene(PersonalDataset(dataset), name).mesh
     mesh = like_scan(home.vertices, home.faces, home.face_instance, num_faces=num_faces, seed=seed, texture_size=512)
     write_bench_glb(path, mesh)
     return len(mesh.faces)

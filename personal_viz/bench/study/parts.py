@@ -16,6 +16,7 @@ from .big_home import BigHomeSettings, measure_big_home
 from .browser import BrowserSettings, measure_browser
 from .kills import KillSettings, measure_kills
 from .load import LoadSettings, measure_load
+from .pog_view import PogViewSettings, measure_pog_view
 from .restart import RestartSettings, measure_restarts
 from .soak import SoakSettings, measure_soak
 from .store import StoreSettings, measure_store
@@ -31,6 +32,8 @@ PLAN = Plan(
         "browser.key_to_image_p50_ms": Target(100.0),
         "browser.key_to_image_p95_ms": Target(200.0),
         "browser.delayed_p50_over_round_trip_ms": Target(60.0),
+        "pogview.fps": Target(15.0, at_least=True),
+        "pogview.click_mm_p99": Target(20.0),
         "kills.lost_after_kill": Target(0.0),
         "kills.duplicated_after_kill": Target(0.0),
         "kills.unknown_after_kill": Target(0.0),
@@ -83,6 +86,7 @@ PARTS = {
     "store": Part(measure_store, StoreSettings(), StoreSettings(seconds=3.0)),
     "load": Part(measure_load, LoadSettings(), LoadSettings(seconds=20.0)),
     "browser": Part(measure_browser, BrowserSettings(), BrowserSettings(keys=15)),
+    "pogview": Part(measure_pog_view, PogViewSettings(), PogViewSettings(faces=100_000, seconds=3.0, moves=10)),
     "kills": Part(measure_kills, KillSettings(), KillSettings(kills=6, bots=3)),
     "people": Part(measure_load, _MANY, _MANY.model_copy(update={"bots": 60, "seconds": 10.0})),
     "big-home": Part(measure_big_home, BigHomeSettings(), BigHomeSettings(faces=100_000, bots=5, before_s=8.0)),
@@ -141,4 +145,6 @@ def _asked_for(found: dict[str, Values]) -> dict[str, Any]:
     load, browser = found.get("load", {}), found.get("browser", {})
     names = ("participants", "ack_p50_ms", "ack_p95_ms", "lost", "duplicated")
     values = {name: load.get(name) for name in names}
-    return values | {name: browser.get(name) for name in ("key_to_image_p50_ms", "key_to_image_p95_ms")}
+    values |= {name: browser.get(name) for name in ("key_to_image_p50_ms", "key_to_image_p95_ms")}
+    view = found.get("pogview", {})
+    return values | {name: view.get(name) for name in ("fps", "p95_ms", "click_mm_p99")}

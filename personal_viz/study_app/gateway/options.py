@@ -12,7 +12,9 @@ from urllib.parse import urlsplit
 from tyro.conf import Fixed, Suppress, arg
 
 from human_study.design.study import StudyConfig
+from human_study.trial.terms import SHOWS_HOME
 from sim.errors import StudyError
+from sim.homes.kind import HM3D_TERMS
 from sim.types import SceneKind
 
 from .heartbeat import Heartbeat
@@ -119,12 +121,13 @@ def require_may_serve(options: ServeOptions, config: StudyConfig, kinds: Iterabl
         StudyError: An option is wrong; the message names the first one and the flag or file that corrects it.
     """
     _require_addresses(options)
-    sends_geometry = "pog" in config.task or ("pan" in config.task and "glb" in config.memory.arms)
+    conditions = {condition for task in config.task for condition in config.conditions(task)}
+    sends_geometry = bool(conditions & set(SHOWS_HOME)) and config.view_of("scan", public=True) == "browser"
     if options.public and "scan" in kinds and sends_geometry and not options.i_have_rights:
         raise StudyError(
-            "--public: this study sends the geometry of scans to browsers (POG, or memory.arms with glb); expected the "
-            "right to do that. Read the terms of the scans' licence, then add --i-have-rights, or serve on 127.0.0.1 "
-            "in the laboratory."
+            "--public: with pog_view: browser this study sends the geometry of scans to browsers; expected the right "
+            f"to do that. Read the terms of the scans' licence ({HM3D_TERMS} for HM3D), then add --i-have-rights, or "
+            "take pog_view: auto, whose pictures are made on the server, or serve on 127.0.0.1 in the laboratory."
         )
     if not config.ethics.irb.strip() and not options.pilot:
         raise StudyError(

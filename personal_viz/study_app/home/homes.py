@@ -12,7 +12,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
-from human_study.design.study import StudyConfig
+import viser
+
+from human_study.design.study import HomeView, StudyConfig
 from sim.episodes.schema import Episode
 from sim.mesh import Scene
 from sim.render.renderer import Renderer
@@ -21,8 +23,9 @@ from sim.tasks.pog import PogScene
 from sim.types import EpisodeKey
 
 from ..watch import Watches
-from .frames import Frames
-from .surfaces import StoreyCopies
+from .frames import Frames, RenderThreads
+from .pictures import PictureView
+from .surfaces import HomeSurface, SceneView, StoreyCopies
 
 KEPT_HOMES = 3
 """Number of unused homes that stay open; a scan with its browser copies takes some hundred megabytes."""
@@ -41,6 +44,16 @@ class Home:
     """(lowest, highest) floor of each storey, from the episodes."""
     watches: Watches
     """Observers of the trials, for a researcher who watches."""
+    threads: RenderThreads
+    """Draw pictures of the home for participants who look around in it."""
+    view: HomeView = "browser"
+    """Where those pictures are made."""
+
+    def shown_in(self, client: viser.ClientHandle) -> HomeSurface:
+        """The home in one browser."""
+        if self.view == "browser":
+            return SceneView(client, self.copies)
+        return PictureView(client, self.copies, self.pog_scene, self.threads)
 
     def close(self) -> None:
         """Ends the observers; called when nobody is in the home any more."""

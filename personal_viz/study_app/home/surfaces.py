@@ -40,7 +40,7 @@ class StoreyCopies:
     """The browser copies of one scene's storeys, made once and shared by all browsers of a process."""
 
     def __init__(self, scene: Scene) -> None:
-        """Makes every copy, or reads it from the cache.
+        """Cuts every storey; `glbs` makes the copies.
 
         Raises:
             SceneError: A storey has no faces.
@@ -48,8 +48,16 @@ class StoreyCopies:
         self.scene = scene
         self.storeys = scene.navigation.storey_heights
         self.cuts = tuple(storey_cut(scene, floor_y) for floor_y in self.storeys)
+
+    @functools.cached_property
+    def glbs(self) -> tuple[bytes, ...]:
+        """Each storey as a GLB file, made or read from the cache at the first access.
+
+        Raises:
+            SceneError: A storey has no faces.
+        """
         with ThreadPoolExecutor() as pool:
-            self.glbs = tuple(pool.map(lambda floor_y: browser_glb(scene, floor_y), self.storeys))
+            return tuple(pool.map(lambda floor_y: browser_glb(self.scene, floor_y), self.storeys))
 
     @functools.cached_property
     def maps(self) -> tuple[TopView, ...]:
@@ -95,6 +103,9 @@ class Surface(ABC):
     def show_storey(self, index: int) -> None:
         """Shows one storey, without a mark, and looks at all of it from above."""
 
+    async def camera_moved(self, camera: viser.CameraHandle) -> None:  # noqa: B027 - only `PictureView` draws then
+        """Hears of each move of the browser's camera."""
+
     def show_mark(self, position: Vector3) -> None:
         """Puts the participant's mark there, and takes an older one away."""
         for node in self._mark:
@@ -113,14 +124,14 @@ class Surface(ABC):
         """The nodes of a mark."""
 
 
-class SceneView(Surface):
+class HomeSurface(Surface):
     """A home, with category names on homes that are no scans."""
 
     advice = "Drag to turn, scroll to zoom, right-drag to move."
     is_map = False
 
     def __init__(self, client: viser.ClientHandle, copies: StoreyCopies) -> None:
-        """Shows nothing yet; light is off because the copies carry theirs."""
+        """Shows nothing yet; light is off because the homes carry theirs."""
         super().__init__(client)
         self._copies = copies
         client.scene.configure_default_lights(True, cast_shadow=False)
@@ -128,11 +139,15 @@ class SceneView(Surface):
     def show_storey(self, index: int) -> None:
         """Shows one storey, without a mark, and looks at all of it from above."""
         self.remove()
-        self._nodes.append(self._client.scene.add_glb("/home", self._copies.glbs[index]))
         if self._copies.scene.kind != "scan":
             self._label_objects(index)
         self._look_at_storey(index)
+        self._show_home(index)
         self._client.flush()
+
+    @abstractmethod
+    def _show_home(self, index: int) -> None:
+        """Shows the storey itself."""
 
     def _mark_at(self, position: Vector3) -> list[Any]:
         ball = add_ball(self._client, "/mark", 0.12, position)
@@ -152,6 +167,13 @@ class SceneView(Surface):
     def _look_at_storey(self, index: int) -> None:
         xz = self._copies.walkable_xz(index)
         look_from_above(self._client.camera, xz.min(axis=0), xz.max(axis=0), self._copies.storeys[index])
+
+
+class SceneView(HomeSurface):
+    """A home whose copies the browser has and draws."""
+
+    def _show_home(self, index: int) -> None:
+        self._nodes.append(self._client.scene.add_glb("/home", self._copies.glbs[index]))
 
 
 class MapView(Surface):

@@ -76,7 +76,9 @@ def serve_study(
         ended_by_sigterm(),
         WorkerPool(
             store,
-            WorkerTask(str(folder), str(dataset), scans, tuple(map(str, evidence)), where, with_pixels).command,
+            WorkerTask(
+                str(folder), str(dataset), scans, tuple(map(str, evidence)), where, with_pixels, options.public
+            ).command,
             num_workers=options.num_workers,
             tickets=tickets,
             tell=_tell,

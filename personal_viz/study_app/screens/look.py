@@ -9,7 +9,8 @@ from human_study.trial.events import MapKind
 from human_study.trial.views import LookView
 from sim.words.english import countdown
 
-from ..home.surfaces import SceneView, StoreyCopies
+from ..home.homes import Home
+from ..home.surfaces import HomeSurface
 from ..home.top_view import TopView
 from .camera import add_camera_buttons, add_storey_buttons, sample_camera
 from .page import Page, Send, overlay_html, roomy_html
@@ -22,12 +23,12 @@ _WORDS: dict[MapKind, tuple[str, str, str]] = {
     ),
     "glb": (
         "Look around in the home",
-        f"{SceneView.advice} Afterwards you will walk in it, without this view.",
+        f"{HomeSurface.advice} Afterwards you will walk in it, without this view.",
         "Start walking",
     ),
     "home": (
         "Look around in the home",
-        f"{SceneView.advice} Afterwards you will read what to find, and point at it.",
+        f"{HomeSurface.advice} Afterwards you will read what to find, and point at it.",
         "Show what to find",
     ),
 }
@@ -39,27 +40,29 @@ _LONGEST = "88:88 minutes left. You can go on in 88:88 minutes."
 class LookScreen:
     """Draws a look at a home on a page and turns presses into commands."""
 
-    def __init__(self, page: Page, view: LookView, send: Send, *, copies: StoreyCopies, caption: str) -> None:
+    def __init__(self, page: Page, view: LookView, send: Send, *, home: Home, caption: str) -> None:
         """Builds the screen.
 
         Args:
             page: The participant's page.
             view: The first view.
             send: Receives the commands.
-            copies: The home's browser copies and pictures.
+            home: The home.
             caption: HTML with the trial's name and the kind of home, without the home's name.
         """
-        self._page, self._copies, self._shown, self._caption = page, copies, view, caption
+        self._page, self._home, self._shown, self._caption = page, home, view, caption
         page.clear()
         self._status = page.add(page.client.gui.add_html(""))
-        self._scene_view: SceneView | None = None
+        self._surface: HomeSurface | None = None
         if view.what == "topdown":
             self._picture = page.overlay("")
         else:
-            self._scene_view = page.add(SceneView(page.client, copies))
+            self._surface = surface = home.shown_in(page.client)
+            page.add(surface)
             sample_camera(page, send)
+            page.listen_to_camera(surface.camera_moved)
         add_storey_buttons(page, len(view.storeys), send)
-        if self._scene_view is not None:
+        if self._surface is not None:
             add_camera_buttons(page, is_map=False)
         begin, close = _WORDS[view.what][2], functools.partial(send, CloseMap())
         page.button(begin, close, color="green")
@@ -76,10 +79,10 @@ class LookScreen:
             self._draw_status()
 
     def _show_storey(self, index: int) -> None:
-        if self._scene_view is not None:
-            self._scene_view.show_storey(index)
+        if self._surface is not None:
+            self._surface.show_storey(index)
         else:
-            self._picture.content = overlay_html(picture_html(self._copies.maps[index]))
+            self._picture.content = overlay_html(picture_html(self._home.copies.maps[index]))
             self._page.client.flush()
 
     def _draw_status(self) -> None:

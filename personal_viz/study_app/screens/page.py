@@ -4,6 +4,7 @@ viser's callbacks only queue inputs; the seat's own thread takes them, so simula
 viser's event loop.
 """
 
+import asyncio
 import dataclasses
 import html
 import queue
@@ -92,7 +93,7 @@ class Page:
         self._is_busy = False
         self._pressed: tuple[Pressed, float] | None = None
         self._handles: list[Any] = []
-        self._on_camera: CameraListener | None = None
+        self._on_camera: list[CameraListener] = []
         client.gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False)
         client.gui.set_panel_label("PersONAL study")
         client.gui.main_panel.dock_right()
@@ -184,8 +185,7 @@ class Page:
         self.sign("")
         for handle in self._handles:
             handle.remove()
-        self._handles = []
-        self._on_camera = None
+        self._handles, self._on_camera = [], []
 
     def add(self, handle: Any) -> Any:
         """Keeps anything that has `remove` (a GUI element, a command, a home) until the next `clear`; returns it."""
@@ -219,8 +219,8 @@ class Page:
         self.add(command)
 
     def listen_to_camera(self, listener: CameraListener) -> None:
-        """Calls `listener` whenever the 3-D camera has moved, until the next `clear`."""
-        self._on_camera = listener
+        """Calls `listener` too whenever the 3-D camera has moved, until the next `clear`."""
+        self._on_camera.append(listener)
 
     def task_texts(self, task: Task) -> None:
         """Adds the query, then the paragraph; nothing else of the episode exists here."""
@@ -303,8 +303,7 @@ class Page:
         self.client.flush()
 
     async def _camera_moved(self, camera: viser.CameraHandle) -> None:
-        if self._on_camera is not None:
-            await self._on_camera(camera)
+        await asyncio.gather(*(listener(camera) for listener in self._on_camera))
 
     def _with_press(self, content: Any) -> Any:
         """The command of a key, with the key's place on the keyboard and the time of its press from the browser.

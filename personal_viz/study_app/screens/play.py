@@ -26,7 +26,7 @@ from sim.tasks.run_files import Answer, ClickRay, EpisodeRun
 
 from ..home.frames import successors
 from ..home.homes import Home, pan_env
-from ..home.surfaces import MapView, SceneView
+from ..home.surfaces import MapView
 from ..store_link import StoreLink
 from ..watch import TrialWatch
 from .cards import rate_card
@@ -104,7 +104,7 @@ class TrialPlay:
             "task": config.task_for(episode, trial.task),
             "storeys": scene.navigation.storey_heights,
             "scene_digest": scene.digest,
-            "terms": terms_of(config, trial.condition),
+            "terms": terms_of(config, trial.condition, home_view=self._home.view),
         }
         if trial.condition in ("topdown", "map_2d"):
             _ = self._home.copies.maps  # before the clock starts: the first time takes some seconds
@@ -179,17 +179,17 @@ class TrialPlay:
 
     def _new_screen(self, view: View) -> Callable[[Any], None]:
         """Puts a screen for the view on the page, whose old one ends; returns the function that draws changes."""
-        page, send, copies = self._page, self._page.new_screen(), self._home.copies
+        page, send, home = self._page, self._page.new_screen(), self._home
         match view:
             case LookView():
-                return LookScreen(page, view, send, copies=copies, caption=self._caption).show
+                return LookScreen(page, view, send, home=home, caption=self._caption).show
             case PanView():
                 config = self._config
-                scale, encode = config.display_scale, self._home.renderer.jpeg
+                scale, encode = config.display_scale, home.renderer.jpeg
                 return PanScreen(page, view, send, caption=self._caption, display_scale=scale, encode=encode).show
             case PogView():
                 is_map = self._trial.condition == "map_2d"
-                surface = MapView(page.client, copies.maps) if is_map else SceneView(page.client, copies)
+                surface = MapView(page.client, home.copies.maps) if is_map else home.shown_in(page.client)
                 return PogScreen(page, view, send, surface=surface, caption=self._caption).show
             case RateView():
                 page.card(rate_card(view), send)

@@ -69,6 +69,7 @@ class PogScreen:
         self._give_up = page.button(GIVE_UP, partial(send, GiveUp()), color="gray")
         page.client.scene.on_click()(self._on_click)  # type: ignore[arg-type]  # viser awaits it
         sample_camera(page, send)
+        page.listen_to_camera(surface.camera_moved)
         surface.show_storey(view.storey)
         if view.marker is not None:
             surface.show_mark(view.marker)
