@@ -4,12 +4,15 @@ import gzip
 import json
 import math
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from sim.cache import VARIABLE as CACHE_VARIABLE
+from tests.sim import gltf_files
 from tests.sim.synthetic import example_content, example_episode, example_goal, example_view_point, write_content
 
 from .program import Done, assert_one_line, personal_viz
@@ -75,6 +78,40 @@ def test_a_scan_that_fits_is_usable_in_every_figure(lab: Path) -> None:
     assert grid["ratio_median"] == pytest.approx(1, abs=0.001)
     assert str(lab) not in json.dumps(found)
     assert "<svg" not in page(lab)
+
+
+def as_basis(lab: Path) -> None:
+    """Packs every texture of the scan as a Basis image and names the file as HM3D's small ones."""
+    data = scan_of(lab).read_bytes()
+    length = int.from_bytes(data[12:16], "little")
+    found, buffer = json.loads(data[20 : 20 + length]), data[28 + length :]
+    image = (gltf_files.DATA / "corners_etc1s.basis").read_bytes()
+    writer = gltf_files.GltfWriter()
+    writer.json, writer.data = found, bytearray(buffer)
+    found["buffers"][0]["byteLength"] = 0  # written anew
+    found["images"] = [{"bufferView": writer.view(image), "mimeType": "image/x-basis"}]
+    found["textures"] = [{"extensions": {"GOOGLE_texture_basis": {"source": 0}}} for _ in found["textures"]]
+    found["extensionsUsed"] = found["extensionsRequired"] = ["GOOGLE_texture_basis"]
+    writer.save(scan_of(lab, ".basis.glb"))
+    scan_of(lab).unlink()
+
+
+def test_small_scans_with_basis_textures_are_checked_too(lab: Path) -> None:
+    as_basis(lab)
+    done, found = check(lab)
+    assert (done.returncode, found["problem"], found["file"]) == (0, "", f"{NAME}.basis.glb")
+    assert found["textures"] > 0
+    assert found["goals_found"] == found["goals_seen"] == found["maps"]["grid"]["within_5"] == 1
+
+
+def test_a_missing_extra_is_a_reason_with_its_command(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    as_basis(lab)
+    monkeypatch.setenv(CACHE_VARIABLE, str(lab / "cache"))  # an image that is in the cache needs no extra
+    monkeypatch.setitem(sys.modules, "opengl_basisu", None)
+    done, found = check(lab)
+    assert done.returncode == 1
+    assert f"{NAME}.basis.glb: images.0 is a Basis texture" in found["problem"]
+    assert 'pip install "personal-viz[basis]"' in found["problem"]
 
 
 def test_every_scan_has_its_line_and_results_in_invented_homes_are_labelled(
