@@ -139,15 +139,22 @@ def trial_blueprint(label: str, maps: Sequence[StoreyMap], *, follows: bool) -> 
     )
 
 
-def map_blueprint(name: str, whole: HomeMemory, maps: Sequence[StoreyMap]) -> rrb.Blueprint:
-    """The layout for a map alone, a page per storey: the home, a flat view per layer, and the text below."""
+def map_blueprint(
+    name: str, whole: HomeMemory, maps: Sequence[StoreyMap], *, asked: Sequence[str] = ()
+) -> rrb.Blueprint:
+    """The layout for a map alone, a page per storey: the home, flat views, and the text below.
+
+    A flat view shows one question that was asked, or, if there is none, one layer of the map.
+    """
     pages: list[Parts] = []
     for shown in maps:
         known = memory.storey_at(whole, shown)
         assert known is not None
         entities = [f"{memory.home_entity(name, layer, shown)}/**" for layer in memory.HOME_LAYERS]
+        entities += [f"{paths.asked_path(name, 'home', shown.name, number)}/**" for number in range(len(asked))]
         home = _home_view(shown, [f"{paths.MESH}/{shown.name}/**", *entities], name="Home", extent=_extent(shown))
-        flat = rrb.Grid(*_memory_views(name, known, shown), grid_columns=2)
+        views = _asked_views(name, asked, shown) if asked else _memory_views(name, known, shown)
+        flat = rrb.Grid(*views, grid_columns=2)
         page = f"Storey {shown.index + 1}" if len(maps) > 1 else "Map"
         pages.append(rrb.Horizontal(home, flat, name=page, column_shares=[1, 1]))
     text = rrb.TextDocumentView(origin=paths.TASK, name="Map")
@@ -297,6 +304,19 @@ def _memory_views(name: str, known: StoreyMemory, storey: StoreyMap) -> list[rrb
             is_cropped=True,
         )
         for layer in memory.layers_of(known)
+    ]
+
+
+def _asked_views(name: str, asked: Sequence[str], storey: StoreyMap) -> list[rrb.View]:
+    """A flat view per question on a map's storey."""
+    return [
+        _map_view(
+            storey,
+            [f"{paths.map_entity(storey.name)}/**", f"{paths.asked_path(name, 'map', storey.name, number)}/**"],
+            name=query,
+            is_cropped=True,
+        )
+        for number, query in enumerate(asked)
     ]
 
 

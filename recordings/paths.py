@@ -81,6 +81,11 @@ def memory_path(name: str, *parts: str) -> str:
     return "/".join((MEMORY, escape_part(name), *parts))
 
 
+def asked_path(name: str, view: str, storey: str, number: int) -> str:
+    """Entity of a question's answer on a map's storey, in the `map` or `home` view; questions are numbered from 0."""
+    return memory_path(name, view, storey, f"asked_{number + 1}")
+
+
 def map_entity(storey: str) -> str:
     """Entity of a storey's picture from above; `storey` is its name (sim/plan_view/storey.py)."""
     return f"{TOPDOWN}/{storey}"

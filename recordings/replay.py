@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from grounding.maps.home_map import HomeMemory
+from grounding.maps.home_map import HomeMemory, Memory
+from grounding.methods.free_text import Reply
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import RecordingError
@@ -24,6 +25,7 @@ from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import Camera, Pose
 
 from . import paths
+from .asked import log_replies
 from .blueprints import comparison_blueprint, map_blueprint
 from .divergence import Divergence, divergence_of, log_divergence
 from .episode import (
@@ -101,12 +103,23 @@ def log_comparison(
     return out
 
 
-def record_memory(memory: HomeMemory, *, name: str, out: Path, scene: Scene | None, with_pixels: bool) -> Path:
+def record_memory(
+    memory: HomeMemory,
+    *,
+    name: str,
+    out: Path,
+    scene: Scene | None,
+    with_pixels: bool,
+    asked: Sequence[Reply] = (),
+    searched: Memory | None = None,
+) -> Path:
     """Writes a map into a recording, which replaces `out`; returns `out`.
 
     Args:
         scene: The home in which the map was made; None = the map alone, as for a robot's recording.
         with_pixels: Whether a licensed scan's geometry and maps may be written; other homes always may.
+        asked: Answers to free-text questions on the map, to be shown too.
+        searched: The map that was asked, `Asker.memory`.
 
     Raises:
         RecordingError: `out` cannot be written, or the map is empty, in another frame than the home, or of a scan that
@@ -119,7 +132,7 @@ def record_memory(memory: HomeMemory, *, name: str, out: Path, scene: Scene | No
         every = [storey_map(scene.navigation, index) for index in range(len(scene.navigation.storey_heights))]
         maps = [shown for shown in every if storey_at(memory, shown) is not None]
     with open_recording(out, paths.MapKey(name)) as stream:
-        stream.send_blueprint(map_blueprint(name, memory, maps))
+        stream.send_blueprint(map_blueprint(name, memory, maps, asked=[reply.query for reply in asked]))
         stream.send_recording_name(f"map {name}" + (f" in {scene.label}" if scene else ""))
         log_up(stream)
         about_home = [] if scene is None else home_paragraphs(scene, may_show=True)
@@ -130,6 +143,8 @@ def record_memory(memory: HomeMemory, *, name: str, out: Path, scene: Scene | No
             for shown in maps:
                 log_map_picture(stream, shown)
         log_memory(stream, name, memory, maps)
+        if searched is not None:
+            log_replies(stream, name, searched, asked, maps)
     return out
 
 

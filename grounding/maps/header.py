@@ -23,6 +23,10 @@ Grid = Annotated[GridSpec, AfterValidator(_with_cells)]
 """A `GridSpec` in a file."""
 
 
+_Row = tuple[float, float, float, float]
+Matrix = tuple[_Row, _Row, _Row, _Row]
+
+
 class _Frozen(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -38,6 +42,12 @@ class MapSource(_Frozen):
     """`Scene.digest`, or "" where there is none."""
     builder: str = ""
     """`MapBuilder.name`: how the map was made; contains "oracle-perception" where ground truth was used."""
+    encoder: str = ""
+    """The encoder's name as an option gives it (`EncoderName`), which loads it again; "" = not known."""
+    recording: str = ""
+    """Folder or file of the robot's recording; "" = none."""
+    T_map_recording: Matrix | None = None
+    """(4, 4) rows of the recording's own frame -> map frame; None = there is no other frame."""
 
 
 class StoreyHeader(_Frozen):

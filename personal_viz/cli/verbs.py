@@ -33,6 +33,7 @@ VERBS = {
     "show-exploration": "grounding.show_exploration.ShowExploration",
     "show-map": "grounding.show_map.ShowMap",
     "map": "grounding.map.Map",
+    "ask": "grounding.ask.Ask",
     "import": "import_runs.Import",
     "metrics": "metrics.Metrics",
     "replay": "replay.Replay",

@@ -1,5 +1,6 @@
 """A description and a query in free text are grounded on a map without an episode, with every method."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -11,6 +12,8 @@ from grounding.encoders.hashed import HashedWords
 from grounding.maps.files import MapSource, save_memory
 from grounding.maps.home_map import HomeMemory, Memory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 from grounding.methods.by_name import GrounderName, takes_objects
+from grounding.methods.free_text import Asker
+from grounding.phrases.rules import RulePhrases
 from grounding.types import map_from_cells
 from sim.errors import AgentError
 from sim.types import GridSpec
@@ -59,3 +62,41 @@ def test_phrases_that_need_an_episode_and_unknown_methods_are_refused() -> None:
         ground(built, description=DESCRIPTION, query="the sofa", phrases="dataset")
     with pytest.raises(AgentError, match="--method is 'best'; expected random, center"):
         ground(built, description=DESCRIPTION, query="the sofa", method="best")
+
+
+def two_storeys() -> HomeMemory:
+    """The home of objects, and above it another one, whose mirror hangs 1.2 m above its floor."""
+    (below,) = home(objects=True).storeys
+    memory = below.memory
+    assert isinstance(memory, ObjectMap)
+    vase = ENCODER.encode_texts(["blue glass vase"])[0]
+    points = np.array([[0.5, 4.45, 2.5]], np.float32)
+    above = replace(memory, objects=(ObjectInstance(points, vase, "blue glass vase", 1.0),), floor_y=3.25)
+    return HomeMemory((below, StoreyMemory(below.occupancy, above)), "world", 3)
+
+
+def asker(home: HomeMemory, **more: str) -> Asker:
+    return Asker(home, encoder=ENCODER, phrases=RulePhrases(), **more)
+
+
+def test_places_of_things_have_a_storey_and_a_height() -> None:
+    reply = asker(two_storeys()).ask("the blue glass vase", description="")
+    best = reply.places[0]
+    assert best.position == pytest.approx((0.5, 4.45, 2.5))
+    assert (best.storey, best.height) == (1, pytest.approx(1.2))
+    assert reply.places[0].score > reply.places[1].score
+    assert len(reply.places) == 3
+    sofa = asker(two_storeys()).ask("Tom's sofa", description=DESCRIPTION).places[0]
+    assert (sofa.storey, sofa.height) == (0, pytest.approx(0.0))
+
+
+def test_places_on_cells_lie_on_their_floor() -> None:
+    reply = asker(home(objects=False), method="dual").ask("Mira's chair", description=DESCRIPTION)
+    assert (reply.places[0].storey, reply.places[0].height, reply.places[0].position[1]) == (0, 0.0, 0.25)
+
+
+def test_a_reply_names_the_phrase_that_the_query_means() -> None:
+    ask = asker(home(objects=True))
+    assert "sofa" in ask.ask("Tom's sofa", description=DESCRIPTION).phrase
+    assert ask.ask("the mirror", description="").phrase == ""
+    assert ask.method == "object-dual"

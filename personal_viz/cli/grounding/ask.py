@@ -1,0 +1,309 @@
+"""Verb `ask`: where something is, asked of a map or a home in free text, without episodes."""
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from tyro.conf import Positional, UseAppendAction, arg
+
+from grounding.encoders.protocol import ModelOptions
+from grounding.evaluation.settings import GroundSettings
+from grounding.evaluation.true_points import AskedScore, read_true_points, score_reply, scored_table
+from grounding.maps.best_views import PosedView, Sight, best_views
+from grounding.maps.files import MapSource, load_memory, read_map_header
+from grounding.maps.home_map import HomeMemory, merged_storeys
+from grounding.methods.by_name import takes_objects
+from grounding.methods.free_text import Asker, FoundPlace, Reply, encoder_of_queries
+from grounding.phrases.sources import PhraseSource, make_phrases
+from sim.episodes.dataset import PersonalDataset
+from sim.errors import AgentError, PersonalVizError
+from sim.files import write_whole
+from sim.mesh import Scene
+from sim.types import SPLITS
+
+from ..options import Evidence, Json, ModelAutocast, ModelBatch, ModelDevice, ScenesDir, WithPixels
+from ..output import print_json, print_table
+from ..refusals import check_options, writing
+from .asked_home import asked_home
+
+_CELL_EYE = 0.5
+"""Pictures look this high (metres) above an answer of a grid map, whose things have no height."""
+
+
+_LONGEST_NAME = 255
+
+
+class _Asked(NamedTuple):
+    """A map that is asked, and what belongs to it."""
+
+    home: HomeMemory
+    source: MapSource
+    scene: Scene | None
+    views: Sequence[PosedView]
+    """Pictures in which answers may be shown."""
+
+
+@dataclass
+class Ask:
+    """Ask a map, or a home, where something is, in free text."""
+
+    where: Annotated[
+        Positional[str], arg(help="A map, FILE.npz; or the name of a home of --dataset, which is explored first.")
+    ]
+    out: Annotated[Path, arg(help="Name of the files: OUT.png and OUT.rrd.")]
+    description: Annotated[str, arg(help="Who owns what: a text file, or the paragraph itself.")] = ""
+    query: Annotated[UseAppendAction[tuple[str, ...]], arg(help="What to find; give it once per question.")] = ()
+    truth: Annotated[
+        Path | None,
+        arg(help="File of queries with their true points, a JSON object per line; they are asked and scored."),
+    ] = None
+    interactive: Annotated[bool, arg(help="Then ask questions that are typed, one per line, until the input ends.")] = (
+        False
+    )
+    method: Annotated[
+        str | None,
+        arg(help="A method of `ground`; by default joint on grid maps, object-dual on maps of objects and in homes."),
+    ] = None
+    phrases: Annotated[str, arg(help="Reader of the description: rules, llm, or package.module:factory.")] = "rules"
+    llm_url: Annotated[str, arg(help="OpenAI-compatible endpoint, such as http://127.0.0.1:11434/v1.")] = ""
+    llm_model: Annotated[str, arg(help="Name of the language model at that endpoint.")] = ""
+    llm_key_env: Annotated[
+        str, arg(help="Environment variable that holds the endpoint's key; the key is not written anywhere.")
+    ] = ""
+    encoder: Annotated[
+        str, arg(help="Encoder of the map; what the map file says by default, for homes hashed (oracle perception).")
+    ] = ""
+    dataset: Annotated[Path | None, arg(help="Folder of the episodes of a home.")] = None
+    evidence: Evidence = ()
+    scenes_dir: ScenesDir = None
+    maps: Annotated[Path, arg(help="Folder that keeps explorations and maps of homes.")] = Path("runs/ask")
+    with_pixels: WithPixels = False
+    device: ModelDevice = "cpu"
+    autocast: ModelAutocast = "off"
+    batch: ModelBatch = 8
+    json: Json = False
+
+    def run(self) -> int:
+        check_options(self)
+        truths = read_true_points(self.truth) if self.truth is not None else []
+        if not (self.query or truths or self.interactive):
+            raise PersonalVizError(
+                "ask: found no question; expected --query, --truth or --interactive. "
+                'Example: --query "Lily\'s backpack".'
+            )
+        description, phrases = self._description, self._phrase_source
+        asked = self._opened()
+        merged = merged_storeys(asked.home)
+        encoder = encoder_of_queries(merged, self.encoder or asked.source.encoder or "hashed")
+        asker = Asker(asked.home, encoder=encoder, phrases=phrases, method=self.method)
+        replies = [asker.ask(query, description=description) for query in self.query]
+        scores: list[AskedScore] = []
+        for truth in truths:
+            told = description if truth.description is None else truth.description
+            replies.append(asker.ask(truth.query, description=told))
+            scores.append(score_reply(replies[-1], truth, asked.home, T_map_recording=_T(asked.source)))
+        documents = [_document(reply, asker.method, asked.source) for reply in replies]
+        if not self.json:
+            _print(asked.home, replies, asked.source)
+        for query in _typed() if self.interactive else ():
+            replies.append(asker.ask(query, description=description))
+            documents.append(_document(replies[-1], asker.method, asked.source))
+            if not self.json:
+                _print(asked.home, replies[-1:], asked.source)
+        written = self._written(asked, asker, replies)
+        if self.json:
+            print_json(_all(documents, scores))
+            return 0
+        if scores:
+            _print_scores(scores, asker.method)
+        print(written)
+        return 0
+
+    @property
+    def _description(self) -> str:
+        """The paragraph, from the file that the option names or as it was typed."""
+        path = Path(self.description)
+        if (
+            not self.description
+            or len(self.description) > 255
+            or not (path.suffix in (".txt", ".md") or path.is_file())
+        ):
+            return self.description
+        try:
+            return path.read_text(encoding="utf-8").strip()
+        except (OSError, UnicodeDecodeError) as error:
+            raise PersonalVizError(
+                f"--description {path}: cannot be read ({error}); expected a text file in UTF-8. Check the path, or "
+                "give the paragraph itself."
+            ) from None
+
+    @cached_property
+    def _phrase_source(self) -> PhraseSource:
+        if self.phrases == "dataset":
+            raise AgentError(
+                "--phrases is 'dataset'; expected rules, llm, or your own as package.module:factory, because free text "
+                "has no phrases of a dataset. Leave it out for rules."
+            )
+        return make_phrases(self.phrases, llm=self._settings.llm)
+
+    @property
+    def _settings(self) -> GroundSettings:
+        """The settings with which `ground` would map a home, as things by default, and read the description."""
+        method = self.method or "object-dual"
+        return GroundSettings(
+            method,
+            map="explore",
+            layout="objects" if takes_objects(method) else "grid",
+            encoder=self.encoder or "hashed",
+            phrases=self.phrases,
+            llm_url=self.llm_url,
+            llm_model=self.llm_model,
+            llm_key_env=self.llm_key_env,
+        )
+
+    @property
+    def _model(self) -> ModelOptions:
+        return ModelOptions(self.device, self.batch, self.autocast)
+
+    def _opened(self) -> _Asked:
+        """The map of the file or of the home."""
+        if self.where.endswith(".npz"):
+            path = Path(self.where)
+            return _Asked(load_memory(path), read_map_header(path).source, None, ())
+        if self.dataset is None:
+            raise PersonalVizError(
+                f"ask: found {self.where!r} without --dataset; expected a map, FILE.npz, or the name of a home with "
+                "its --dataset. Make a map with personal-viz map, or give --dataset."
+            )
+        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
+        found = asked_home(
+            episodes, self.where, self._settings, folder=self.maps, scenes_dir=self.scenes_dir, model=self._model
+        )
+        views = found.views if found.scene.kind != "scan" or self.with_pixels else ()
+        return _Asked(load_memory(found.file), read_map_header(found.file).source, found.scene, views)
+
+    def _written(self, asked: _Asked, asker: Asker, replies: Sequence[Reply]) -> str:
+        """Writes picture and recording; returns a line that says so."""
+        if asked.source.kind == "scan" and not self.with_pixels:
+            return (
+                f"Not written: {self.out}.png and .rrd would show the licensed scan {asked.source.scene}. Give "
+                "--with-pixels if you may keep such files."
+            )
+        from recordings.replay import record_memory
+
+        from .ask_picture import answers_png
+
+        sights = [_sights(asked.views, reply, asker) for reply in replies]
+        png, rrd = (self.out.with_name(self.out.name + end) for end in (".png", ".rrd"))
+        title = f"{asked.source.scene}, {asker.method}" + (f"; {asked.scene.label}" if asked.scene else "")
+        with writing(png):
+            png.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(png, answers_png(asked.home, asker.memory, replies, sights, title=title))
+        record_memory(
+            asked.home,
+            name=asked.source.scene,
+            out=rrd,
+            scene=asked.scene,
+            with_pixels=self.with_pixels,
+            asked=replies,
+            searched=asker.memory,
+        )
+        return f"Written to {png} and {rrd}. See it with: rerun {rrd}"
+
+
+def _typed() -> Iterator[str]:
+    """The lines of standard input."""
+    if sys.stdin.isatty():
+        print("Type what to find, one question per line; Ctrl-D ends.", file=sys.stderr)
+    for line in sys.stdin:
+        if line.strip():
+            yield line.strip()
+
+
+def _sights(views: Sequence[PosedView], reply: Reply, asker: Asker) -> list[Sight]:
+    """The pictures that see the best place."""
+    if not reply.places or not views:
+        return []
+    from .ask_picture import MOST_SIGHTS
+
+    x, y, z = reply.places[0].position
+    above = _CELL_EYE if reply.places[0].height == 0 else 0.0
+    return best_views(views, (x, y + above, z), count=MOST_SIGHTS)
+
+
+def _T(source: MapSource) -> NDArray[np.float64] | None:
+    return None if source.T_map_recording is None else np.array(source.T_map_recording)
+
+
+def _in_recording(place: FoundPlace, source: MapSource) -> list[float] | None:
+    """The place in the recording's own frame; None where there is no other frame."""
+    T_map_recording = _T(source)
+    if T_map_recording is None:
+        return None
+    T = np.linalg.inv(T_map_recording)
+    return _rounded(T[:3, :3] @ np.array(place.position) + T[:3, 3])
+
+
+def _rounded(numbers: Sequence[float] | NDArray[np.float64]) -> list[float]:
+    return [round(float(number), 3) + 0.0 for number in numbers]  # no -0.0
+
+
+def _document(reply: Reply, method: str, source: MapSource) -> dict[str, Any]:
+    return {
+        "query": reply.query,
+        "points": [
+            {
+                "map": _rounded(place.position),
+                "recording": _in_recording(place, source),
+                "storey": place.storey,
+                "height": round(place.height, 3) + 0.0,
+                "score": round(place.score, 4),
+            }
+            for place in reply.places
+        ],
+        "phrase": reply.phrase,
+        "method": method,
+    }
+
+
+def _all(documents: list[dict[str, Any]], scores: Sequence[AskedScore]) -> Any:
+    """One document for one question, a list for several; with `--truth` the scores stand beside them."""
+    if scores:
+        each = [score.model_dump(mode="json") for score in scores]
+        return {"answers": documents, "scores": each, "table": scored_table(scores)}
+    return documents[0] if len(documents) == 1 else documents
+
+
+def _print(home: HomeMemory, replies: Sequence[Reply], source: MapSource) -> None:
+    for reply in replies:
+        print(f"{reply.query}: {reply.phrase or 'no phrase of the description means it'}")
+        for rank, place in enumerate(reply.places, start=1):
+            recorded = _in_recording(place, source)
+            own = f", in the recording {_words(recorded)}" if recorded is not None else ""
+            storey = f", storey {place.storey}" if len(home.storeys) > 1 else ""
+            print(
+                f"  {rank}. {_words(_rounded(place.position))}{own}{storey}, {place.height:.2f} m above the floor, "
+                f"score {place.score:.3f}"
+            )
+        if not reply.places:
+            print("  the map holds no place")
+
+
+def _words(numbers: Sequence[float]) -> str:
+    return f"({', '.join(f'{number:.2f}' for number in numbers)})"
+
+
+def _print_scores(scores: Sequence[AskedScore], method: str) -> None:
+    table = scored_table(scores)
+    names = [name for name in (*SPLITS, "total") if table["n"][name]]
+    rows = [
+        (label, *("-" if table[key][name] is None else f"{table[key][name]:.1f}" for name in names))
+        for key, label in (("sr", f"{method}: SR (%)"), ("top3", "one of three (%)"))
+    ]
+    rows.append(("queries", *(str(table["n"][name]) for name in names)))
+    print_table("Answers within the radius of a true point", ["", *names], rows)
