@@ -68,14 +68,8 @@ def test_true_points_score_the_answers(map_file: Path) -> None:
     truth, hard = map_file.with_name("truth.jsonl"), {"frame": "map", "split": "hard"}
     lines = [
         {"query": "the blue glass vase", "points": [IN_RECORDING]},
-        {
-            "query": "Tom's sofa",
-            "points": [[3.5, 0.3, 0.5]],
-            "frame": "map",
-            "split": "hard",
-            "description": DESCRIPTION,
-        },
-        {"query": "the white sofa", "points": [[9.0, 0.3, 0.5]], "frame": "map", "split": "hard"},
+        {"query": "Tom's sofa", "points": [[3.5, 0.3, 0.5]], **hard, "description": DESCRIPTION},
+        {"query": "the white sofa", "points": [[9.0, 0.3, 0.5]], **hard},
     ]
     truth.write_text("".join(json.dumps(line) + "\n" for line in lines))
     found = json.loads(ask(map_file, "--truth", truth, "--json").stdout)
