@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import torch
@@ -20,7 +20,7 @@ from sim.errors import AgentError
 from sim.extras import require
 from sim.types import Frame
 
-from .protocol import ModelOptions
+from .protocol import Autocast, Device, ModelOptions
 
 _DIGEST_VALUES = 64
 """Numbers of each weight tensor that go into a model's digest: enough to tell two trainings apart, and instant."""
@@ -44,12 +44,13 @@ class PretrainedEncoder(ABC):
 
         Raises:
             MissingDependencyError: Extra `models` is not installed.
-            AgentError: There is no such model, it has another type, weights are missing, or the device is absent.
+            AgentError: There is no such model, it has another type, weights are missing, an option's value is not
+                known, or the device is absent or full.
         """
         transformers = require("transformers", extra="models")
         SafetensorError = require("safetensors", extra="models").SafetensorError
         self._options = options = options or ModelOptions()
-        _require_device(options)
+        _require_options(options)
         local = _is_folder(source)
         only_here = {"local_files_only": local or not options.download}
         with quiet(transformers):
@@ -70,7 +71,8 @@ class PretrainedEncoder(ABC):
             except (OSError, ValueError, RuntimeError, SafetensorError) as error:
                 raise AgentError(_not_loaded(source, error, local=local, options=options)) from error
         _require_whole(source, classes[config.model_type], report)
-        self._model: Any = model.eval().to(options.device)
+        with _enough_memory(options):
+            self._model: Any = model.eval().to(options.device)
         self._digest = weights_digest(model)
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
@@ -125,7 +127,7 @@ class PretrainedEncoder(ABC):
         """(N, ..., E) vectors of length 1 of all items, a batch at a time; without items (0, *shape)."""
         autocast, parts = self._options.autocast, [np.empty((0, *shape), np.float32)] * (not items)
         mixed = torch.autocast(self._options.device, _DTYPES.get(autocast), enabled=autocast != "off")
-        with torch.inference_mode(), mixed:
+        with _enough_memory(self._options), torch.inference_mode(), mixed:
             for start in range(0, len(items), self._options.batch_size):
                 batch = items[start : start + self._options.batch_size]
                 parts.append(torch.nn.functional.normalize(encode(batch).float(), dim=-1).cpu().numpy())
@@ -174,13 +176,33 @@ def _is_folder(source: str) -> bool:
     return False
 
 
-def _require_device(options: ModelOptions) -> None:
+def _require_options(options: ModelOptions) -> None:
+    for name, found, known in (
+        ("device", options.device, get_args(Device)),
+        ("autocast", options.autocast, get_args(Autocast)),  # torch takes its own default for None
+    ):
+        if found not in known:
+            raise AgentError(f"{name} {found!r}: is not known; expected {' or '.join(known)}. Choose one of them.")
+    if options.batch_size < 1:
+        raise AgentError(f"batch_size {options.batch_size!r}: is too small; expected 1 or more. Choose such a number.")
     if options.device == "cuda" and not torch.cuda.is_available():
         raise AgentError("device 'cuda': torch sees no such device; expected one. Use cpu, or install torch for CUDA.")
     if options.device == "cpu" and options.autocast == "float16":
         raise AgentError(
             "autocast 'float16' on the cpu: found no fast kernels for it; expected off or bfloat16. Choose one of them."
         )
+
+
+@contextmanager
+def _enough_memory(options: ModelOptions) -> Iterator[None]:
+    """Says what to do where the GPU has too little free memory, which torch reports with its allocator's statistics."""
+    try:
+        yield
+    except torch.cuda.OutOfMemoryError as error:
+        raise AgentError(
+            f"device {options.device!r}: has too little free memory; expected enough for the model and batches of "
+            f"{options.batch_size}. Use a smaller batch, end other programs that use the GPU, or use cpu."
+        ) from error
 
 
 def _require_type(source: str, model_type: str, classes: Mapping[str, str]) -> None:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from grounding.checks import check_image_encoder
 from grounding.encoders import by_name as encoders
 from grounding.encoders.by_name import make_encoder, make_image_encoder
 from grounding.encoders.packed_bert import one_thread
-from grounding.encoders.protocol import DenseEncoder, ModelOptions
+from grounding.encoders.protocol import Autocast, DenseEncoder, ModelOptions
 from sim.errors import AgentError, MissingDependencyError
 from sim.types import Frame
 
@@ -270,6 +271,30 @@ def test_a_missing_gpu_is_refused(folder) -> None:
         make_image_encoder(f"clip:{folder('clip')}", options=ModelOptions(device="cuda"))
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"device": "gpu"}, r"device 'gpu': is not known; expected cpu or cuda\. Choose"),
+        ({"device": "cuda:0"}, r"device 'cuda:0': is not known; expected cpu or cuda\. Choose"),
+        ({"autocast": "bf16"}, r"autocast 'bf16': is not known; expected off or bfloat16 or float16\. Choose"),
+        ({"batch_size": 0}, r"batch_size 0: is too small; expected 1 or more\. Choose"),
+    ],
+)
+def test_options_with_unknown_values_are_refused(options: dict, message: str, folder) -> None:
+    with pytest.raises(AgentError, match=message):
+        make_image_encoder(f"clip:{folder('clip')}", options=ModelOptions(**options))
+
+
+def test_too_little_memory_says_what_to_do(monkeypatch: pytest.MonkeyPatch, load) -> None:
+    def fill(*_: object, **__: object) -> None:
+        raise torch.cuda.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB.")
+
+    encoder = load("clip")
+    monkeypatch.setattr(torch.nn.functional, "normalize", fill)
+    with pytest.raises(AgentError, match=r"too little free memory; .* batches of 2\. Use a smaller batch"):
+        encoder.encode_images([picture(30, 220)])
+
+
 def test_without_transformers_the_extra_is_named(monkeypatch: pytest.MonkeyPatch, folder) -> None:
     source = f"clip:{folder('clip')}"
     encoders._model.cache_clear()
@@ -279,12 +304,39 @@ def test_without_transformers_the_extra_is_named(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.gpu
+@pytest.mark.parametrize("autocast", get_args(Autocast))
 @ALL
-def test_a_gpu_gives_the_same_vectors_as_the_cpu(kind: str, folder, load) -> None:
-    name, frames = f"{KINDS[kind].family}:{folder(kind)}", [picture(30, 220)]
-    there = make_image_encoder(name, options=ModelOptions(device="cuda"))
-    assert there.name == load(kind).name
-    assert np.allclose(there.encode_images(frames), load(kind).encode_images(frames), atol=1e-3)
-    assert np.allclose(there.encode_patches(frames), load(kind).encode_patches(frames), atol=1e-3)
-    half = make_image_encoder(name, options=ModelOptions(device="cuda", autocast="float16"))
-    assert (half.encode_images(frames) * load(kind).encode_images(frames)).sum() > 0.99
+def test_a_gpu_gives_the_same_vectors_as_the_cpu(kind: str, autocast: Autocast, folder, load) -> None:
+    here, name = load(kind), f"{KINDS[kind].family}:{folder(kind)}"
+    there = make_image_encoder(name, options=ModelOptions("cuda", 2, autocast))
+    frames = [picture(30, 220), picture(220, 30), picture(90, 160)]  # one more than a batch
+    assert there.name == here.name
+    for first, second in (
+        (here.encode_texts(["red chair", "sofa", "lamp"]), there.encode_texts(["red chair", "sofa", "lamp"])),
+        (here.encode_images(frames), there.encode_images(frames)),
+        (here.encode_patches(frames), there.encode_patches(frames)),
+    ):
+        assert second.dtype == np.float32
+        assert second.shape == first.shape
+        assert (first * second).sum(axis=-1).min() > (1 - 1e-4 if autocast == "off" else 0.99)
+
+
+@pytest.mark.gpu
+@ALL
+def test_on_a_gpu_our_adapters_keep_the_contract(kind: str, folder) -> None:
+    options = ModelOptions(device="cuda")
+    assert check_image_encoder(make_image_encoder(f"{KINDS[kind].family}:{folder(kind)}", options=options)) == []
+
+
+@pytest.mark.gpu
+def test_a_full_gpu_is_refused_and_usable_again_with_more_memory(folder) -> None:
+    eye = make_image_encoder(f"clip:{folder('clip')}", options=ModelOptions(device="cuda", batch_size=2_000))
+    frames = [picture(30, 220)] * 2_000  # 23 MiB of pixels
+    torch.cuda.empty_cache()
+    torch.cuda.set_per_process_memory_fraction(0.0)
+    try:
+        with pytest.raises(AgentError, match="'cuda': has too little free memory"):
+            eye.encode_images(frames)
+    finally:
+        torch.cuda.set_per_process_memory_fraction(1.0)
+    assert eye.encode_images(frames[:1]).shape == (1, eye.dim)
