@@ -24,7 +24,7 @@ from .ros_poses import Track, TransformTree
 
 ROLES = ("colour", "depth", "info", "odom")
 """What `--topics` can name."""
-_INFO, _TF = "sensor_msgs/msg/CameraInfo", "tf2_msgs/msg/TFMessage"
+_INFO, _TF = "sensor_msgs/msg/CameraInfo", ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _ODOMETRY = "nav_msgs/msg/Odometry"
 _POSES = (_ODOMETRY, "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 """Poses of a topic that `--topics odom=` names; only odometry is taken unasked, as a goal is a PoseStamped too."""
@@ -242,7 +242,7 @@ def _poses(
 def _transforms(bag: _Bag, odom: str | None) -> tuple[TransformTree, Track | None, str]:
     """The tree of tf, the track of the odometry if there is one, and the frame whose track it is."""
     tree, odometry, base = TransformTree(), None, ""
-    names = [name for name, kind in bag.types.items() if kind == _TF]
+    names = [name for name, kind in bag.types.items() if kind in _TF]
     for topic, _, message in bag.messages([*names, *([odom] if odom else [])]):
         if topic != odom:
             for item in message.transforms:
