@@ -14,11 +14,11 @@ from sim.episodes.schema import Vector3
 from sim.errors import AgentError
 from sim.types import GridSpec
 
-from .encoders.protocol import NO_FEATURES
-
 TIE = 1e-6
 """Cosines closer than this are equal, and the first cell in row-major order wins: float32 products of equal rows differ
 by about 1e-7, depending on a row's place in the matrix."""
+NO_FEATURES = "none"
+"""The encoder's name in maps of geometry alone, which have free space and no features."""
 _UNIT_TOLERANCE = 1e-4
 
 

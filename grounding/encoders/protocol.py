@@ -20,8 +20,6 @@ PLUGIN = "plug-in"
 """The name that `parse_encoder_name` returns for a user's own encoder."""
 MODEL_FAMILIES = ("clip", "siglip", "blip2-itc256", "blip2-hidden768")
 ORACLE_SUFFIX = "+oracle-perception"
-NO_FEATURES = "none"
-"""The encoder's name in maps of geometry alone, which have free space and no features."""
 
 
 class TextEncoder(Protocol):

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from sim.errors import AgentError
 from sim.types import Frame, GridSpec
 
-from ..encoders.protocol import NO_FEATURES, DenseEncoder, TextImageEncoder
-from ..types import FeatureMap, map_from_cells
+from ..encoders.protocol import DenseEncoder, TextImageEncoder
+from ..types import NO_FEATURES, FeatureMap, map_from_cells
 from .home_map import HomeMemory
 from .storeys import Storeys, ViewOptions, points_at
 from .view_quality import NEAR, bearing_weight, patches_of

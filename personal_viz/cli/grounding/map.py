@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tyro.conf import arg
 
 from grounding.encoders.by_name import is_model, make_image_encoder, require_no_model_options
-from grounding.encoders.protocol import NO_FEATURES, DenseEncoder, ModelOptions
+from grounding.encoders.protocol import DenseEncoder, ModelOptions
 from grounding.encoders.resumed import ResumedEncoder
 from grounding.maps.files import MapSource, save_memory
 from grounding.maps.grid_map import GridMapBuilder, MapBuilder, NoFeatures
@@ -23,6 +23,7 @@ from grounding.robot.frames import RobotFrames, read_robot_frames
 from grounding.robot.poses import pose_of_quat
 from grounding.robot.recording import FrameCounts
 from grounding.robot.ros_bag import ROLES
+from grounding.types import NO_FEATURES
 from personal_viz.printed import Console
 from sim.errors import PersonalVizError
 from sim.frames import CameraAxes
