@@ -17,6 +17,8 @@ from sim.types import GridSpec
 TIE = 1e-6
 """Cosines closer than this are equal, and the first cell in row-major order wins: float32 products of equal rows differ
 by about 1e-7, depending on a row's place in the matrix."""
+NO_FEATURES = "none"
+"""The encoder's name in maps of geometry alone, which have free space and no features."""
 _UNIT_TOLERANCE = 1e-4
 
 
@@ -129,6 +131,11 @@ def require_same_encoder(of_map: tuple[str, int], of_query: tuple[str, int], *, 
     Raises:
         AgentError: The encoders differ; the message begins with `where`.
     """
+    if of_map[0] == NO_FEATURES:
+        raise AgentError(
+            f"{where}: holds geometry alone, made with --encoder {NO_FEATURES}; expected a map with features. Build it "
+            "again with personal-viz map --encoder clip:MODEL."
+        )
     if of_map != of_query:
         raise AgentError(
             f"{where}: holds {of_map[1]}-d vectors of encoder {of_map[0]!r}, the query is {of_query[1]}-d from "

@@ -119,9 +119,7 @@ def home_maps(
         if settings.map == "explore" and not path.exists():
             with scene_note(folders.notes, scene) as say:
                 make_home_map(dataset, scene, settings, folders, model=model, say=say)
-        mapped = read_map_header(path).source.scene
-        if mapped != scene:
-            raise RunFileError(f"{path}: is a map of {mapped!r}; expected one of {scene!r}. Rename the file.")
+        require_map_of(path, scene)
         return load_memory(path, encoder=encoder)
 
     @cache
@@ -169,6 +167,24 @@ def make_home_map(
         builder=f"{builder.name} by {encoder_called(settings.map_encoder)}",
     )
     save_memory(folders.map_file(scene_name), builder.finish(), source)
+
+
+def require_map_of(path: Path, scene: str) -> None:
+    """Refuses a map file of another place than its name says.
+
+    Raises:
+        RunFileError: The file is missing or damaged, or its header names another place.
+    """
+    source = read_map_header(path).source
+    if source.scene == scene:
+        return
+    if source.kind == "robot":
+        advice = f"Make it again with personal-viz map --scene {scene} if it was recorded there."
+    else:
+        advice = f"Name it {source.scene}.npz, and put the map of {scene} here."
+    raise RunFileError(
+        f"{path}: says that it is of {source.scene!r}; expected {scene!r}, as its file is named. {advice}"
+    )
 
 
 def build_map(

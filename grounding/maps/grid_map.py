@@ -14,7 +14,7 @@ from sim.errors import AgentError
 from sim.types import Frame, GridSpec
 
 from ..encoders.protocol import DenseEncoder, TextImageEncoder
-from ..types import FeatureMap, map_from_cells
+from ..types import NO_FEATURES, FeatureMap, map_from_cells
 from .home_map import HomeMemory
 from .storeys import Storeys, ViewOptions, points_at
 from .view_quality import NEAR, bearing_weight, patches_of
@@ -26,6 +26,7 @@ FeatureSource = Literal["patches", "images"]
 _EVERY_PIXEL = 8
 """For whole views, only every 8th pixel of every 8th row is used to find the cells that they show."""
 _WHOLE = 1e-9
+_NO_PATCHES = (16, 16)
 _FIRST_CELLS = 64
 
 
@@ -173,6 +174,27 @@ class GridMapBuilder:
             centre_xz=centre_xz,
             weights=weights,
         )
+
+
+class NoFeatures:
+    """An encoder for maps of geometry alone: zero vectors, which add nothing to any cell.
+
+    Map files keep its name, so that every query to such a map is refused.
+    """
+
+    name, dim = NO_FEATURES, 1
+
+    def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        """(N, 1) zeros."""
+        return np.zeros((len(texts), self.dim), np.float32)
+
+    def encode_images(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
+        """(N, 1) zeros."""
+        return np.zeros((len(frames), self.dim), np.float32)
+
+    def encode_patches(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
+        """(N, h, w, 1) zeros; as many patches as a model has, because the map's middle is that of their points."""
+        return np.zeros((len(frames), *_NO_PATCHES, self.dim), np.float32)
 
 
 class CellSums:

@@ -1,1 +1,1 @@
-"""A real robot's posed RGB-D frames, read from a folder."""
+"""Posed RGB-D frames of a real robot or phone: one reader per layout, and their frames in the map's frame."""

@@ -1,12 +1,12 @@
-"""Reads a folder of a real robot's posed RGB-D pictures as `Frame`s, for the same map builders as simulated views.
+"""Reads a recording of a real robot or phone as `Frame`s, for the same map builders as simulated views.
 
-`color/*.jpg|png`, `depth/*.png` (16 bit, mm), `poses/*.txt` or a trajectory file, `intrinsics.json|txt`; other names
-are in layout.py. Frames that cannot be used are skipped and counted by reason. Pictures are read when needed.
+A recording in a layout of its own -> its reader -> `Recording` (recording.py) -> `RobotFrames` in the map's frame.
+Frames that cannot be used are skipped and counted by reason. Pictures are read when needed.
 """
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,55 +15,51 @@ from PIL import Image
 from sim.errors import SceneError
 from sim.frames import CameraAxes
 from sim.scans.up_axis import Up
-from sim.types import Camera, Frame
+from sim.types import Frame
 
-from .layout import RobotFiles, find_files, matching, read_intrinsics
-from .poses import BadPose, T_map_camera_of, pose_lines, pose_of_file, up_warning
+from .pictures import DAMAGED, is_pictures, read_pictures
+from .poses import T_map_camera_of, up_warning
+from .record3d import is_record3d, read_record3d
+from .recording import MM_PER_METRE, Entry, FrameCounts, ReadingOptions, Reason, Recording, Unusable
+from .ros_bag import is_ros_bag, read_ros_bag
+from .stray import is_stray, read_stray
 
-MM_PER_METRE = 1000.0
-_NO_RETURN = 65535
-"""Another value besides 0 that means no return in 16-bit depth (7-Scenes)."""
-Reason = (
-    Literal["no depth picture", "picture not readable", "another size", "depth not 16 bit", "empty depth"] | BadPose
+NEAREST, FARTHEST = 0.5, 12.0
+"""Range of a plausible median depth in metres: nearer than a desk, or farther than a hall, is a wrong unit."""
+_UNITS = (MM_PER_METRE, 5000.0, 1.0, 10000.0, 100.0)
+"""Depth units per metre that are proposed where the median is not plausible."""
+_SAMPLES = 20
+"""Number of depth pictures whose median must be plausible."""
+
+
+class _Reader(NamedTuple):
+    layout: str
+    is_here: Callable[[Path], bool]
+    read: Callable[[Path, ReadingOptions, FrameCounts], Recording]
+
+
+_ROS, _PICTURES = "ROS bag", "folder of pictures"
+_READERS = (
+    _Reader(_ROS, is_ros_bag, read_ros_bag),
+    _Reader("Record3D recording", is_record3d, read_record3d),
+    _Reader("Stray Scanner recording", is_stray, read_stray),
+    _Reader(_PICTURES, is_pictures, read_pictures),
 )
+"""In the order in which they are asked; the first that knows the files reads them."""
 
 
-class FrameCounts:
-    """Counts the pictures found, and the unused ones by reason; it grows while the pictures are read."""
-
-    def __init__(self, num_found: int) -> None:
-        """Starts without skipped pictures."""
-        self.num_found = num_found
-        """Number of colour pictures."""
-        self.skipped: dict[Reason, set[str]] = {}
-        """File names by reason."""
-        self.warning = ""
-        """A likely error in all poses; "" = none."""
-
-    def skip(self, reason: Reason, name: str) -> None:
-        """Counts a picture as not used; repeated calls count once."""
-        self.skipped.setdefault(reason, set()).add(name)
-
-    @property
-    def by_reason(self) -> Mapping[Reason, int]:
-        """Number of skipped pictures for each reason."""
-        return {reason: len(names) for reason, names in sorted(self.skipped.items())}
-
-
-class _Place(NamedTuple):
-    colour: Path
-    depth: Path
+class _Placed(NamedTuple):
+    entry: Entry
     T_map_camera: NDArray[np.float64]
 
 
 class RobotFrames:
     """The usable frames of a recording, in order; each pass over them reads the pictures again."""
 
-    def __init__(self, places: list[_Place], camera: Camera, *, depth_per_metre: float, counts: FrameCounts) -> None:
-        """Takes the matched files; call `read_robot_frames` instead."""
+    def __init__(self, places: list[_Placed], *, colour: bool, counts: FrameCounts) -> None:
+        """Takes the placed entries; call `read_robot_frames` instead."""
         self._places = places
-        self._camera = camera
-        self._depth_per_metre = depth_per_metre
+        self._colour = colour
         self._counts = counts
 
     def __len__(self) -> int:
@@ -72,42 +68,32 @@ class RobotFrames:
 
     def __iter__(self) -> Iterator[Frame]:
         """The frames; damaged and empty ones are counted and left out."""
-        return self._loaded(self._places)
+        return self._loaded(self._places, colour=self._colour)
 
     def some(self, count: int) -> list[Frame]:
-        """At most `count` frames, spread evenly."""
+        """At most `count` frames, spread evenly; their colours are not read and black."""
         chosen = np.unique(np.linspace(0, len(self._places) - 1, count).round().astype(np.int64))
-        return list(self._loaded([self._places[index] for index in chosen.tolist()]))
+        return list(self._loaded([self._places[index] for index in chosen.tolist()], colour=False))
 
-    def _loaded(self, places: list[_Place]) -> Iterator[Frame]:
+    def _loaded(self, places: list[_Placed], *, colour: bool) -> Iterator[Frame]:
         for place in places:
-            frame = self._frame(place)
+            frame = _frame(place, colour=colour)
             if isinstance(frame, Frame):
                 yield frame
             else:
-                self._counts.skip(frame, place.colour.name)
-
-    def _frame(self, place: _Place) -> Frame | Reason:
-        size = (self._camera.width, self._camera.height)
-        try:
-            with Image.open(place.colour) as image:
-                rgb = np.asarray(_resized(image.convert("RGB"), size))
-            with Image.open(place.depth) as image:
-                depth = np.asarray(image)
-        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-            return "picture not readable"
-        depth_m = np.where(depth == _NO_RETURN, 0, depth).astype(np.float32) / np.float32(self._depth_per_metre)
-        if not depth_m.any():
-            return "empty depth"
-        return Frame(rgb, depth_m, place.T_map_camera, self._camera)
+                self._counts.skip(frame, place.entry.name)
 
 
 def read_robot_frames(
-    folder: Path,
+    path: Path,
     *,
     up: Up,
-    camera_axes: CameraAxes = "opencv",
+    camera_axes: CameraAxes | None = None,
     depth_per_metre: float | None = None,
+    topics: Mapping[str, str] | None = None,
+    T_base_camera: NDArray[np.float64] | None = None,
+    every: int = 1,
+    colour: bool = True,
 ) -> tuple[RobotFrames, FrameCounts]:
     """The usable frames of a recording, and the counts of the others.
 
@@ -115,97 +101,123 @@ def read_robot_frames(
     depth between two surfaces cannot be interpolated.
 
     Args:
-        folder: Folder as described in this module and layout.py.
+        path: A folder of pictures (layout.py), a Stray Scanner folder, a `.r3d` file or its unpacked folder, a ROS bag.
         up: Which axis of the poses' frame points up. The map is y-up: (x, y, z) of a z-up frame becomes (x, z, -y).
-        camera_axes: Camera axes of the poses; `opencv` looks along +z with y down.
-        depth_per_metre: Depth units per metre; None = the value in the intrinsics file, or else millimetres.
+        camera_axes: Camera axes of the poses in a folder of pictures; None = `opencv`, along +z with y down.
+        depth_per_metre: Depth units per metre; None = as the recording or its layout says, or else metres for floats
+            and millimetres for integers.
+        topics: Topics of a ROS bag by role (colour, depth, info, odom), where its own names are ambiguous.
+        T_base_camera: (4, 4) camera (OpenCV axes) on the robot, for a ROS bag whose tf does not hold it.
+        every: Takes every n-th usable frame.
+        colour: False leaves the colours black and does not read them, for geometry alone.
 
     Raises:
-        SceneError: Files are missing or damaged, or no frame can be used.
+        SceneError: Files are missing or damaged, no frame can be used, or the depth's unit is not plausible.
+        MissingDependencyError: The extra `robot` is not installed.
     """
-    files = find_files(folder)
-    counts = FrameCounts(len(files.colour))
-    poses = _poses(files)
-    usable: list[tuple[Path, Path, NDArray[np.float64]]] = []
-    for key, colour in files.colour.items():
-        depth, pose = matching(key, files.depth), poses[key]
-        if depth is None:
-            counts.skip("no depth picture", colour.name)
-        elif isinstance(pose, str):
-            counts.skip(pose, colour.name)
-        else:
-            usable.append((colour, depth, pose))
-    colour_size, depth_size, usable = _of_one_size(usable, counts)
-    if not usable:
+    counts = FrameCounts()
+    options = ReadingOptions(camera_axes, depth_per_metre, topics or {}, T_base_camera)
+    recording = _recording(path, options, counts)
+    if recording.up not in (None, up):
         raise SceneError(
-            f"{folder}: none of {counts.num_found} colour pictures can be used: {dict(counts.by_reason)}; expected "
-            f"pictures with depth and a pose ({_examples(files)}). Rename the files so that their numbers or times "
-            "match."
+            f"{path}: --up is {up!r} for a recording in which {recording.up} points up; expected {recording.up!r}. "
+            f"Give --up {recording.up}."
         )
-    camera, scale = read_intrinsics(files.intrinsics, colour_size=colour_size, depth_size=depth_size)
+    entries = recording.entries[::every]
+    require_plausible_depth(path, entries, per_metre=recording.depth_per_metre)
     places = [
-        _Place(colour, depth, T_map_camera_of(pose, up=up, camera_axes=camera_axes)) for colour, depth, pose in usable
+        _Placed(entry, T_map_camera_of(entry.T_recording_camera, up=up, camera_axes="opencv")) for entry in entries
     ]
-    counts.warning = up_warning([place.T_map_camera for place in places])
-    units = depth_per_metre or scale or MM_PER_METRE
-    return RobotFrames(places, camera, depth_per_metre=units, counts=counts), counts
+    warnings = (*recording.warnings, up_warning([place.T_map_camera for place in places]))
+    counts.warning = "; ".join(filter(None, warnings))
+    return RobotFrames(places, colour=colour, counts=counts), counts
 
 
-def _poses(files: RobotFiles) -> dict[str, NDArray[np.float64] | BadPose]:
-    """The pose of each colour picture."""
-    if files.trajectory is None:
-        found = {key: matching(key, files.poses) for key in files.colour}
-        return {key: "no pose" if path is None else pose_of_file(path) for key, path in found.items()}
-    lines = pose_lines(files.trajectory)
-    if lines.times is not None:
-        return {key: _pose_at(key, lines.nearest) for key in files.colour}
-    if len(lines.poses) != len(files.colour):
+def require_plausible_depth(path: Path, entries: tuple[Entry, ...], *, per_metre: float) -> None:
+    """Refuses a recording whose median depth says that its unit is wrong.
+
+    Args:
+        path: The recording, for the error.
+        entries: A few of them, spread evenly, are read.
+        per_metre: The units with which they are read.
+
+    Raises:
+        SceneError: The median is below NEAREST or above FARTHEST; the message names units that would fit.
+    """
+    chosen = np.unique(np.linspace(0, len(entries) - 1, _SAMPLES).round().astype(np.int64))
+    depths = [_depth(entries[index]) for index in chosen.tolist()]
+    valid = [depth[::4, ::4][depth[::4, ::4] > 0] for depth in depths if not isinstance(depth, str)]
+    values = np.concatenate(valid) if valid else np.empty(0)
+    median = float(np.median(values)) if len(values) else 1.0
+    if NEAREST <= median <= FARTHEST:
+        return
+    fitting = [unit for unit in _UNITS if NEAREST <= median * per_metre / unit <= FARTHEST]
+    advice = (
+        f"Give --depth-per-metre {fitting[0]:g}, with which it is {median * per_metre / fitting[0]:.2f} m."
+        if fitting
+        else "Give its units as --depth-per-metre."
+    )
+    raise SceneError(
+        f"{path}: the median depth of {len(valid)} frames is {median:.3g} m at {per_metre:g} units per metre; expected "
+        f"{NEAREST:g} to {FARTHEST:g} m. {advice}"
+    )
+
+
+def _recording(path: Path, options: ReadingOptions, counts: FrameCounts) -> Recording:
+    """The recording by the first reader that knows it, with options that it does not have refused."""
+    if not path.exists():
         raise SceneError(
-            f"{files.trajectory}: holds {len(lines.poses)} poses for {len(files.colour)} colour pictures; expected one "
-            "per picture, in the same order. Write them with times, or one file per picture."
+            f"{path}: is not there; expected a folder of pictures, a Stray Scanner folder, a .r3d file or a ROS bag. "
+            "Check the path."
         )
-    return dict(zip(files.colour, lines.poses, strict=True))
+    reader = next((reader for reader in _READERS if reader.is_here(path)), None)
+    if reader is None:
+        raise SceneError(
+            f"{path}: is a file of an unknown kind; expected a folder, or a file that ends in .r3d, .bag, .mcap or "
+            ".db3. Give the recording's folder."
+        )
+    for option, is_given, layout in (
+        ("--camera-axes", options.camera_axes is not None, _PICTURES),
+        ("--topics", bool(options.topics), _ROS),
+        ("--base-to-camera", options.T_base_camera is not None, _ROS),
+    ):
+        if is_given and reader.layout != layout:
+            raise SceneError(
+                f"{path}: {option} is given for a {reader.layout}, which does not need it; expected it with a "
+                f"{layout} only. Leave it out."
+            )
+    return reader.read(path, options, counts)
 
 
-def _pose_at(key: str, nearest: Callable[[float], NDArray[np.float64] | BadPose]) -> NDArray[np.float64] | BadPose:
+def _frame(place: _Placed, *, colour: bool) -> Frame | Reason:
+    entry = place.entry
+    depth_m = _depth(entry)
+    if isinstance(depth_m, str):
+        return depth_m
+    size = (entry.camera.width, entry.camera.height)
     try:
-        return nearest(float(key))
-    except ValueError:
-        return "no pose"
+        rgb = _resized(entry.load_rgb(), size) if colour else np.zeros((*size[::-1], 3), np.uint8)
+    except Unusable as error:
+        return error.reason
+    except DAMAGED:
+        return "picture not readable"
+    return Frame(rgb, depth_m, place.T_map_camera, entry.camera)
 
 
-def _of_one_size(
-    usable: list[tuple[Path, Path, NDArray[np.float64]]], counts: FrameCounts
-) -> tuple[tuple[int, int], tuple[int, int], list[tuple[Path, Path, NDArray[np.float64]]]]:
-    """Sizes of the first good colour and depth pictures, and the frames that have them; only headers are read."""
-    sizes: tuple[tuple[int, int], tuple[int, int]] | None = None
-    kept = []
-    for colour, depth, pose in usable:
-        try:
-            with Image.open(colour) as first, Image.open(depth) as second:
-                found, mode = (first.size, second.size), second.mode
-        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
-            counts.skip("picture not readable", colour.name)
-            continue
-        if not mode.startswith("I"):
-            counts.skip("depth not 16 bit", colour.name)
-        elif sizes is not None and found != sizes:
-            counts.skip("another size", colour.name)
-        else:
-            sizes = found
-            kept.append((colour, depth, pose))
-    colour_size, depth_size = sizes or ((0, 0), (0, 0))
-    return colour_size, depth_size, kept
+def _depth(entry: Entry) -> NDArray[np.float32] | Reason:
+    try:
+        depth_m = entry.load_depth()
+    except Unusable as error:
+        return error.reason
+    except DAMAGED:
+        return "picture not readable"
+    return depth_m if depth_m.shape == (entry.camera.height, entry.camera.width) else "another size"
 
 
-def _resized(image: Image.Image, size: tuple[int, int]) -> Image.Image:
-    if image.size == size:
-        return image
-    is_smaller = size[0] < image.size[0]
-    return image.resize(size, Image.Resampling.BOX if is_smaller else Image.Resampling.BILINEAR)
-
-
-def _examples(files: RobotFiles) -> str:
-    parts = [next(iter(files.colour.values())).name, next(iter(files.depth.values())).name]
-    poses = files.trajectory or next(iter(files.poses.values()))
-    return "here " + ", ".join([*parts, poses.name])
+def _resized(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    if rgb.shape[:2] == size[::-1]:
+        return rgb
+    is_smaller = size[0] < rgb.shape[1]
+    return np.asarray(
+        Image.fromarray(rgb).resize(size, Image.Resampling.BOX if is_smaller else Image.Resampling.BILINEAR)
+    )

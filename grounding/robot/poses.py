@@ -64,7 +64,9 @@ def pose_of_numbers(numbers: Sequence[float]) -> NDArray[np.float64] | BadPose:
 
 
 def pose_lines(path: Path) -> PoseLines:
-    """The poses in a file with lines `time tx ty tz qx qy qz qw` (TUM), or of 16 or 12 numbers in the pictures' order.
+    """The poses in a file with lines `time tx ty tz qx qy qz qw` (TUM), or in the pictures' order without the time.
+
+    Lines in the pictures' order may hold 16 or 12 numbers (a matrix) instead.
 
     Raises:
         SceneError: A line has another form.
@@ -75,19 +77,20 @@ def pose_lines(path: Path) -> PoseLines:
             rows.append([float(cell) for cell in cells])
         except ValueError:
             rows.append([])
-        if len(rows[-1]) not in (8, 12, 16) or len(rows[-1]) != len(rows[0]):
+        if len(rows[-1]) not in (7, 8, 12, 16) or len(rows[-1]) != len(rows[0]):
             found = " ".join(cells)[:60]
             raise SceneError(
-                f"{path}:{number}: found {found!r}; expected 8 numbers (time tx ty tz qx qy qz qw) or 16 (a 4 x 4 "
-                f"matrix) in every line. {_ADVICE}"
+                f"{path}:{number}: found {found!r}; expected 8 numbers (time tx ty tz qx qy qz qw), 7 without "
+                f"the time, or 16 (a 4 x 4 matrix) in every line. {_ADVICE}"
             )
     if not rows or len(rows[0]) != 8:
-        return PoseLines(None, tuple(pose_of_numbers(row) for row in rows))
+        pose_of = pose_of_quat if rows and len(rows[0]) == 7 else pose_of_numbers
+        return PoseLines(None, tuple(pose_of(row) for row in rows))
     times = np.array([row[0] for row in rows])
-    return PoseLines(times, tuple(_pose_of_tum(row[1:]) for row in rows))
+    return PoseLines(times, tuple(pose_of_quat(row[1:]) for row in rows))
 
 
-def _pose_of_tum(numbers: Sequence[float]) -> NDArray[np.float64] | BadPose:
+def pose_of_quat(numbers: Sequence[float]) -> NDArray[np.float64] | BadPose:
     """The pose given by tx ty tz qx qy qz qw."""
     if not np.isfinite(numbers).all():
         return "pose not finite"
@@ -101,6 +104,13 @@ def _pose_of_tum(numbers: Sequence[float]) -> NDArray[np.float64] | BadPose:
     return T
 
 
+def T_body_camera(camera_axes: CameraAxes) -> NDArray[np.float64]:
+    """(4, 4) camera with OpenCV axes in a camera with these axes; poses are multiplied by it from the right."""
+    T = np.eye(4)
+    T[:3, :3] = R_agent_axes(camera_axes).T @ R_agent_camera
+    return T
+
+
 def T_map_camera_of(T_recording_body: NDArray[np.float64], *, up: Up, camera_axes: CameraAxes) -> NDArray[np.float64]:
     """(4, 4) pose of the camera (OpenCV axes) in the y-up map frame.
 
@@ -109,10 +119,8 @@ def T_map_camera_of(T_recording_body: NDArray[np.float64], *, up: Up, camera_axe
         up: Which axis of the recording's frame points up; z-up is turned to y-up, as for scans: (x, z, -y).
         camera_axes: Axes of the recording's camera.
     """
-    T_body_camera = np.eye(4)
-    T_body_camera[:3, :3] = R_agent_axes(camera_axes).T @ R_agent_camera
     T_map_recording = T_world_glb_zup if up == "z" else np.eye(4)
-    return T_map_recording @ T_recording_body @ T_body_camera
+    return T_map_recording @ T_recording_body @ T_body_camera(camera_axes)
 
 
 def up_warning(Ts_map_camera: Sequence[NDArray[np.float64]]) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from grounding.encoders.hashed import HashedWords
+from grounding.evaluation.home_maps import require_map_of
 from grounding.maps.files import MapSource, load_memory, read_map_header, save_memory
 from grounding.maps.home_map import HomeMemory, ObjectInstance, ObjectMap, OccupancyGrid, StoreyMemory
 from grounding.types import map_from_cells
@@ -220,3 +221,18 @@ def test_missing_truncated_and_foreign_files_are_refused(tmp_path: Path) -> None
         load_memory(flipped)
     with pytest.raises(RunFileError, match="cannot be read"):
         load_memory(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("kind", "advice"),
+    [
+        ("robot", "Make it again with personal-viz map --scene HomeTwo if it was recorded there"),
+        ("invented", "Name it Demo.npz, and put the map of HomeTwo here"),
+    ],
+)
+def test_a_map_of_another_place_says_how_to_put_it_right(kind, advice: str, tmp_path: Path) -> None:
+    path = tmp_path / "HomeTwo.npz"
+    save_memory(path, grid_memory(), SOURCE.model_copy(update={"kind": kind}))
+    require_map_of(path, "Demo")
+    with pytest.raises(RunFileError, match=rf"HomeTwo.npz: says that it is of 'Demo'; expected 'HomeTwo', .* {advice}"):
+        require_map_of(path, "HomeTwo")

@@ -156,7 +156,7 @@ def write_seven_scenes(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("write", "options", "skipped"),
     [
-        (write_tum, {"up": "z", "depth_per_metre": 5000.0}, {}),
+        (write_tum, {"up": "z"}, {}),
         (write_scannet, {"up": "z"}, {"pose not finite": 1}),
         (write_replica, {"up": "z"}, {}),
         (write_seven_scenes, {"up": "y"}, {}),
@@ -190,7 +190,7 @@ def test_frames_that_cannot_be_used_are_counted_by_reason(tmp_path: Path) -> Non
     assert len(list(frames)) == len(list(frames)) == 1  # a second pass does not count them again
     assert dict(counts.by_reason) == {
         "another size": 1,
-        "depth not 16 bit": 1,
+        "depth not 16 bit or float": 1,
         "empty depth": 1,
         "no depth picture": 1,
         "no pose": 1,
@@ -204,14 +204,21 @@ def test_frames_that_cannot_be_used_are_counted_by_reason(tmp_path: Path) -> Non
 
 def test_missing_wrong_and_ambiguous_files_are_refused(tmp_path: Path) -> None:
     folder = tmp_path / "run"
+    with pytest.raises(SceneError, match=r"run: is not there; expected a folder of pictures, .* Check the path."):
+        read_robot_frames(folder, up="z")
+    folder.mkdir()
     with pytest.raises(SceneError, match=r"run: found no colour picture; expected color/\*.jpg"):
         read_robot_frames(folder, up="z")
+    folder.rmdir()
+    (tmp_path / "run.zip").write_bytes(b"")
+    with pytest.raises(SceneError, match=r"run.zip: is a file of an unknown kind; expected a folder, or a file that"):
+        read_robot_frames(tmp_path / "run.zip", up="z")
     write_recording(folder, FRAMES, up="z")
     shutil.move(folder / "poses", folder / "elsewhere")
     with pytest.raises(SceneError, match=r"found no pose; expected poses/\*.txt, or one of poses.txt"):
         read_robot_frames(folder, up="z")
     (folder / "poses.txt").write_text("0.0 1 2 3\n")
-    with pytest.raises(SceneError, match=r"poses.txt:1: found '0.0 1 2 3'; expected 8 numbers"):
+    with pytest.raises(SceneError, match=r"poses.txt:1: found '0.0 1 2 3'; expected 8 numbers .* 7 without the time"):
         read_robot_frames(folder, up="z")
     (folder / "poses.txt").write_text("1305031102.1 0 0 0 0 0 0 1\n")
     with pytest.raises(SceneError, match=r"none of 8 colour pictures can be used: {'no pose': 8}"):
@@ -228,6 +235,14 @@ def test_missing_wrong_and_ambiguous_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="colour is 320 x 240, depth 160 x 120; expected intrinsics that say which"):
         read_robot_frames(folder, up="z")
     (folder / "intrinsics.txt").rename(folder / "intrinsics_color.txt")
+    kept = (folder / "intrinsics_color.txt").read_text()
+    (folder / "intrinsics_color.txt").write_text("nan 0 1 0 1 1 0 0 1")
+    with pytest.raises(SceneError, match=r"color.txt: number 1 of 9 is nan; expected finite numbers"):
+        read_robot_frames(folder, up="z")
+    (folder / "intrinsics_color.txt").write_text("1 2 3")
+    with pytest.raises(SceneError, match=r"color.txt: holds 3 numbers; expected 9 or 16"):
+        read_robot_frames(folder, up="z")
+    (folder / "intrinsics_color.txt").write_text(kept)
     frames, _ = read_robot_frames(folder, up="z")
     assert frames.some(1)[0].camera.focal == pytest.approx(FRAMES[0].camera.focal / 2)
     (folder / "intrinsics.json").write_text('{"fx": 1, "fy": 1, "cx": 9000, "cy": 3, "width": 160, "height": 120}')

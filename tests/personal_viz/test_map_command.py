@@ -9,10 +9,15 @@ import pytest
 from grounding.checks.room import check_views
 from grounding.maps.files import load_memory, read_map_header
 from grounding.maps.home_map import ObjectMap
+from grounding.methods.free_text import ground
 from personal_viz.__main__ import main
+from personal_viz.cli.grounding.show_map import ShowMap
 from personal_viz.cli.verbs import parse
 from sim.errors import AgentError, PersonalVizError
+from tests.grounding.bags import COLOUR, BagWriter
 from tests.grounding.mapped_views import ColourEncoder, write_recording
+from tests.grounding.test_robot_bags import T_base_camera, write_odometry, write_pictures
+from tests.grounding.test_robot_frames import quat_xyzw_of
 
 FRAMES = [view.frame for view in check_views()][::2]
 COLOURS = "tests.grounding.mapped_views:colours"
@@ -35,7 +40,10 @@ def test_a_recording_becomes_a_map_file_with_counts(recording: Path, tmp_path: P
     out = tmp_path / "maps/kitchen.npz"
     assert run(recording, "--out", str(out), "--cell", "0.5", "--json") == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["frames"] == {"found": 12, "used": 10, "skipped": {"no pose": 1, "pose not finite": 1}}
+    skipped = {"no pose": 1, "pose not finite": 1}
+    assert document["frames"] == {"found": 12, "used": 10, "skipped": skipped, "every": 1, "continued": 0}
+    assert document["frames_per_s"] > 1
+    assert not list(out.parent.glob("*.encoded"))
     assert (document["encoder"], document["dim"], document["cell"]) == ("colours", 4, 0.5)
     assert document["written"] == str(out)
     (storey,) = document["storeys"]
@@ -69,6 +77,26 @@ def test_things_are_found_without_a_model(recording: Path, tmp_path: Path, capsy
         (["--out", "map.zip"], "--out is 'map.zip'; expected a file that ends in .npz"),
         (["--out", "map.npz", "--cell", "0.3"], "cell is 0.3; expected 1 m divided by a whole number"),
         (["--out", "map.npz", "--batch", "0"], "--batch is 0; expected more than 0"),
+        (["--out", "map.npz", "--every", "0"], "--every is 0; expected more than 0"),
+        (
+            ["--out", "map.npz", "--topics", "color=/x"],
+            "--topics is 'color=/x'; expected colour=/topic, depth=/topic, i",
+        ),
+        (["--out", "map.npz", "--topics", "odom=/x", "odom=/y"], "--topics is 'odom=/y'; .* each at most once"),
+        (["--out", "map.npz", "--topics", "odom=/x"], "--topics is given for a folder of pictures, which does not"),
+        (
+            ["--out", "map.npz", "--base-to-camera", "1,2"],
+            r"--base-to-camera is '1,2' \(pose not readable\); expected x,",
+        ),
+        (["--out", "map.npz", "--base-to-camera", "0,0,0,0,0,0,2"], r"0,2' \(pose not a rotation\); expected x,y,z,qx"),
+        (
+            ["--out", "map.npz", "--encoder", "none", "--layout", "objects"],
+            "'none' with --layout objects, whose things",
+        ),
+        (
+            ["--out", "map.npz", "--encoder", "none", "--device", "cuda"],
+            "--device is 'cuda' with --encoder none, which",
+        ),
         (["--out", "map.npz", "--encoder", "no.such.module:eye"], "no.such.module:eye: ModuleNotFoundError"),
         (["--out", "map.npz", "--encoder", "hashed"], "'hashed': cannot see"),
         (["--out", "map.npz", "--layout", "objects", "--segmenter", COLOURS], r"found no method segment\(\)"),
@@ -103,3 +131,68 @@ def test_the_batch_size_reaches_plug_ins_too(recording: Path, tmp_path: Path) ->
     for batch in ("1", "5"):
         assert run(recording, "--out", str(tmp_path / f"{batch}.npz"), "--batch", batch) == 0
     assert (tmp_path / "1.npz").read_bytes() == (tmp_path / "5.npz").read_bytes()
+
+
+def test_geometry_alone_makes_free_space_and_no_query_is_answered(recording: Path, tmp_path: Path, capsys) -> None:
+    full, bare = tmp_path / "full.npz", tmp_path / "bare.npz"
+    assert run(recording, "--out", str(full)) == 0
+    assert run(recording, "--out", str(bare), "--encoder", "none") == 0
+    assert "10 of 12 frames used, geometry alone, " in capsys.readouterr().out
+    with_features, without = load_memory(full).storeys[0], load_memory(bare).storeys[0]
+    assert (with_features.occupancy.cells == without.occupancy.cells).all()
+    assert (len(without.memory.rows), without.memory.encoder) == (0, "none")
+    assert without.memory.centre_xz == pytest.approx(with_features.memory.centre_xz, abs=0.2)
+    line = "holds geometry alone, made with --encoder none; expected a map with features. Build it again with personal"
+    with pytest.raises(AgentError, match=line):
+        load_memory(bare, encoder=ColourEncoder())
+    with pytest.raises(AgentError, match=line):
+        ground(bare, description="", query="200 30 30", encoder=ColourEncoder(), method="qs")
+    assert ShowMap(file=bare, out=tmp_path / "bare.rrd").run() == 0
+
+
+def test_every_nth_frame_is_mapped_and_said(recording: Path, tmp_path: Path, capsys) -> None:
+    assert run(recording, "--out", str(tmp_path / "a.npz"), "--every", "3") == 0
+    printed = capsys.readouterr().out
+    assert "4 of 12 frames used, every 3. of them, 1 m cells of patches, encoder colours (4-d), " in printed
+    assert "frames/s" in printed
+
+
+class StopsOnce(ColourEncoder):
+    """Is interrupted before its third batch; counts the pictures that it encodes."""
+
+    encoded, is_patient = 0, False
+
+    def encode_patches(self, frames):
+        if not StopsOnce.is_patient and StopsOnce.encoded >= 4:
+            StopsOnce.is_patient = True
+            raise KeyboardInterrupt
+        StopsOnce.encoded += len(frames)
+        return super().encode_patches(frames)
+
+
+def test_an_interrupted_run_continues_and_makes_the_same_map(recording: Path, tmp_path: Path, capsys) -> None:
+    out, slow = tmp_path / "map.npz", ("--batch", "2", "--encoder", f"{__name__}:StopsOnce")
+    with pytest.raises(KeyboardInterrupt):
+        run(recording, "--out", str(out), *slow)
+    parts = list((tmp_path / "map.npz.encoded").iterdir())
+    assert (len(parts), out.exists()) == (2, False)
+    parts[0].write_bytes(b"half")  # a damaged part is encoded again
+    assert run(recording, "--out", str(out), *slow) == 0
+    assert "encoded by an interrupted run: 2" in capsys.readouterr().out
+    assert StopsOnce.encoded == 4 + 8
+    assert not list(tmp_path.glob("*.encoded"))
+    assert run(recording, "--out", str(tmp_path / "whole.npz"), *slow) == 0
+    assert out.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_a_bag_becomes_a_map_named_after_its_file(tmp_path: Path, capsys) -> None:
+    bag = BagWriter(tmp_path / "lab.bag")
+    write_pictures(bag)
+    write_odometry(bag)
+    bag.close()
+    place, quat = T_base_camera[:3, 3], quat_xyzw_of(T_base_camera[:3, :3])
+    given = ",".join(f"{number:.9f}" for number in (*place, *quat))
+    arguments = ["--out", str(tmp_path / "a.npz"), f"--base-to-camera={given}", "--topics", f"colour={COLOUR}"]
+    assert run(tmp_path / "lab.bag", *arguments) == 0
+    assert "8 of 8 frames used" in capsys.readouterr().out
+    assert read_map_header(tmp_path / "a.npz").source.scene == "lab"

@@ -37,7 +37,9 @@ def test_a_robots_map_is_written_alone(tmp_path: Path, capsys: pytest.CaptureFix
     file = saved(tmp_path / "lab.npz", frame="robot, y up", kind="robot", scene="lab")
     assert ShowMap(file=file, out=tmp_path / "lab.rrd").run() == 0
     assert ("/memory/lab/map/storey_0/features", True) in tables(tmp_path / "lab.rrd")
-    assert "map of lab without its home" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "map of lab without its home, made by grid" in printed
+    assert "--dataset" not in printed  # which is refused
     with pytest.raises(RecordingError, match="is a robot's map; expected no --dataset"):
         ShowMap(file=file, out=tmp_path / "x.rrd", dataset=tmp_path).run()
 

@@ -1,25 +1,33 @@
 """Verb `map`: makes a map file from a robot's recorded frames, and reports which frames it used."""
 
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from tyro.conf import arg
 
 from grounding.encoders.by_name import is_model, make_image_encoder, require_no_model_options
 from grounding.encoders.protocol import DenseEncoder, ModelOptions
+from grounding.encoders.resumed import ResumedEncoder
 from grounding.maps.files import MapSource, save_memory
-from grounding.maps.grid_map import GridMapBuilder, MapBuilder
+from grounding.maps.grid_map import GridMapBuilder, MapBuilder, NoFeatures
 from grounding.maps.home_map import HomeMemory, ObjectMap, StoreyMemory
 from grounding.maps.object_map import ObjectMapBuilder
 from grounding.maps.storeys import ViewOptions, floors_of_frames
 from grounding.perception.segment_depth import DepthRegions
 from grounding.perception.segments import Segmenter
-from grounding.robot.frames import FrameCounts, RobotFrames, read_robot_frames
+from grounding.robot.frames import RobotFrames, read_robot_frames
+from grounding.robot.poses import pose_of_quat
+from grounding.robot.recording import FrameCounts
+from grounding.robot.ros_bag import ROLES
+from grounding.types import NO_FEATURES
 from personal_viz.printed import Console
 from sim.errors import PersonalVizError
 from sim.frames import CameraAxes
-from sim.plugins import build_plugin
+from sim.plugins import build_plugin, plugin_digest
 from sim.tasks.observers import FREE, OCCUPIED
 
 from ...progress import counted
@@ -33,22 +41,24 @@ _FLOOR_FRAMES = 40
 
 @dataclass
 class Map:
-    """Make a map file of a robot's posed colour and depth pictures.
+    """Make a map file of a robot's or phone's posed colour and depth pictures.
 
-    The folder holds color/*.jpg|png, depth/*.png (16 bit, mm), poses/*.txt (4 x 4, camera to world) or a trajectory
-    (poses.txt, trajectory.txt: time tx ty tz qx qy qz qw), and intrinsics.json or intrinsics.txt; the layouts of
-    ScanNet, Replica, TUM and 7-Scenes are known too. Frames without a valid pose are skipped and counted.
+    A folder holds color/*.jpg|png, depth/*.png (16 bit, mm), *.npy or *.tiff (float, metres), poses/*.txt (4 x 4,
+    camera to world) or a trajectory (poses.txt, trajectory.txt: time tx ty tz qx qy qz qw), and intrinsics.json or
+    intrinsics.txt. The layouts of ScanNet, Replica, TUM, 7-Scenes, Stray Scanner and Record3D, and ROS bags, are known
+    too. Frames without a valid pose are skipped and counted. A run that was interrupted continues.
     """
 
-    frames: Annotated[Path, arg(help="Folder of the recording.")]
+    frames: Annotated[Path, arg(help="The recording: a folder, a .r3d file, or a .bag, .mcap or .db3 file.")]
     up: Annotated[Literal["z", "y"], arg(help="Which axis of the poses' frame points up.")]
     encoder: Annotated[
         str,
         arg(
-            help="clip:, siglip:, blip2-itc256:, blip2-hidden768: and a model id or folder; or package.module:factory."
+            help="clip:, siglip:, blip2-itc256:, blip2-hidden768: and a model id or folder; package.module:factory; "
+            "or none for geometry alone."
         ),
     ]
-    out: Annotated[Path, arg(help="The map, FILE.npz.")]
+    out: Annotated[Path, arg(help="The map, FILE.npz; FILE.npz.encoded/ keeps what is encoded until it is written.")]
     layout: Annotated[Literal["grid", "objects"], arg(help="A vector per cell, or per thing.")] = "grid"
     cell: Annotated[float, arg(help="Side of a cell, metres: 1, or 1 divided by a whole number, such as 0.25.")] = 1.0
     features: Annotated[
@@ -57,62 +67,145 @@ class Map:
     segmenter: Annotated[
         str, arg(help="What finds things for --layout objects: depth (no weights), or package.module:factory.")
     ] = "depth"
+    every: Annotated[int, arg(help="Takes every n-th usable frame.")] = 1
     camera_axes: Annotated[
-        CameraAxes,
-        arg(help="Camera axes of the poses. opencv: z ahead, y down; opengl: -z ahead, y up; flu: x ahead, z up."),
-    ] = "opencv"
+        CameraAxes | None,
+        arg(
+            help="Camera axes of a folder's poses. opencv, the default: z ahead, y down; opengl: -z ahead, y up; "
+            "flu: x ahead, z up."
+        ),
+    ] = None
     depth_per_metre: Annotated[
-        float | None, arg(help="Depth units: 1000 = mm, 5000 = TUM; what the intrinsics file says, else 1000.")
+        float | None,
+        arg(help="Depth units: 1000 = mm, 5000 = TUM; as the recording says, else 1 for floats and 1000 for integers."),
+    ] = None
+    topics: Annotated[
+        tuple[str, ...],
+        arg(help="Topics of a ROS bag, where its names are ambiguous: colour=/a depth=/b info=/c odom=/d."),
+    ] = ()
+    base_to_camera: Annotated[
+        str | None,
+        arg(help="Where the camera is on the robot, x,y,z,qx,qy,qz,qw (z ahead, y down), if a ROS bag's tf lacks it."),
     ] = None
     mount_height: Annotated[
         float | None, arg(help="Height of the camera above the floor, metres; found from the depth by default.")
     ] = None
     max_depth: Annotated[float, arg(help="Farther returns are not mapped, metres.")] = 5.0
-    scene: Annotated[str | None, arg(help="Name of the place; the folder's by default.")] = None
+    scene: Annotated[str | None, arg(help="Name of the place; the recording's by default.")] = None
     device: ModelDevice = "cpu"
     autocast: ModelAutocast = "off"
     batch: ModelBatch = 8
     json: Json = False
 
     def run(self) -> int:
-        require_suffix("--out", self.out, ".npz")
-        for option, value in (
-            ("--batch", self.batch),
-            ("--max-depth", self.max_depth),
-            ("--depth-per-metre", self.depth_per_metre),
-        ):
-            if value is not None and not value > 0:
-                raise PersonalVizError(f"{option} is {value}; expected more than 0. Leave it out for the default.")
+        self._require_options()
         recording, counts = read_robot_frames(
-            self.frames, up=self.up, camera_axes=self.camera_axes, depth_per_metre=self.depth_per_metre
+            self.frames,
+            up=self.up,
+            camera_axes=self.camera_axes,
+            depth_per_metre=self.depth_per_metre,
+            topics=topics_of(self.topics),
+            T_base_camera=None if self.base_to_camera is None else T_base_camera_of(self.base_to_camera),
+            every=self.every,
+            colour=self.encoder != NO_FEATURES,
         )
         floors = _floors(self.frames, recording, self.mount_height)
-        options = ModelOptions(device=self.device, autocast=self.autocast, batch_size=self.batch)
-        eye = load_encoder(self.encoder, options)
+        eye = load_encoder(self.encoder, ModelOptions(self.device, self.batch, self.autocast))
+        resumed = self._resumed(eye)
         frame = f"robot, {self.up} up in its poses, turned to y up"
         views = ViewOptions(floors=floors, max_depth=self.max_depth, frame=frame, batch=self.batch)
         builder: MapBuilder
         if self.layout == "grid":
-            builder = GridMapBuilder(eye, cell=self.cell, features=self.features, views=views)
+            builder = GridMapBuilder(resumed or eye, cell=self.cell, features=self.features, views=views)
         else:
-            builder = ObjectMapBuilder(eye, load_segmenter(self.segmenter, floors), views=views)
+            builder = ObjectMapBuilder(resumed or eye, load_segmenter(self.segmenter, floors), views=views)
+        start = time.monotonic()
         memory = _built(builder, recording, counts)
-        source = MapSource(scene=self.scene or self.frames.resolve().name, kind="robot", builder=builder.name)
-        save_memory(self.out, memory, source)
+        per_s = memory.num_frames / max(time.monotonic() - start, 1e-9)
+        name = self.scene or (self.frames.stem if self.frames.is_file() else self.frames.resolve().name)
+        save_memory(self.out, memory, MapSource(scene=name, kind="robot", builder=builder.name))
         document = _document(memory, counts, self.layout, builder.name, self.out)
+        document["frames"] |= {"every": self.every, "continued": resumed.num_kept if resumed else 0}
+        document["frames_per_s"] = round(per_s, 2)
+        if resumed:
+            resumed.remove()
         if self.json:
             print_json(document)
         else:
             _print(document)
         return 0
 
+    def _require_options(self) -> None:
+        require_suffix("--out", self.out, ".npz")
+        for option, value in (
+            ("--batch", self.batch),
+            ("--every", self.every),
+            ("--max-depth", self.max_depth),
+            ("--depth-per-metre", self.depth_per_metre),
+        ):
+            if value is not None and not value > 0:
+                raise PersonalVizError(f"{option} is {value}; expected more than 0. Leave it out for the default.")
+        if self.encoder == NO_FEATURES and self.layout == "objects":
+            raise PersonalVizError(
+                "--encoder is 'none' with --layout objects, whose things are told apart by features; expected a model, "
+                "or --layout grid. Leave --layout out."
+            )
+
+    def _resumed(self, eye: DenseEncoder) -> ResumedEncoder | None:
+        """The encoder that continues an interrupted run; None without features, or without patches to keep."""
+        if self.encoder == NO_FEATURES or not hasattr(eye, "encode_patches"):
+            return None
+        code = "" if is_model(self.encoder) else plugin_digest(self.encoder)
+        folder = self.out.with_name(self.out.name + ".encoded")
+        return ResumedEncoder(eye, folder, settings=f"{self.encoder}\0{self.autocast}\0{self.device}\0{code}")
+
+
+def topics_of(words: tuple[str, ...]) -> dict[str, str]:
+    """The topics of a ROS bag by role, from words such as `depth=/camera/depth/image_raw`.
+
+    Raises:
+        PersonalVizError: A word has another form, or a role is named twice.
+    """
+    topics: dict[str, str] = {}
+    for word in words:
+        role, _, topic = word.partition("=")
+        if role not in ROLES or not topic or role in topics:
+            raise PersonalVizError(
+                f"--topics is {word!r}; expected {', '.join(f'{role}=/topic' for role in ROLES)}, each at most once. "
+                "Correct it."
+            )
+        topics[role] = topic
+    return topics
+
+
+def T_base_camera_of(text: str) -> NDArray[np.float64]:
+    """(4, 4) camera on the robot, from `x,y,z,qx,qy,qz,qw`.
+
+    Raises:
+        PersonalVizError: It is no pose.
+    """
+    try:
+        numbers = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        numbers = []
+    pose = pose_of_quat(numbers) if len(numbers) == 7 else "pose not readable"
+    if isinstance(pose, str):
+        raise PersonalVizError(
+            f"--base-to-camera is {text!r} ({pose}); expected x,y,z,qx,qy,qz,qw with a quaternion of length 1. Correct "
+            "it, or use the transform that tf2_echo prints for base_link and the camera's optical frame."
+        )
+    return pose
+
 
 def load_encoder(name: str, options: ModelOptions) -> DenseEncoder:
-    """A real model by family, or a user's own as `package.module:factory`.
+    """A real model by family, a user's own as `package.module:factory`, or `none` for geometry alone.
 
     Raises:
         AgentError: No encoder has this name, or it cannot be built.
     """
+    if name == NO_FEATURES:
+        require_no_model_options(f"--encoder {name}", replace(options, batch_size=ModelOptions().batch_size))
+        return NoFeatures()
     if not is_model(name):
         unbatched = replace(options, batch_size=ModelOptions().batch_size)  # builders use it too
         require_no_model_options(f"--encoder {name}", unbatched)
@@ -180,9 +273,13 @@ def _storey(storey: StoreyMemory) -> dict[str, float | int]:
 
 def _print(document: dict[str, Any]) -> None:
     frames, space = document["frames"], f"{document['encoder']} ({document['dim']}-d)"
-    print(f"{frames['used']} of {frames['found']} frames used, {document['builder']}, encoder {space}")
+    every = f", every {frames['every']}. of them" if frames["every"] > 1 else ""
+    made = "geometry alone" if document["encoder"] == NO_FEATURES else f"{document['builder']}, encoder {space}"
+    print(f"{frames['used']} of {frames['found']} frames used{every}, {made}, {document['frames_per_s']:.1f} frames/s")
     for reason, number in frames["skipped"].items():
         print(f"  skipped, {reason}: {number}")
+    if frames["continued"]:
+        print(f"  encoded by an interrupted run: {frames['continued']}")
     for storey in document["storeys"]:
         stored = next(f"{storey[name]} {name}" for name in ("objects", "cells") if name in storey)
         print(f"  storey at {storey['floor_y']} m: {stored}, {storey['free_m2']} m2 free")

@@ -51,7 +51,10 @@ class ShowMap:
             )
         name = source.scene
         record_memory(load_memory(self.file), name=name, out=self.out, scene=scene, with_pixels=self.with_pixels)
-        home = "without its home (--dataset shows it)" if scene is None else f"in {scene.label}"
+        if scene is not None:
+            home = f"in {scene.label}"
+        else:
+            home = "without its home" + ("" if source.kind == "robot" else " (--dataset shows it)")
         print(
             f"{self.out}: map of {name} {home}, made by {source.builder or 'an unknown builder'}. "
             f"See it with: rerun {self.out}"
