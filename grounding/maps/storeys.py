@@ -22,9 +22,15 @@ _MOST_HELD = 64
 """Largest number of frames that wait for their storey to be known; on longer stairs the newest height becomes one."""
 _EYE_ABOVE_FLOOR = 0.1
 """A camera is at least this high (metres) above its storey's floor."""
-_PEAK, _PEAK_SHARE = 0.05, 0.25
-"""The floor under a camera is the lowest layer of this height (metres) with this share of the fullest layer."""
+_LAYER, _PLACE = 0.05, 0.1
+"""Thickness of a layer of heights, and side of the squares that count its area as seen from above, metres."""
+_CLEAR = (3, 6)
+"""A square counts in a layer if the layers this far above it are empty there: walls have no squares."""
+_LEAST_SHARE, _NOISE = 0.08, 0.15
+"""The floor is the lowest layer of this share of the widest one's area, or a wider one at most so far above (metres):
+noise lies beside the floor's own layer, stairs down and mirror images below it are small."""
 _LOWEST_EYE, _HIGHEST_EYE = 0.1, 2.5
+"""The floor is this far below the cameras, metres."""
 _EVERY_PIXEL = 8
 
 
@@ -153,7 +159,7 @@ def floors_of_frames(frames: Sequence[Frame], *, mount_height: float | None = No
     Args:
         frames: Some views of the recording, e.g. every tenth; at least one.
         mount_height: Height of the camera above the floor, metres; None = found from the depth below it: the floor is
-            the lowest height at which many points lie.
+            the lowest height at which surfaces have a large area as seen from above, however few pixels show it.
 
     Raises:
         AgentError: The mount height is unknown and no view shows anything below a camera.
@@ -165,31 +171,46 @@ def floors_of_frames(frames: Sequence[Frame], *, mount_height: float | None = No
     floors: list[float] = []
     for level in levels:
         near = [frame for frame, eye in zip(frames, eyes, strict=True) if abs(eye - level) < STOREY_GAP / 2]
-        floor = level - _drop_below(near)
+        floor = _floor_below(near)
         if not floors or not same_storey(floor, floors[-1]):
             floors.append(floor)
     return tuple(floors)
 
 
-def _drop_below(frames: Sequence[Frame]) -> float:
-    """The distance from these cameras down to the floor, metres."""
-    drops = []
-    for frame in frames:
-        height, width = frame.depth_m.shape
-        rows, cols = np.mgrid[_EVERY_PIXEL // 2 : height : _EVERY_PIXEL, _EVERY_PIXEL // 2 : width : _EVERY_PIXEL]
-        rc = np.column_stack([rows.ravel(), cols.ravel()])
-        points = points_at(frame, rc[frame.depth_m[rc[:, 0], rc[:, 1]] <= MAX_DEPTH])
-        drops.append(frame.T_world_camera[1, 3] - points[~np.isnan(points[:, 1]), 1])
-    below = np.concatenate(drops)
-    below = below[(below > _LOWEST_EYE) & (below < _HIGHEST_EYE)]
-    if not len(below):
+def _floor_below(frames: Sequence[Frame]) -> float:
+    """Height of the floor below these cameras of one storey, metres."""
+    points = np.concatenate([_points_below(frame) for frame in frames])
+    if not len(points):
         raise AgentError(
             f"map builder: none of {len(frames)} views shows anything {_LOWEST_EYE} to {_HIGHEST_EYE} m below its "
             "camera; expected a floor. Give the camera's mount height, and check which axis points up."
         )
-    counts = np.bincount((below / _PEAK).astype(np.int64))
-    layer = int(np.flatnonzero(counts >= _PEAK_SHARE * counts.max()).max())
-    return float(np.median(below[np.abs(below / _PEAK - layer - 0.5) <= 1.0]))
+    lowest = points.min(axis=0)
+    cells = ((points - lowest) / (_PLACE, _LAYER, _PLACE)).astype(np.int64)
+    _, layers, rows = cells.max(axis=0) + 1
+    places, place_of = np.unique(cells[:, 0] * rows + cells[:, 2], return_inverse=True)
+    is_hit = np.zeros((len(places), layers + _CLEAR[1]), bool)
+    is_hit[place_of, cells[:, 1]] = True
+    is_covered = np.any([is_hit[:, up : layers + up] for up in range(_CLEAR[0], _CLEAR[1] + 1)], axis=0)
+    is_top = is_hit[:, :layers] & ~is_covered
+    areas = is_top.sum(axis=0)
+    first = int(np.flatnonzero(areas >= _LEAST_SHARE * areas.max())[0])
+    layer = first + int(areas[first : first + 1 + round(_NOISE / _LAYER)].argmax())
+    floor = lowest[1] + (layer + 0.5) * _LAYER
+    heights = points[is_top[place_of, cells[:, 1]], 1]
+    for _ in range(3):
+        floor = float(np.median(heights[np.abs(heights - floor) <= _LAYER]))
+    return floor
+
+
+def _points_below(frame: Frame) -> NDArray[np.float64]:
+    """(N, 3) some points that a view shows below its camera, where a floor can be."""
+    height, width = frame.depth_m.shape
+    rows, cols = np.mgrid[_EVERY_PIXEL // 2 : height : _EVERY_PIXEL, _EVERY_PIXEL // 2 : width : _EVERY_PIXEL]
+    rc = np.column_stack([rows.ravel(), cols.ravel()])
+    points = points_at(frame, rc[frame.depth_m[rc[:, 0], rc[:, 1]] <= MAX_DEPTH])
+    below = frame.T_world_camera[1, 3] - points[:, 1]
+    return points[(below > _LOWEST_EYE) & (below < _HIGHEST_EYE)]
 
 
 def points_at(frame: Frame, rc: NDArray[np.integer]) -> NDArray[np.float64]:
