@@ -3,8 +3,11 @@
 import math
 from typing import Annotated, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from sim.frames import CameraAxes
 from sim.types import GridSpec, SceneKind
 
 SCHEMA_VERSION: Literal[1] = 1
@@ -27,8 +30,28 @@ _Row = tuple[float, float, float, float]
 Matrix = tuple[_Row, _Row, _Row, _Row]
 
 
+def matrix_of(T: NDArray[np.float64]) -> Matrix:
+    """The rows of a matrix (4, 4)."""
+    return tuple(tuple(row) for row in T.tolist())  # type: ignore[return-value]  # lengths are those of the array
+
+
 class _Frozen(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class RecordingSource(_Frozen):
+    """A robot's recording, and how it was read, so that its pictures are found again."""
+
+    path: str
+    """Its folder or file."""
+    T_map_recording: Matrix
+    """(4, 4) rows of the recording's own frame -> map frame."""
+    camera_axes: CameraAxes | None = None
+    depth_per_metre: float | None = None
+    topics: dict[str, str] = {}
+    T_base_camera: Matrix | None = None
+    every: int = 1
+    """The last five are as in `grounding.robot.frames.read_robot_frames`."""
 
 
 class MapSource(_Frozen):
@@ -44,10 +67,8 @@ class MapSource(_Frozen):
     """`MapBuilder.name`: how the map was made; contains "oracle-perception" where ground truth was used."""
     encoder: str = ""
     """The encoder's name as an option gives it (`EncoderName`), which loads it again; "" = not known."""
-    recording: str = ""
-    """Folder or file of the robot's recording; "" = none."""
-    T_map_recording: Matrix | None = None
-    """(4, 4) rows of the recording's own frame -> map frame; None = there is no other frame."""
+    recording: RecordingSource | None = None
+    """The robot's recording; None = there is none."""
 
 
 class StoreyHeader(_Frozen):

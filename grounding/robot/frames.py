@@ -4,7 +4,7 @@ A recording in a layout of its own -> its reader -> `Recording` (recording.py) -
 Frames that cannot be used are skipped and counted by reason. Pictures are read when needed.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,20 +14,24 @@ from PIL import Image
 
 from sim.errors import SceneError
 from sim.frames import CameraAxes
-from sim.scans.up_axis import Up
-from sim.types import Frame
+from sim.types import Camera, Frame
 
 from .pictures import DAMAGED, is_pictures, read_pictures
-from .poses import T_map_camera_of, up_warning
+from .poses import up_warning
 from .record3d import is_record3d, read_record3d
 from .recording import MM_PER_METRE, Entry, FrameCounts, ReadingOptions, Reason, Recording, Unusable
 from .ros_bag import is_ros_bag, read_ros_bag
 from .stray import is_stray, read_stray
+from .upright import Reading, T_map_recording, find_up, up_from_text
 
 NEAREST, FARTHEST = 0.5, 12.0
 """Range of a plausible median depth in metres: nearer than a desk, or farther than a hall, is a wrong unit."""
 _UNITS = (MM_PER_METRE, 5000.0, 1.0, 10000.0, 100.0)
 """Depth units per metre that are proposed where the median is not plausible."""
+_UP_FRAMES = 50
+"""Number of frames, spread over the recording, in which the way up is sought."""
+_SAME_UP = np.cos(np.radians(2.0))
+_Y = np.array([0.0, 1.0, 0.0])
 _SAMPLES = 20
 """Number of depth pictures whose median must be plausible."""
 
@@ -48,19 +52,41 @@ _READERS = (
 """In the order in which they are asked; the first that knows the files reads them."""
 
 
-class _Placed(NamedTuple):
+class PlacedEntry(NamedTuple):
+    """An entry in the map's frame; a `PosedView` (grounding/maps/best_views.py)."""
+
     entry: Entry
     T_map_camera: NDArray[np.float64]
+    """(4, 4) camera (OpenCV axes) in the map frame."""
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of the depth picture."""
+        return self.entry.camera
+
+    def load(self) -> Frame | None:
+        """The frame; None if a picture cannot be used."""
+        frame = _frame(self, colour=True)
+        return frame if isinstance(frame, Frame) else None
 
 
 class RobotFrames:
     """The usable frames of a recording, in order; each pass over them reads the pictures again."""
 
-    def __init__(self, places: list[_Placed], *, colour: bool, counts: FrameCounts) -> None:
-        """Takes the placed entries; call `read_robot_frames` instead."""
-        self._places = places
+    def __init__(self, entries: Sequence[Entry], up: Reading, *, colour: bool, counts: FrameCounts) -> None:
+        """Turns the entries upright; call `read_robot_frames` instead."""
+        self.up = up
+        """Which way is up in the recording's own frame, and how certain that is; 1 where it was said."""
+        self.T_map_recording = T_map_recording(up.up)
+        """(4, 4) recording's own frame -> map frame."""
+        self._places = [PlacedEntry(entry, self.T_map_recording @ entry.T_recording_camera) for entry in entries]
         self._colour = colour
         self._counts = counts
+
+    @property
+    def views(self) -> Sequence[PlacedEntry]:
+        """The frames with their poses, loaded one by one when they are needed."""
+        return self._places
 
     def __len__(self) -> int:
         """Number of frames with a pose and both pictures; iteration gives fewer if a picture is damaged."""
@@ -75,7 +101,7 @@ class RobotFrames:
         chosen = np.unique(np.linspace(0, len(self._places) - 1, count).round().astype(np.int64))
         return list(self._loaded([self._places[index] for index in chosen.tolist()], colour=False))
 
-    def _loaded(self, places: list[_Placed], *, colour: bool) -> Iterator[Frame]:
+    def _loaded(self, places: list[PlacedEntry], *, colour: bool) -> Iterator[Frame]:
         for place in places:
             frame = _frame(place, colour=colour)
             if isinstance(frame, Frame):
@@ -87,7 +113,7 @@ class RobotFrames:
 def read_robot_frames(
     path: Path,
     *,
-    up: Up,
+    up: str = "auto",
     camera_axes: CameraAxes | None = None,
     depth_per_metre: float | None = None,
     topics: Mapping[str, str] | None = None,
@@ -102,7 +128,9 @@ def read_robot_frames(
 
     Args:
         path: A folder of pictures (layout.py), a Stray Scanner folder, a `.r3d` file or its unpacked folder, a ROS bag.
-        up: Which axis of the poses' frame points up. The map is y-up: (x, y, z) of a z-up frame becomes (x, z, -y).
+        up: Which way is up in the poses' frame: an axis such as `z` or `-y`, a direction `x,y,z`, or `auto`: as the
+            recording says, else found from its depth and poses (upright.py). The map is y-up: (x, y, z) of a z-up
+            frame becomes (x, z, -y).
         camera_axes: Camera axes of the poses in a folder of pictures; None = `opencv`, along +z with y down.
         depth_per_metre: Depth units per metre; None = as the recording or its layout says, or else metres for floats
             and millimetres for integers.
@@ -112,28 +140,41 @@ def read_robot_frames(
         colour: False leaves the colours black and does not read them, for geometry alone.
 
     Raises:
-        SceneError: Files are missing or damaged, no frame can be used, or the depth's unit is not plausible.
+        SceneError: Files are missing or damaged, no frame can be used, the depth's unit is not plausible, or it is
+            doubtful which way is up.
         MissingDependencyError: The extra `robot` is not installed.
     """
     counts = FrameCounts()
     options = ReadingOptions(camera_axes, depth_per_metre, topics or {}, T_base_camera)
     recording = _recording(path, options, counts)
-    if recording.up not in (None, up):
+    entries = recording.entries[::every]
+    require_plausible_depth(path, entries, per_metre=recording.depth_per_metre)
+    frames = RobotFrames(entries, _upright(path, recording, entries, up), colour=colour, counts=counts)
+    said = up_warning([view.T_map_camera for view in frames.views]) if up != "auto" else ""
+    counts.warning = "; ".join(filter(None, (*recording.warnings, said)))
+    return frames, counts
+
+
+def _upright(path: Path, recording: Recording, entries: Sequence[Entry], up: str) -> Reading:
+    """Which way is up: as the option says, as the recording says, or as its depth and poses show."""
+    given = up_from_text(up)
+    known = None if recording.up is None else up_from_text(recording.up)
+    if given is not None and known is not None and given @ known < _SAME_UP:
         raise SceneError(
             f"{path}: --up is {up!r} for a recording in which {recording.up} points up; expected {recording.up!r}. "
             f"Give --up {recording.up}."
         )
-    entries = recording.entries[::every]
-    require_plausible_depth(path, entries, per_metre=recording.depth_per_metre)
-    places = [
-        _Placed(entry, T_map_camera_of(entry.T_recording_camera, up=up, camera_axes="opencv")) for entry in entries
-    ]
-    warnings = (*recording.warnings, up_warning([place.T_map_camera for place in places]))
-    counts.warning = "; ".join(filter(None, warnings))
-    return RobotFrames(places, colour=colour, counts=counts), counts
+    said = known if given is None else given
+    if said is not None:
+        return Reading(said, 1.0)
+    as_recorded = RobotFrames(entries, Reading(_Y, 1.0), colour=False, counts=FrameCounts())
+    try:
+        return find_up(as_recorded.some(_UP_FRAMES))
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
 
 
-def require_plausible_depth(path: Path, entries: tuple[Entry, ...], *, per_metre: float) -> None:
+def require_plausible_depth(path: Path, entries: Sequence[Entry], *, per_metre: float) -> None:
     """Refuses a recording whose median depth says that its unit is wrong.
 
     Args:
@@ -189,7 +230,7 @@ def _recording(path: Path, options: ReadingOptions, counts: FrameCounts) -> Reco
     return reader.read(path, options, counts)
 
 
-def _frame(place: _Placed, *, colour: bool) -> Frame | Reason:
+def _frame(place: PlacedEntry, *, colour: bool) -> Frame | Reason:
     entry = place.entry
     depth_m = _depth(entry)
     if isinstance(depth_m, str):

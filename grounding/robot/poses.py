@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from sim.errors import SceneError
 from sim.exchange.pose_readers import text_rows
-from sim.frames import CameraAxes, R_agent_axes, R_agent_camera, Rs_from_quats_xyzw, T_world_glb_zup
-from sim.scans.up_axis import Up
+from sim.frames import CameraAxes, R_agent_axes, R_agent_camera, Rs_from_quats_xyzw
 
 BadPose = Literal["no pose", "pose not readable", "pose not finite", "pose not a rotation"]
 MAX_APART = 0.02
@@ -109,18 +108,6 @@ def T_body_camera(camera_axes: CameraAxes) -> NDArray[np.float64]:
     T = np.eye(4)
     T[:3, :3] = R_agent_axes(camera_axes).T @ R_agent_camera
     return T
-
-
-def T_map_camera_of(T_recording_body: NDArray[np.float64], *, up: Up, camera_axes: CameraAxes) -> NDArray[np.float64]:
-    """(4, 4) pose of the camera (OpenCV axes) in the y-up map frame.
-
-    Args:
-        T_recording_body: (4, 4) pose in the recording's own axes.
-        up: Which axis of the recording's frame points up; z-up is turned to y-up, as for scans: (x, z, -y).
-        camera_axes: Axes of the recording's camera.
-    """
-    T_map_recording = T_world_glb_zup if up == "z" else np.eye(4)
-    return T_map_recording @ T_recording_body @ T_body_camera(camera_axes)
 
 
 def up_warning(Ts_map_camera: Sequence[NDArray[np.float64]]) -> str:

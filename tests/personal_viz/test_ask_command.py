@@ -4,13 +4,13 @@ import io
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from grounding.maps.files import MapSource, save_memory
+from grounding.maps.header import RecordingSource, matrix_of
 from sim.episodes.dataset import PersonalDataset
 from sim.frames import T_world_glb_zup
 from tests.grounding.test_free_text import DESCRIPTION, two_storeys
@@ -25,8 +25,8 @@ IN_RECORDING = [0.5, -2.5, 4.45]
 
 @pytest.fixture
 def map_file(tmp_path: Path) -> Path:
-    T: Any = tuple(tuple(row) for row in T_world_glb_zup.tolist())
-    source = MapSource(scene="flat", kind="robot", encoder="hashed", T_map_recording=T)
+    recording = RecordingSource(path=str(tmp_path / "gone"), T_map_recording=matrix_of(T_world_glb_zup))
+    source = MapSource(scene="flat", kind="robot", encoder="hashed", recording=recording)
     save_memory(tmp_path / "flat.npz", two_storeys(), source)
     return tmp_path / "flat.npz"
 

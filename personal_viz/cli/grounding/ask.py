@@ -20,6 +20,7 @@ from grounding.maps.home_map import HomeMemory, merged_storeys
 from grounding.methods.by_name import takes_objects
 from grounding.methods.free_text import Asker, FoundPlace, Reply, encoder_of_queries
 from grounding.phrases.sources import PhraseSource, make_phrases
+from grounding.robot.frames import read_robot_frames
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError
 from sim.files import write_whole
@@ -27,7 +28,7 @@ from sim.mesh import Scene
 from sim.types import SPLITS
 
 from ..options import Evidence, Json, ModelAutocast, ModelBatch, ModelDevice, ScenesDir, WithPixels
-from ..output import print_json, print_table
+from ..output import print_json, print_table, say
 from ..refusals import check_options, writing
 from .asked_home import asked_home
 
@@ -106,7 +107,7 @@ class Ask:
         for truth in truths:
             told = description if truth.description is None else truth.description
             replies.append(asker.ask(truth.query, description=told))
-            scores.append(score_reply(replies[-1], truth, asked.home, T_map_recording=_T(asked.source)))
+            scores.append(score_reply(replies[-1], truth, asked.home, T_map_recording=_T_map_recording(asked.source)))
         documents = [_document(reply, asker.method, asked.source) for reply in replies]
         if not self.json:
             _print(asked.home, replies, asked.source)
@@ -174,7 +175,8 @@ class Ask:
         """The map of the file or of the home."""
         if self.where.endswith(".npz"):
             path = Path(self.where)
-            return _Asked(load_memory(path), read_map_header(path).source, None, ())
+            source = read_map_header(path).source
+            return _Asked(load_memory(path), source, None, _recorded_views(source))
         if self.dataset is None:
             raise PersonalVizError(
                 f"ask: found {self.where!r} without --dataset; expected a map, FILE.npz, or the name of a home with "
@@ -236,17 +238,38 @@ def _sights(views: Sequence[PosedView], reply: Reply, asker: Asker) -> list[Sigh
     return best_views(views, (x, y + above, z), count=MOST_SIGHTS)
 
 
-def _T(source: MapSource) -> NDArray[np.float64] | None:
-    return None if source.T_map_recording is None else np.array(source.T_map_recording)
+def _T_map_recording(source: MapSource) -> NDArray[np.float64] | None:
+    return None if source.recording is None else np.array(source.recording.T_map_recording)
 
 
 def _in_recording(place: FoundPlace, source: MapSource) -> list[float] | None:
     """The place in the recording's own frame; None where there is no other frame."""
-    T_map_recording = _T(source)
+    T_map_recording = _T_map_recording(source)
     if T_map_recording is None:
         return None
     T = np.linalg.inv(T_map_recording)
     return _rounded(T[:3, :3] @ np.array(place.position) + T[:3, 3])
+
+
+def _recorded_views(source: MapSource) -> Sequence[PosedView]:
+    """The pictures of the recording from which a map was made; none if it is not there any more."""
+    if source.recording is None:
+        return ()
+    recording, path = source.recording, Path(source.recording.path)
+    if not path.exists():
+        say(f"The recording {path} is not there: answers are shown on the map alone.")
+        return ()
+    T_base_camera = recording.T_base_camera
+    frames, _ = read_robot_frames(
+        path,
+        up=",".join(map(str, recording.T_map_recording[1])),  # the row that gives y
+        camera_axes=recording.camera_axes,
+        depth_per_metre=recording.depth_per_metre,
+        topics=recording.topics,
+        T_base_camera=None if T_base_camera is None else np.array(T_base_camera),
+        every=recording.every,
+    )
+    return frames.views
 
 
 def _rounded(numbers: Sequence[float] | NDArray[np.float64]) -> list[float]:

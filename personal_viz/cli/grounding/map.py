@@ -14,6 +14,7 @@ from grounding.encoders.protocol import DenseEncoder, ModelOptions
 from grounding.encoders.resumed import ResumedEncoder
 from grounding.maps.files import MapSource, save_memory
 from grounding.maps.grid_map import GridMapBuilder, MapBuilder, NoFeatures
+from grounding.maps.header import RecordingSource, matrix_of
 from grounding.maps.home_map import HomeMemory, ObjectMap, StoreyMemory
 from grounding.maps.object_map import ObjectMapBuilder
 from grounding.maps.storeys import ViewOptions, floors_of_frames
@@ -50,7 +51,6 @@ class Map:
     """
 
     frames: Annotated[Path, arg(help="The recording: a folder, a .r3d file, or a .bag, .mcap or .db3 file.")]
-    up: Annotated[Literal["z", "y"], arg(help="Which axis of the poses' frame points up.")]
     encoder: Annotated[
         str,
         arg(
@@ -59,6 +59,13 @@ class Map:
         ),
     ]
     out: Annotated[Path, arg(help="The map, FILE.npz; FILE.npz.encoded/ keeps what is encoded until it is written.")]
+    up: Annotated[
+        str,
+        arg(
+            help="Which way is up in the poses' frame: x, -x, y, -y, z, -z, or a direction x,y,z; auto: as the "
+            "recording says, or found from its depth and poses."
+        ),
+    ] = "auto"
     layout: Annotated[Literal["grid", "objects"], arg(help="A vector per cell, or per thing.")] = "grid"
     cell: Annotated[float, arg(help="Side of a cell, metres: 1, or 1 divided by a whole number, such as 0.25.")] = 1.0
     features: Annotated[
@@ -112,7 +119,8 @@ class Map:
         floors = _floors(self.frames, recording, self.mount_height)
         eye = load_encoder(self.encoder, ModelOptions(self.device, self.batch, self.autocast))
         resumed = self._resumed(eye)
-        frame = f"robot, {self.up} up in its poses, turned to y up"
+        up = [round(float(number), 4) + 0.0 for number in recording.up.up]
+        frame = f"robot, {up} up in its poses, turned to y up"
         views = ViewOptions(floors=floors, max_depth=self.max_depth, frame=frame, batch=self.batch)
         builder: MapBuilder
         if self.layout == "grid":
@@ -123,10 +131,20 @@ class Map:
         memory = _built(builder, recording, counts)
         per_s = memory.num_frames / max(time.monotonic() - start, 1e-9)
         name = self.scene or (self.frames.stem if self.frames.is_file() else self.frames.resolve().name)
-        save_memory(self.out, memory, MapSource(scene=name, kind="robot", builder=builder.name))
-        document = _document(memory, counts, self.layout, builder.name, self.out)
-        document["frames"] |= {"every": self.every, "continued": resumed.num_kept if resumed else 0}
-        document["frames_per_s"] = round(per_s, 2)
+        save_memory(self.out, memory, self._source(name, builder.name, recording))
+        document = {
+            "up": up,
+            "up_confidence": round(recording.up.confidence, 4),
+            "floor_y": round(memory.storeys[0].floor_y, 3) + 0.0,  # no -0.0
+            "frames": memory.num_frames,
+            "frames_per_s": round(per_s, 2),
+            "things": _num_things(memory),
+            "frames_found": counts.num_found,
+            "frames_skipped": dict(counts.by_reason),
+            "every": self.every,
+            "continued": resumed.num_kept if resumed else 0,
+            **_document(memory, counts.warning, self.layout, builder.name, self.out),
+        }
         if resumed:
             resumed.remove()
         if self.json:
@@ -134,6 +152,20 @@ class Map:
         else:
             _print(document)
         return 0
+
+    def _source(self, name: str, builder: str, recording: RobotFrames) -> MapSource:
+        """What the file keeps about its making, so that `ask` finds encoder and pictures again."""
+        source = RecordingSource(
+            path=str(self.frames.resolve()),
+            T_map_recording=matrix_of(recording.T_map_recording),
+            camera_axes=self.camera_axes,
+            depth_per_metre=self.depth_per_metre,
+            topics=topics_of(self.topics),
+            T_base_camera=None if self.base_to_camera is None else matrix_of(T_base_camera_of(self.base_to_camera)),
+            every=self.every,
+        )
+        encoder = "" if self.encoder == NO_FEATURES else self.encoder
+        return MapSource(scene=name, kind="robot", builder=builder, encoder=encoder, recording=source)
 
     def _require_options(self) -> None:
         require_suffix("--out", self.out, ".npz")
@@ -241,12 +273,18 @@ def _built(builder: MapBuilder, recording: RobotFrames, counts: FrameCounts) -> 
     return builder.finish()
 
 
-def _document(memory: HomeMemory, counts: FrameCounts, layout: str, builder: str, out: Path) -> dict[str, Any]:
-    """The document that `--json` prints."""
+def _num_things(memory: HomeMemory) -> int | None:
+    """The number of things on a map of objects; None on grid maps, which hold none."""
+    maps = [storey.memory for storey in memory.storeys]
+    counts = [len(item.objects) for item in maps if isinstance(item, ObjectMap)]
+    return sum(counts) if counts else None
+
+
+def _document(memory: HomeMemory, warning: str, layout: str, builder: str, out: Path) -> dict[str, Any]:
+    """What `--json` prints about the map itself."""
     first = memory.storeys[0].memory
     return {
-        "frames": {"found": counts.num_found, "used": memory.num_frames, "skipped": dict(counts.by_reason)},
-        "warning": counts.warning,
+        "warning": warning,
         "layout": layout,
         "builder": builder,
         "cell": None if isinstance(first, ObjectMap) else first.grid.cell,
@@ -272,14 +310,17 @@ def _storey(storey: StoreyMemory) -> dict[str, float | int]:
 
 
 def _print(document: dict[str, Any]) -> None:
-    frames, space = document["frames"], f"{document['encoder']} ({document['dim']}-d)"
-    every = f", every {frames['every']}. of them" if frames["every"] > 1 else ""
+    space = f"{document['encoder']} ({document['dim']}-d)"
+    every = f", every {document['every']}. of them" if document["every"] > 1 else ""
     made = "geometry alone" if document["encoder"] == NO_FEATURES else f"{document['builder']}, encoder {space}"
-    print(f"{frames['used']} of {frames['found']} frames used{every}, {made}, {document['frames_per_s']:.1f} frames/s")
-    for reason, number in frames["skipped"].items():
+    used = f"{document['frames']} of {document['frames_found']} frames used{every}"
+    print(f"{used}, {made}, {document['frames_per_s']:.1f} frames/s")
+    for reason, number in document["frames_skipped"].items():
         print(f"  skipped, {reason}: {number}")
-    if frames["continued"]:
-        print(f"  encoded by an interrupted run: {frames['continued']}")
+    if document["continued"]:
+        print(f"  encoded by an interrupted run: {document['continued']}")
+    x, y, z = document["up"]
+    print(f"  up is ({x:g}, {y:g}, {z:g}) in the recording, confidence {document['up_confidence']:g}")
     for storey in document["storeys"]:
         stored = next(f"{storey[name]} {name}" for name in ("objects", "cells") if name in storey)
         print(f"  storey at {storey['floor_y']} m: {stored}, {storey['free_m2']} m2 free")
