@@ -155,6 +155,7 @@ def test_ambiguous_missing_and_wrong_topics_are_named_with_those_that_there_are(
     bag.image("/rear/color/image_raw", FRAMES[0].rgb, "rgb8", START, OPTICAL)
     write_odometry(bag, "/odom")
     write_odometry(bag, "/odom_raw")
+    bag.announce("/rear/camera_info", "sensor_msgs/msg/CameraInfo")
     bag.close()
     path, listed = (
         tmp_path / "run",
@@ -176,6 +177,8 @@ def test_ambiguous_missing_and_wrong_topics_are_named_with_those_that_there_are(
     ):
         read_robot_frames(path, up="z", topics={"color": "/x"})
     assert_same_views(path, topics={"colour": COLOUR, "odom": "/odom_raw"})
+    with pytest.raises(SceneError, match=r"run: /rear/camera_info holds no message; expected the camera's intrinsics."):
+        read_robot_frames(path, up="z", topics={"colour": COLOUR, "info": "/rear/camera_info"})
     only = BagWriter(tmp_path / "only")
     only.image(COLOUR, FRAMES[0].rgb, "rgb8", START, OPTICAL)
     only.close()

@@ -13,7 +13,7 @@ from grounding.methods.free_text import ground
 from personal_viz.__main__ import main
 from personal_viz.cli.grounding.show_map import ShowMap
 from personal_viz.cli.verbs import parse
-from sim.errors import AgentError, PersonalVizError
+from sim.errors import AgentError, PersonalVizError, RunFileError
 from tests.grounding.bags import COLOUR, BagWriter
 from tests.grounding.mapped_views import ColourEncoder, write_recording
 from tests.grounding.test_robot_bags import T_base_camera, write_odometry, write_pictures
@@ -183,6 +183,12 @@ def test_an_interrupted_run_continues_and_makes_the_same_map(recording: Path, tm
     assert not list(tmp_path.glob("*.encoded"))
     assert run(recording, "--out", str(tmp_path / "whole.npz"), *slow) == 0
     assert out.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_a_folder_that_cannot_keep_what_is_encoded_is_named(recording: Path, tmp_path: Path) -> None:
+    (tmp_path / "map.npz.encoded").write_bytes(b"a file")
+    with pytest.raises(RunFileError, match=r"map.npz.encoded/.*.npy: cannot be written \(.*\); .* Give another --out"):
+        run(recording, "--out", str(tmp_path / "map.npz"))
 
 
 def test_a_bag_becomes_a_map_named_after_its_file(tmp_path: Path, capsys) -> None:
