@@ -153,7 +153,7 @@ def test_geometry_alone_makes_free_space_and_no_query_is_answered(recording: Pat
 def test_every_nth_frame_is_mapped_and_said(recording: Path, tmp_path: Path, capsys) -> None:
     assert run(recording, "--out", str(tmp_path / "a.npz"), "--every", "3") == 0
     printed = capsys.readouterr().out
-    assert "4 of 12 frames used, every 3. of them, 1 m cells of patches, encoder colours (4-d), " in printed
+    assert "4 of 12 frames used (--every 3), 1 m cells of patches, encoder colours (4-d), " in printed
     assert "frames/s" in printed
 
 

@@ -273,7 +273,7 @@ def _storey(storey: StoreyMemory) -> dict[str, float | int]:
 
 def _print(document: dict[str, Any]) -> None:
     frames, space = document["frames"], f"{document['encoder']} ({document['dim']}-d)"
-    every = f", every {frames['every']}. of them" if frames["every"] > 1 else ""
+    every = f" (--every {frames['every']})" if frames["every"] > 1 else ""
     made = "geometry alone" if document["encoder"] == NO_FEATURES else f"{document['builder']}, encoder {space}"
     print(f"{frames['used']} of {frames['found']} frames used{every}, {made}, {document['frames_per_s']:.1f} frames/s")
     for reason, number in frames["skipped"].items():
