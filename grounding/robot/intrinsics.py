@@ -20,8 +20,8 @@ HALF_PIXEL = 0.5
 """Files put the first pixel's centre at 0 (OpenCV, ROS); ours is at 0.5 (`Camera`)."""
 KINECT_SIZE: Size = (640, 480)
 KINECT: Lens = (525.0, 525.0, 319.5, 239.5)
-"""ROS's default for a Kinect, which TUM proposes for all its sequences without undistortion (cvg.cit.tum.de/data/
-datasets/rgbd-dataset/intrinsic_calibration)."""
+"""ROS's default for a Kinect, with which TUM's page projects all its sequences (vision.in.tum.de/data/datasets/
+rgbd-dataset/intrinsic_calibration)."""
 FREIBURG: dict[str, Lens] = {
     "freiburg1": (517.3, 516.5, 318.6, 255.3),
     "freiburg2": (520.9, 521.0, 325.1, 249.7),

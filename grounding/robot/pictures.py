@@ -17,7 +17,7 @@ from .poses import BadPose, T_body_camera, pose_lines, pose_of_file
 from .recording import Entry, FrameCounts, ReadingOptions, Recording, Unusable, metres, units_of
 
 TUM_PER_METRE = 5000.0
-"""Depth units of TUM RGB-D (cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats)."""
+"""Depth units of TUM RGB-D (vision.in.tum.de/data/datasets/rgbd-dataset/file_formats)."""
 DAMAGED = (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError)
 """What readers of damaged pictures raise."""
 _Usable = tuple[Path, Path, NDArray[np.float64]]

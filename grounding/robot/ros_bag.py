@@ -29,6 +29,8 @@ _ODOMETRY = "nav_msgs/msg/Odometry"
 _POSES = (_ODOMETRY, "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 """Poses of a topic that `--topics odom=` names; only odometry is taken unasked, as a goal is a PoseStamped too."""
 _TYPES = {"colour": (IMAGE, COMPRESSED), "depth": (IMAGE, COMPRESSED), "info": (_INFO,), "odom": _POSES}
+_BASES = ("base_link", "base_footprint")
+"""Frames that move with the robot (REP 105): a tree of tf that ends there does not say where the robot was."""
 _NO_COLOUR = ("depth", "infra", "/ir/", "confidence", "disparity", "mask", "theora")
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _AGAIN = "Check it with: rosbag info, or ros2 bag info."
@@ -229,7 +231,7 @@ def _poses(
         Ts, are_known = odometry.at(stamps)
         on_robot, are_on_robot = tree.Ts(camera_frame, base, stamps)
         return Ts @ on_robot, are_known & are_on_robot
-    if tree.moves(camera_frame) and "odom" not in options.topics:
+    if tree.moves(camera_frame) and chain[-1] not in _BASES and "odom" not in options.topics:
         return tree.Ts(camera_frame, chain[-1], stamps)
     of = f"odometry is of {base!r}" if odometry is not None else "there is not exactly one topic of odometry"
     raise SceneError(

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 MOST_GAP = 1.0
-"""Between two transforms farther apart than this (seconds), a pose is not interpolated."""
+"""Between two different transforms farther apart than this (seconds), a pose is not interpolated."""
+_SAME = 1e-6
 MOST_BEYOND = 0.1
 """Before the first transform and after the last one, and inside such a gap, a pose holds this long (seconds)."""
 
@@ -46,7 +47,9 @@ class Track:
         after = np.clip(np.searchsorted(own, times), 1, len(own) - 1)
         before = after - 1
         nearest = np.where(times - own[before] < own[after] - times, own[before], own[after])
-        has_gap = own[after] - own[before] > MOST_GAP
+        quats = rotations.as_quat(canonical=True)
+        is_moved = np.abs(np.hstack([places[after] - places[before], quats[after] - quats[before]])).max(axis=1) > _SAME
+        has_gap = is_moved & (own[after] - own[before] > MOST_GAP)
         is_inside = (own[0] <= times) & (times <= own[-1]) & ~has_gap
         asked = np.where(is_inside, times, nearest)
         Ts[:, :3, :3] = Slerp(own, rotations)(asked).as_matrix()

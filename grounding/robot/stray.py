@@ -47,40 +47,32 @@ def read_stray(folder: Path, options: ReadingOptions, counts: FrameCounts) -> Re
                 f"{folder}: holds odometry.csv and no {name}; expected {', '.join(_FILES)} as Stray Scanner exports "
                 "them. Export the recording again."
             )
-    video = Video(folder / "rgb.mp4")
-    shared = lens_of_matrix(folder / "camera_matrix.csv")
+    video, shared = Video(folder / "rgb.mp4"), lens_of_matrix(folder / "camera_matrix.csv")
     rows = _rows(folder / "odometry.csv")
     counts.num_found = len(rows)
     entries: list[Entry] = []
-    depth_size: Size | None = None
-    dtype = np.dtype(np.uint16)
+    kind: tuple[Size, np.dtype] | None = None
     for row in rows:
         name = row["frame"]
-        depth = next(
-            (path for suffix in (".png", ".npy") if (path := folder / f"depth/{name}{suffix}").is_file()), None
-        )
         pose = pose_of_quat([_number(row.get(key)) for key in _POSE])
+        depth = next(filter(Path.is_file, (folder / f"depth/{name}{suffix}" for suffix in (".png", ".npy"))), None)
         if depth is None or isinstance(pose, str):
             counts.skip(pose if isinstance(pose, str) else "no depth picture", name)
             continue
-        if depth_size is None:
-            try:
-                depth_size, dtype = size_of_depth(depth)
-            except (Unusable, *DAMAGED):
-                counts.skip("picture not readable", name)
-                continue
-        own: Lens = tuple(_number(row.get(key)) for key in _LENS)  # type: ignore[assignment]  # newer exports
-        lens = own if np.isfinite(own).all() else shared
-        camera = camera_of(folder / "camera_matrix.csv", lens, of_size=video.size, to_size=depth_size)
-        confidence = folder / f"confidence/{name}.png"
-        load_depth = partial(_depth, depth, confidence, options.depth_per_metre)
+        try:
+            kind = kind or size_of_depth(depth)
+        except (Unusable, *DAMAGED):
+            counts.skip("picture not readable", name)
+            continue
+        camera = camera_of(folder / "camera_matrix.csv", _lens(row, shared), of_size=video.size, to_size=kind[0])
+        load_depth = partial(_depth, depth, folder / f"confidence/{name}.png", options.depth_per_metre)
         entries.append(Entry(name, pose, camera, load_depth, partial(video.frame, int(name))))
-    if not entries:
+    if kind is None:
         raise SceneError(
             f"{folder}: none of {counts.num_found} frames can be used: {dict(counts.by_reason)}; expected a depth "
             "picture and a pose for each. Export the recording again."
         )
-    return Recording(tuple(entries), units_of(dtype, given=options.depth_per_metre), up="y")
+    return Recording(tuple(entries), units_of(kind[1], given=options.depth_per_metre), up="y")
 
 
 class Video:
@@ -144,6 +136,12 @@ def _rows(path: Path) -> list[dict[str, str]]:
                 "recording again."
             )
     return rows
+
+
+def _lens(row: dict[str, str], shared: Lens) -> Lens:
+    """The intrinsics in a row of a newer export, or else those of all pictures."""
+    fx, fy, cx, cy = (_number(row.get(key)) for key in _LENS)
+    return (fx, fy, cx, cy) if np.isfinite((fx, fy, cx, cy)).all() else shared
 
 
 def _number(text: str | None) -> float:

@@ -59,9 +59,13 @@ class BagWriter:
         """Writes a message 5 ms after its stamp."""
         kind = message.__msgtype__
         if topic not in self._connections:
-            self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self._store)
+            self.announce(topic, kind)
         serialize = self._store.serialize_ros1 if self.ros1 else self._store.serialize_cdr
         self._writer.write(self._connections[topic], round((time + 0.005) * 1e6) * 1000, serialize(message, kind))
+
+    def announce(self, topic: str, kind: str) -> None:
+        """Adds a topic without messages."""
+        self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self._store)
 
     def image(self, topic: str, array: np.ndarray, encoding: str, time: float, frame: str, *, padding: int = 0) -> None:
         """Writes an uncompressed picture, each row followed by `padding` bytes."""

@@ -155,6 +155,7 @@ def test_ambiguous_missing_and_wrong_topics_are_named_with_those_that_there_are(
     bag.image("/rear/color/image_raw", FRAMES[0].rgb, "rgb8", START, OPTICAL)
     write_odometry(bag, "/odom")
     write_odometry(bag, "/odom_raw")
+    bag.announce("/rear/camera_info", "sensor_msgs/msg/CameraInfo")
     bag.close()
     path, listed = (
         tmp_path / "run",
@@ -176,6 +177,8 @@ def test_ambiguous_missing_and_wrong_topics_are_named_with_those_that_there_are(
     ):
         read_robot_frames(path, up="z", topics={"color": "/x"})
     assert_same_views(path, topics={"colour": COLOUR, "odom": "/odom_raw"})
+    with pytest.raises(SceneError, match=r"run: /rear/camera_info holds no message; expected the camera's intrinsics."):
+        read_robot_frames(path, up="z", topics={"colour": COLOUR, "info": "/rear/camera_info"})
     only = BagWriter(tmp_path / "only")
     only.image(COLOUR, FRAMES[0].rgb, "rgb8", START, OPTICAL)
     only.close()
@@ -194,6 +197,15 @@ def test_poses_that_are_not_known_are_counted_or_named(tmp_path: Path) -> None:
         SceneError, match=rf"where the camera was is not known: tf has {OPTICAL} in base_link, and there"
     ):
         read_robot_frames(tmp_path / "run", up="z")
+    bag = BagWriter(tmp_path / "nods")
+    write_pictures(bag)
+    for time in TIMES:  # a head that moves on a robot of which nothing says where it was
+        bag.transforms("/tf", [("base_link", OPTICAL, T_base_camera)], time)
+    bag.close()
+    with pytest.raises(
+        SceneError, match=rf"where the camera was is not known: tf has {OPTICAL} in base_link, and there"
+    ):
+        read_robot_frames(tmp_path / "nods", up="z")
     bag = BagWriter(tmp_path / "part")
     write_pictures(bag)
     bag.transforms("/tf_static", [("base_link", OPTICAL, T_base_camera)], START - 1)
@@ -254,8 +266,9 @@ def test_a_pose_between_two_is_half_way_and_none_is_made_up_in_a_gap() -> None:
     for time, x, quat in ((2.0, 2.0, (0, 0, half, half)), (1.0, 0.0, (0, 0, 0, 1)), (5.0, 8.0, (0, 0, 0, 1))):
         track.add(time, ((x, 0.0, 0.0), quat))
     track.add(1.5, ((np.nan, 0.0, 0.0), (0, 0, 0, 1)))
-    Ts, are_known = track.at(np.array([1.5, 0.95, 0.5, 2.05, 3.0, 5.05]))
-    assert are_known.tolist() == [True, True, False, True, False, True]
+    track.add(9.0, ((8.0, 0.0, 0.0), (0, 0, 0, -1)))  # it stood still
+    Ts, are_known = track.at(np.array([1.5, 0.95, 0.5, 2.05, 3.0, 5.05, 7.0]))
+    assert are_known.tolist() == [True, True, False, True, False, True, True]
     assert Ts[0, :3, 3].tolist() == [1.0, 0.0, 0.0]
     assert np.arctan2(Ts[0, 1, 0], Ts[0, 0, 0]) == pytest.approx(np.pi / 4)
     assert Ts[[1, 3, 5], 0, 3].tolist() == [0.0, 2.0, 8.0]

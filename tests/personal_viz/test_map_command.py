@@ -13,7 +13,7 @@ from grounding.methods.free_text import ground
 from personal_viz.__main__ import main
 from personal_viz.cli.grounding.show_map import ShowMap
 from personal_viz.cli.verbs import parse
-from sim.errors import AgentError, PersonalVizError
+from sim.errors import AgentError, PersonalVizError, RunFileError
 from tests.grounding.bags import COLOUR, BagWriter
 from tests.grounding.mapped_views import ColourEncoder, write_recording
 from tests.grounding.test_robot_bags import T_base_camera, write_odometry, write_pictures
@@ -41,7 +41,10 @@ def test_a_recording_becomes_a_map_file_with_counts(recording: Path, tmp_path: P
     assert run(recording, "--out", str(out), "--cell", "0.5", "--json") == 0
     document = json.loads(capsys.readouterr().out)
     skipped = {"no pose": 1, "pose not finite": 1}
-    assert document["frames"] == {"found": 12, "used": 10, "skipped": skipped, "every": 1, "continued": 0}
+    assert (document["frames"], document["frames_found"], document["frames_skipped"]) == (10, 12, skipped)
+    assert (document["every"], document["continued"], document["things"]) == (1, 0, None)
+    assert (document["up"], document["up_confidence"]) == ([0, 0, 1], 1)
+    assert document["floor_y"] == pytest.approx(0.0, abs=0.05)
     assert document["frames_per_s"] > 1
     assert not list(out.parent.glob("*.encoded"))
     assert (document["encoder"], document["dim"], document["cell"]) == ("colours", 4, 0.5)
@@ -54,7 +57,11 @@ def test_a_recording_becomes_a_map_file_with_counts(recording: Path, tmp_path: P
     header = read_map_header(out)
     assert (header.source.scene, header.source.kind) == ("kitchen", "robot")
     assert header.source.builder == "0.5 m cells of patches"
-    assert "z up in its poses" in header.frame
+    assert "[0.0, 0.0, 1.0] up in its poses" in header.frame
+    assert header.source.recording is not None
+    assert header.source.recording.path == str(recording)
+    np.testing.assert_allclose(header.source.recording.T_map_recording, T_world_glb_zup, atol=1e-9)
+    assert header.source.encoder == COLOURS
 
 
 def test_things_are_found_without_a_model(recording: Path, tmp_path: Path, capsys) -> None:
@@ -153,7 +160,7 @@ def test_geometry_alone_makes_free_space_and_no_query_is_answered(recording: Pat
 def test_every_nth_frame_is_mapped_and_said(recording: Path, tmp_path: Path, capsys) -> None:
     assert run(recording, "--out", str(tmp_path / "a.npz"), "--every", "3") == 0
     printed = capsys.readouterr().out
-    assert "4 of 12 frames used, every 3. of them, 1 m cells of patches, encoder colours (4-d), " in printed
+    assert "4 of 12 frames used (--every 3), 1 m cells of patches, encoder colours (4-d), " in printed
     assert "frames/s" in printed
 
 
@@ -183,6 +190,12 @@ def test_an_interrupted_run_continues_and_makes_the_same_map(recording: Path, tm
     assert not list(tmp_path.glob("*.encoded"))
     assert run(recording, "--out", str(tmp_path / "whole.npz"), *slow) == 0
     assert out.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_a_folder_that_cannot_keep_what_is_encoded_is_named(recording: Path, tmp_path: Path) -> None:
+    (tmp_path / "map.npz.encoded").write_bytes(b"a file")
+    with pytest.raises(RunFileError, match=r"map.npz.encoded/.*.npy: cannot be written \(.*\); .* Give another --out"):
+        run(recording, "--out", str(tmp_path / "map.npz"))
 
 
 def test_a_bag_becomes_a_map_named_after_its_file(tmp_path: Path, capsys) -> None:

@@ -1,7 +1,7 @@
 """Verb `ask`: where something is, asked of a map or a home in free text, without episodes."""
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -45,8 +45,8 @@ class _Asked(NamedTuple):
     home: HomeMemory
     source: MapSource
     scene: Scene | None
-    views: Sequence[PosedView]
-    """Pictures in which answers may be shown."""
+    views: Callable[[], Sequence[PosedView]]
+    """Opens the pictures in which answers may be shown."""
 
 
 @dataclass
@@ -176,7 +176,7 @@ class Ask:
         if self.where.endswith(".npz"):
             path = Path(self.where)
             source = read_map_header(path).source
-            return _Asked(load_memory(path), source, None, _recorded_views(source))
+            return _Asked(load_memory(path), source, None, lambda: _recorded_views(source))
         if self.dataset is None:
             raise PersonalVizError(
                 f"ask: found {self.where!r} without --dataset; expected a map, FILE.npz, or the name of a home with "
@@ -186,8 +186,7 @@ class Ask:
         found = asked_home(
             episodes, self.where, self._settings, folder=self.maps, scenes_dir=self.scenes_dir, model=self._model
         )
-        views = found.views if found.scene.kind != "scan" or self.with_pixels else ()
-        return _Asked(load_memory(found.file), read_map_header(found.file).source, found.scene, views)
+        return _Asked(load_memory(found.file), read_map_header(found.file).source, found.scene, lambda: found.views)
 
     def _written(self, asked: _Asked, asker: Asker, replies: Sequence[Reply]) -> str:
         """Writes picture and recording; returns a line that says so."""
@@ -200,7 +199,8 @@ class Ask:
 
         from .ask_picture import answers_png
 
-        sights = [_sights(asked.views, reply, asker) for reply in replies]
+        views = asked.views()
+        sights = [_sights(views, reply) for reply in replies]
         png, rrd = (self.out.with_name(self.out.name + end) for end in (".png", ".rrd"))
         title = f"{asked.source.scene}, {asker.method}" + (f"; {asked.scene.label}" if asked.scene else "")
         with writing(png):
@@ -227,7 +227,7 @@ def _typed() -> Iterator[str]:
             yield line.strip()
 
 
-def _sights(views: Sequence[PosedView], reply: Reply, asker: Asker) -> list[Sight]:
+def _sights(views: Sequence[PosedView], reply: Reply) -> list[Sight]:
     """The pictures that see the best place."""
     if not reply.places or not views:
         return []

@@ -311,7 +311,7 @@ def _storey(storey: StoreyMemory) -> dict[str, float | int]:
 
 def _print(document: dict[str, Any]) -> None:
     space = f"{document['encoder']} ({document['dim']}-d)"
-    every = f", every {document['every']}. of them" if document["every"] > 1 else ""
+    every = f" (--every {document['every']})" if document["every"] > 1 else ""
     made = "geometry alone" if document["encoder"] == NO_FEATURES else f"{document['builder']}, encoder {space}"
     used = f"{document['frames']} of {document['frames_found']} frames used{every}"
     print(f"{used}, {made}, {document['frames_per_s']:.1f} frames/s")
