@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, Camera, GridSpec
 
-from .occupancy_kernels import mark, mixed, vote
+from .occupancy_kernels import mark, vote, without_mixed
 
 SIZE, CELL = 50.0, 0.05
 """Side of the mapped square, outside of which nothing is mapped, and of its cells, metres."""
@@ -105,7 +105,7 @@ class OccupancyMapper:
 
         Args:
             depth_m: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing; negative = so far,
-                but perhaps a mixture of two surfaces, which blocks nothing.
+                but doubtful, which can show floor and blocks nothing.
             T_map_camera: (4, 4) pose of the camera (OpenCV axes).
         """
         assert depth_m.shape == (camera.height, camera.width), depth_m.shape
@@ -141,10 +141,9 @@ class OccupancyMapper:
 
 
 def measured(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Depth (H, W) of a real sensor for `OccupancyMapper.add`: nan = no return, negative = may mix two surfaces.
+    """Depth (H, W) of a real sensor for `OccupancyMapper.add`: nan = no return or a mixture of two surfaces at an edge.
 
     A simulated view needs no such care: there, no return is the sky, and edges are sharp.
     """
     step = max(1, round(depth_m.shape[1] * _COMPARED))
-    depth_m = np.ascontiguousarray(depth_m, np.float32)
-    return np.where(depth_m > 0, np.where(mixed(depth_m, step), -depth_m, depth_m), np.float32(np.nan))
+    return without_mixed(np.ascontiguousarray(depth_m, np.float32), step)

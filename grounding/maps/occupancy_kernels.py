@@ -16,21 +16,22 @@ _LEAST_BLOCKED = 2
 _MOST_BLOCKED = 240
 _KNOWN_MOST = 12
 _BENT, _ALIKE, _LEAST_ALIKE = 0.03, 0.03, 9
-"""A pixel mixes two surfaces if inverse depth bends by this share near it, or if fewer of the 25 pixels around it and
-itself have the same depth within this share."""
+"""A sensor's pixel mixes two surfaces if inverse depth bends by this share near it; it is doubtful if fewer of the 25
+pixels around it and itself have the same depth within this share."""
 _BLOCKED_GAIN = 4
 """Votes that one view gives a blocked cell; as many clear views, and at most _KNOWN_MOST, make it free again."""
 
 
 @njit(cache=True, nogil=True)
-def mixed(depth, step):
-    """(H, W) whether each pixel of a sensor's depth (H, W; metres, 0 = no return) shows two surfaces, or noise.
+def without_mixed(depth, step):
+    """Depth (H, W) for `mark` of a sensor's depth (H, W; metres, 0 = no return), whose edges mix two surfaces.
 
-    Sensors give depths between a near and a far surface at the edge of the near one. Across a plane, inverse depth is
-    linear. Pixels around a pixel are `step` apart.
+    Across a plane, inverse depth is linear: where it bends, and up to `step` pixels beside, nothing is measured. A
+    pixel that few pixels around it resemble is negative: noise, or a floor seen at a flat angle. Pixels that are
+    compared are `step` apart.
     """
     height, width = depth.shape
-    out = np.zeros((height, width), np.bool_)
+    out = np.where(depth > 0, depth, np.float32(np.nan))
     for r in range(height):
         for c in range(width):
             here = depth[r, c]
@@ -43,11 +44,11 @@ def mixed(depth, step):
                     if 0 <= y < height and 0 <= x < width and abs(depth[y, x] - here) < _ALIKE * here:
                         alike += 1
             if alike < _LEAST_ALIKE:
-                out[r, c] = True
+                out[r, c] = -abs(out[r, c])  # nan stays nan
             if _is_bent(depth, r, c, 2 * step, 0) or _is_bent(depth, r, c, 0, 2 * step):
                 for y in range(max(r - step, 0), min(r + step + 1, height)):
                     for x in range(max(c - step, 0), min(c + step + 1, width)):
-                        out[y, x] = True
+                        out[y, x] = np.nan
     return out
 
 
@@ -67,7 +68,7 @@ def mark(depth, R, u0, v0, y0, focal, scale, band, max_depth, hits):
 
     Args:
         depth: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing; negative = so far, but
-            perhaps a mixture of two surfaces, which can show floor and blocks nothing.
+            doubtful, which can show floor and blocks nothing.
         R: (3, 3) camera (OpenCV axes) in the map.
         u0: Camera's column on the grid, with fraction.
         v0: The camera's row.
@@ -96,13 +97,13 @@ def mark(depth, R, u0, v0, y0, focal, scale, band, max_depth, hits):
             if math.isnan(found):
                 below_u[c], below_v[c], left_u, left_v = np.nan, np.nan, np.nan, np.nan
                 continue
-            is_mixed = found < 0
+            is_doubtful = found < 0
             found = abs(found)
             reach = found if 0 < found <= max_depth else max_depth
             y = y0 + reach * along_y
             u, v = u0 + reach * along_u, v0 + reach * along_v
             is_floor = reach == found and low <= y <= high
-            if is_mixed and not is_floor:
+            if is_doubtful and not is_floor:
                 below_u[c], below_v[c], left_u, left_v = np.nan, np.nan, np.nan, np.nan
                 continue
             if y < low and y0 > low:
