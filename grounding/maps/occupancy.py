@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import AGENT_HEIGHT, AGENT_RADIUS, Camera, GridSpec
 
-from .occupancy_kernels import mark, vote
+from .occupancy_kernels import mark, vote, without_mixed
 
 SIZE, CELL = 50.0, 0.05
 """Side of the mapped square, outside of which nothing is mapped, and of its cells, metres."""
@@ -20,6 +20,8 @@ FLOOR_LOW, FLOOR_HIGH = -0.2, 0.2
 stair down, higher an obstacle."""
 OBSTACLE_TOP = AGENT_HEIGHT + 0.05
 """Points higher above the floor (metres) do not block the robot."""
+_COMPARED = 1 / 320
+"""Distance between pixels that are compared at edges of depth, as a share of the picture's width."""
 _STANDING_VOTES = -12
 _CELL_OF_VOTES = np.full(256, FREE, np.uint8)
 """Indexed by the votes as a byte: positive votes are 1-127, negative ones 128-255."""
@@ -102,7 +104,8 @@ class OccupancyMapper:
         blocked wins; across views votes decide, so the place of a removed thing is free after some clear views.
 
         Args:
-            depth_m: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing.
+            depth_m: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing; negative = so far,
+                but doubtful, which can show floor and blocks nothing.
             T_map_camera: (4, 4) pose of the camera (OpenCV axes).
         """
         assert depth_m.shape == (camera.height, camera.width), depth_m.shape
@@ -135,3 +138,12 @@ class OccupancyMapper:
             self._votes[rc[:, 0], rc[:, 1]] = _STANDING_VOTES
             (r0, c0), (r1, c1) = rc.min(axis=0).tolist(), rc.max(axis=0).tolist()
             self._grow(r0, r1, c0, c1)
+
+
+def measured(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Depth (H, W) of a real sensor for `OccupancyMapper.add`: nan = no return or a mixture of two surfaces at an edge.
+
+    A simulated view needs no such care: there, no return is the sky, and edges are sharp.
+    """
+    step = max(1, round(depth_m.shape[1] * _COMPARED))
+    return without_mixed(np.ascontiguousarray(depth_m, np.float32), step)

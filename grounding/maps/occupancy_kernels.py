@@ -15,8 +15,51 @@ _LEAST_BLOCKED = 2
 """Least number of points above a cell that block it; a single one may be noise."""
 _MOST_BLOCKED = 240
 _KNOWN_MOST = 12
+_BENT, _ALIKE, _LEAST_ALIKE = 0.03, 0.03, 9
+"""A sensor's pixel mixes two surfaces if inverse depth bends by this share near it; it is doubtful if fewer of the 25
+pixels around it and itself have the same depth within this share."""
 _BLOCKED_GAIN = 4
 """Votes that one view gives a blocked cell; as many clear views, and at most _KNOWN_MOST, make it free again."""
+
+
+@njit(cache=True, nogil=True)
+def without_mixed(depth, step):
+    """Depth (H, W) for `mark` of a sensor's depth (H, W; metres, 0 = no return), whose edges mix two surfaces.
+
+    Across a plane, inverse depth is linear: where it bends, and up to `step` pixels beside, nothing is measured. A
+    pixel that few pixels around it resemble is negative: noise, or a floor seen at a flat angle. Pixels that are
+    compared are `step` apart.
+    """
+    height, width = depth.shape
+    out = np.where(depth > 0, depth, np.float32(np.nan))
+    for r in range(height):
+        for c in range(width):
+            here = depth[r, c]
+            if not here > 0:
+                continue
+            alike = 0
+            for i in range(-2, 3):
+                for j in range(-2, 3):
+                    y, x = r + i * step, c + j * step
+                    if 0 <= y < height and 0 <= x < width and abs(depth[y, x] - here) < _ALIKE * here:
+                        alike += 1
+            if alike < _LEAST_ALIKE:
+                out[r, c] = -abs(out[r, c])  # nan stays nan
+            if _is_bent(depth, r, c, 2 * step, 0) or _is_bent(depth, r, c, 0, 2 * step):
+                for y in range(max(r - step, 0), min(r + step + 1, height)):
+                    for x in range(max(c - step, 0), min(c + step + 1, width)):
+                        out[y, x] = np.nan
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _is_bent(depth, r, c, down, right):
+    """Whether inverse depth bends at a pixel, between the pixels that lie so far to both sides."""
+    height, width = depth.shape
+    if r < down or c < right or r + down >= height or c + right >= width:
+        return False
+    before, here, after = depth[r - down, c - right], depth[r, c], depth[r + down, c + right]
+    return before > 0 and after > 0 and abs(here / before + here / after - 2.0) > _BENT
 
 
 @njit(cache=True, nogil=True)
@@ -24,7 +67,8 @@ def mark(depth, R, u0, v0, y0, focal, scale, band, max_depth, hits):
     """Counts hits (rows, cols) uint8 of one view; returns the box (row0, row1, col0, col1) that they lie in.
 
     Args:
-        depth: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing.
+        depth: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing; negative = so far, but
+            doubtful, which can show floor and blocks nothing.
         R: (3, 3) camera (OpenCV axes) in the map.
         u0: Camera's column on the grid, with fraction.
         v0: The camera's row.
@@ -53,13 +97,18 @@ def mark(depth, R, u0, v0, y0, focal, scale, band, max_depth, hits):
             if math.isnan(found):
                 below_u[c], below_v[c], left_u, left_v = np.nan, np.nan, np.nan, np.nan
                 continue
+            is_doubtful = found < 0
+            found = abs(found)
             reach = found if 0 < found <= max_depth else max_depth
             y = y0 + reach * along_y
             u, v = u0 + reach * along_u, v0 + reach * along_v
+            is_floor = reach == found and low <= y <= high
+            if is_doubtful and not is_floor:
+                below_u[c], below_v[c], left_u, left_v = np.nan, np.nan, np.nan, np.nan
+                continue
             if y < low and y0 > low:
                 share = (low - y0) / along_y
                 _put(hits, box, v0 + share * along_v, u0 + share * along_u, BLOCKED_HIT)
-            is_floor = reach == found and low <= y <= high
             if is_floor:
                 _put(hits, box, v, u, FREE_HIT)
                 _fill(hits, box, below_v[c], below_u[c], v, u)

@@ -14,7 +14,7 @@ from sim.types import CAMERA_HEIGHT, STOREY_GAP, Frame
 from sim.walk.storeys import BELOW_FLOOR, same_storey, storey_levels
 
 from .home_map import HomeMemory, Memory, OccupancyGrid, StoreyMemory
-from .occupancy import MAX_DEPTH, OccupancyMapper
+from .occupancy import MAX_DEPTH, OccupancyMapper, measured
 
 _LEVEL_RISE, _LEVEL_RUN = 0.1, 0.6
 """A robot is on a new storey once it has gone this far (metres) within this height; on stairs it rises 0.3 m."""
@@ -129,9 +129,7 @@ class Storeys:
             eye = float(frame.T_world_camera[1, 3])
             index = int(self.index_of(np.array([eye - _EYE_ABOVE_FLOOR - BELOW_FLOOR]))[0])
             x, z = frame.T_world_camera[[0, 2], 3].tolist()
-            depth = frame.depth_m
-            if frame.ids is None:  # a real sensor: no return is a gap, not the sky
-                depth = np.where(depth > 0, depth, np.float32(np.nan))
+            depth = frame.depth_m if frame.ids is not None else measured(frame.depth_m)
             self._mapper(max(index, 0), near=(x, z)).add(depth, frame.T_world_camera, frame.camera)
         self._ready += self._held
         self._held = []

@@ -29,7 +29,7 @@ _TURN_S = 0.5
 """Time (s) in which two thirds of a turn are made."""
 _DESK_DISTANCE, _DESK_STEP = (0.7, 1.6), 0.4
 """Metres between somebody and the thing looked at, and how far they step to each side."""
-_NEAREST, _FARTHEST = 0.4, 5.0
+NEAREST, FARTHEST = 0.4, 5.0
 """Metres between which the sensor gives depth."""
 _HOLES = 0.06
 """Share of a picture without depth besides."""
@@ -67,7 +67,7 @@ WAYS: dict[str, Carrying] = {
     "robot": Carrying(heights=(0.4, 0.88), bob=0.0, tilts_deg=(0.0, 0.0), sway_deg=0.5, look_around_deg=0.0),
     "stairs": Carrying(speeds=(0.7, 1.2), place="home"),
     "desk": Carrying(speeds=(0.1, 0.3), sway_deg=10.0, look_around_deg=25.0, place="desk"),
-    "desk portrait": Carrying(speeds=(0.1, 0.3), sway_deg=10.0, roll_deg=90.0, look_around_deg=25.0, place="desk"),
+    "desk_portrait": Carrying(speeds=(0.1, 0.3), sway_deg=10.0, roll_deg=90.0, look_around_deg=25.0, place="desk"),
 }
 """Ways of carrying the camera by name."""
 
@@ -89,12 +89,16 @@ class Walk:
         Args:
             with_ids: Keep the simulator's ids, for perception by oracle; a real recording has none.
         """
+        for _, frame in self.pairs():
+            yield frame if with_ids else replace(frame, ids=None)
+
+    def pairs(self) -> Iterator[tuple[Frame, Frame]]:
+        """Each view with its true depth, and with the sensor's; both with the simulator's ids."""
         rng = np.random.default_rng([self.seed, 1])
         renderer = Raycaster(self.scene.mesh)
         for T in self.Ts_world_camera:
-            frame = renderer.render(T, CAMERA)
-            frame = replace(frame, depth_m=_sensed(frame.depth_m, rng))
-            yield frame if with_ids else replace(frame, ids=None)
+            true = renderer.render(T, CAMERA)
+            yield true, replace(true, depth_m=_sensed(true.depth_m, rng))
 
 
 def handheld_walk(seed: int, *, num_frames: int = 300, carrying: Carrying = HANDHELD) -> Walk:
@@ -191,9 +195,9 @@ def _sensed(depth_m: NDArray[np.float32], rng: np.random.Generator) -> NDArray[n
     sharp = depth_m.astype(np.float64)
     low, high = (rank(sharp, size=_EDGE_PIXELS) for rank in (ndimage.minimum_filter, ndimage.maximum_filter))
     mixed = np.where(high - low > _EDGE_M, ndimage.uniform_filter(sharp, _EDGE_PIXELS), sharp)
-    noise = 0.0012 + 0.0019 * (mixed - _NEAREST) ** 2  # Nguyen, Izadi and Lovell 2012, for the Kinect
+    noise = 0.0012 + 0.0019 * (mixed - NEAREST) ** 2  # Nguyen, Izadi and Lovell 2012, for the Kinect
     seen = mixed + rng.normal(size=mixed.shape) * noise
     speckle = ndimage.gaussian_filter(rng.normal(size=mixed.shape), 6)
     is_hole = speckle < np.quantile(speckle, _HOLES)
-    is_seen = (seen >= _NEAREST) & (seen <= _FARTHEST) & (sharp > 0) & ~is_hole
+    is_seen = (seen >= NEAREST) & (seen <= FARTHEST) & (sharp > 0) & ~is_hole
     return np.where(is_seen, np.round(seen * 1000) / 1000, 0).astype(np.float32)
