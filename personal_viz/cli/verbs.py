@@ -1,6 +1,7 @@
 """The command line: one dataclass per verb, parsed by tyro. Only the module of the verb that is typed is imported."""
 
 import ast
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import make_dataclass, replace
@@ -78,7 +79,7 @@ def parse(arguments: Sequence[str] | None = None) -> Verb:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     num_named = 2 if words[:1] == [STUDY] else 1
-    name, options = " ".join(words[:num_named]), words[num_named:]
+    name, options = " ".join(words[:num_named]), _with_directions(words[num_named:])
     if name not in VERBS:
         _list_verbs(words)
     module, _, kind = VERBS[name].rpartition(".")
@@ -89,6 +90,17 @@ def parse(arguments: Sequence[str] | None = None) -> Verb:
         config=(tyro.conf.OmitArgPrefixes,),
         registry=_registry(),
     )
+
+
+def _with_directions(options: Sequence[str]) -> list[str]:
+    """The options, in which a direction after `--up` that begins with a minus is its value, not an option."""
+    joined: list[str] = []
+    for word in options:
+        if joined and joined[-1] == "--up" and re.match(r"-[xyz.\d]", word):
+            joined[-1] = f"--up={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def _list_verbs(words: list[str]) -> None:

@@ -14,6 +14,7 @@ from personal_viz.__main__ import main
 from personal_viz.cli.grounding.show_map import ShowMap
 from personal_viz.cli.verbs import parse
 from sim.errors import AgentError, PersonalVizError, RunFileError
+from sim.frames import T_world_glb_zup
 from tests.grounding.bags import COLOUR, BagWriter
 from tests.grounding.mapped_views import ColourEncoder, write_recording
 from tests.grounding.test_robot_bags import T_base_camera, write_odometry, write_pictures

@@ -1,6 +1,7 @@
 """Verb `map`: makes a map file from a robot's recorded frames, and reports which frames it used."""
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -27,14 +28,16 @@ from grounding.robot.ros_bag import ROLES
 from grounding.types import NO_FEATURES
 from personal_viz.printed import Console
 from sim.errors import PersonalVizError
+from sim.files import write_whole
 from sim.frames import CameraAxes
 from sim.plugins import build_plugin, plugin_digest
 from sim.tasks.observers import FREE, OCCUPIED
+from sim.types import Frame
 
-from ...progress import counted
+from ...progress import Counted, counted
 from ..options import Json, ModelAutocast, ModelBatch, ModelDevice
 from ..output import print_json
-from ..refusals import require_suffix
+from ..refusals import require_suffix, writing
 
 _FLOOR_FRAMES = 40
 """Number of frames, spread over the recording, from which the floors are found."""
@@ -74,6 +77,10 @@ class Map:
     segmenter: Annotated[
         str, arg(help="What finds things for --layout objects: depth (no weights), or package.module:factory.")
     ] = "depth"
+    mesh: Annotated[
+        Path | None,
+        arg(help="Also writes the recording's surfaces as FILE.glb, which view, annotate, studies and ask open."),
+    ] = None
     every: Annotated[int, arg(help="Takes every n-th usable frame.")] = 1
     camera_axes: Annotated[
         CameraAxes | None,
@@ -114,7 +121,7 @@ class Map:
             topics=topics_of(self.topics),
             T_base_camera=None if self.base_to_camera is None else T_base_camera_of(self.base_to_camera),
             every=self.every,
-            colour=self.encoder != NO_FEATURES,
+            colour=self.encoder != NO_FEATURES or self.mesh is not None,
         )
         floors = _floors(self.frames, recording, self.mount_height)
         eye = load_encoder(self.encoder, ModelOptions(self.device, self.batch, self.autocast))
@@ -147,11 +154,25 @@ class Map:
         }
         if resumed:
             resumed.remove()
+        if self.mesh is not None:
+            document["mesh"] = self._write_mesh(self.mesh, recording)
         if self.json:
             print_json(document)
         else:
             _print(document)
         return 0
+
+    def _write_mesh(self, path: Path, recording: RobotFrames) -> dict[str, Any]:
+        """Writes the fused surfaces of all frames; returns the file and its number of triangles."""
+        from grounding.robot.fused_mesh import fused_mesh
+        from sim.copies.glb_writer import glb_from_mesh
+
+        with counted("mesh", len(recording)) as progress:
+            mesh = fused_mesh(_counting(recording, progress), max_depth=self.max_depth)
+        with writing(path, "--mesh"):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, glb_from_mesh(mesh))
+        return {"written": str(path), "triangles": len(mesh.faces)}
 
     def _source(self, name: str, builder: str, recording: RobotFrames) -> MapSource:
         """What the file keeps about its making, so that `ask` finds encoder and pictures again."""
@@ -169,6 +190,8 @@ class Map:
 
     def _require_options(self) -> None:
         require_suffix("--out", self.out, ".npz")
+        if self.mesh is not None:
+            require_suffix("--mesh", self.mesh, ".glb")
         for option, value in (
             ("--batch", self.batch),
             ("--every", self.every),
@@ -262,12 +285,18 @@ def _floors(folder: Path, recording: RobotFrames, mount_height: float | None) ->
     return floors_of_frames(some, mount_height=mount_height)
 
 
+def _counting(recording: RobotFrames, progress: Counted) -> Iterator[Frame]:
+    """The frames; each is counted when the next one is asked for."""
+    for frame in recording:
+        yield frame
+        progress.add()
+
+
 def _built(builder: MapBuilder, recording: RobotFrames, counts: FrameCounts) -> HomeMemory:
     """The map of all usable frames; reports progress, and anything odd about the frames."""
     with counted("frames", len(recording)) as progress:
-        for frame in recording:
+        for frame in _counting(recording, progress):
             builder.add(frame)
-            progress.add()
     if counts.warning:
         Console(stderr=True).print(f"Warning: {counts.warning}.", style="yellow", soft_wrap=True)
     return builder.finish()
@@ -325,3 +354,6 @@ def _print(document: dict[str, Any]) -> None:
         stored = next(f"{storey[name]} {name}" for name in ("objects", "cells") if name in storey)
         print(f"  storey at {storey['floor_y']} m: {stored}, {storey['free_m2']} m2 free")
     print(f"Written to {document['written']}")
+    if "mesh" in document:
+        mesh = document["mesh"]
+        print(f"{mesh['triangles']} triangles written to {mesh['written']}. Next: personal-viz view {mesh['written']}")
