@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grounding.maps.occupancy import OccupancyMapper
+from grounding.maps.occupancy import OccupancyMapper, measured
 from sim.frames import T_world_camera
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import Camera, Pose
@@ -79,3 +79,24 @@ def test_the_robots_own_footprint_is_free_and_known_cells_stay_known() -> None:
     mapper.add(room(3.0), T, INTRINSICS)
     assert mapper.num_known >= known
     assert mapper.cells.shape == mapper.grid.shape == (1000, 1000)
+
+
+def test_pixels_between_a_near_and_a_far_surface_block_nothing() -> None:
+    depth = room(4.0)
+    depth[:70, :80] = np.minimum(depth[:70, :80], 1.5)  # a thing in front, on the left
+    for col, share in ((79, 1 / 3), (80, 2 / 3)):
+        depth[:70, col] = (1 - share) * 1.5 + share * room(4.0)[:70, col]
+    raw, careful = OccupancyMapper(), OccupancyMapper()
+    raw.add(depth, T, INTRINSICS)
+    careful.add(measured(depth), T, INTRINSICS)
+    between = [(x, -z) for x in np.arange(-0.1, 0.11, 0.02) for z in np.arange(1.7, 3.8, 0.05)]
+    assert OCCUPIED in {raw.cell_at(place) for place in between}
+    assert OCCUPIED not in {careful.cell_at(place) for place in between}
+    assert careful.cell_at((-0.4, -1.52)) == OCCUPIED or careful.cell_at((-0.4, -1.48)) == OCCUPIED
+    assert np.isnan(measured(np.zeros((120, 160), np.float32))).all()
+
+
+def test_a_floor_at_a_flat_angle_stays_measured() -> None:
+    depth = room(20.0)
+    floor = (depth > 0) & (depth < 5.0)
+    assert np.abs(measured(depth)[floor]) == pytest.approx(depth[floor])

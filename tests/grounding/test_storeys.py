@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grounding.maps.storeys import Storeys, ViewOptions, points_at
+from grounding.maps.storeys import Storeys, ViewOptions, floors_of_frames, points_at
 from grounding.maps.view_quality import bearing_weight, distance_weight, patches_of
 from sim.frames import T_world_camera
 from sim.tasks.observers import FREE
@@ -101,3 +101,27 @@ def test_a_patch_lies_on_the_surface_that_has_its_median_depth() -> None:
     assert np.isnan(points[:, 6:]).all()
     assert weights[0, 1] == pytest.approx(0.862, abs=0.001)
     assert weights[0, 0] == pytest.approx(0.862 * 0.6, abs=0.08)
+
+
+def over_a_table(*, floor: bool = True, mirrored: bool = False) -> Frame:
+    """A view from 1.3 m down onto a table of 0.75 m, with a strip of floor beside it; `mirrored`: a spot 1 m below."""
+    T = T_world_camera(Pose((0.0, 1.3 - CAMERA.mount_height, 0.0), 0.0, -0.9), CAMERA)
+    rows, cols = np.mgrid[: CAMERA.height, : CAMERA.width]
+    fx, fy, cx, cy = CAMERA.lens
+    rays_camera = np.stack([(cols + 0.5 - cx) / fx, (rows + 0.5 - cy) / fy, np.ones(rows.shape)], axis=-1)
+    rays = rays_camera @ T[:3, :3].T
+    down = -np.minimum(rays[..., 1], -0.01)
+    depth = (1.3 - 0.75) / down
+    depth[cols >= 66] = 1.3 / down[cols >= 66] if floor else 0.0
+    if mirrored:
+        depth[50:54, 70:74] = 2.3 / down[50:54, 70:74]
+    depth[depth > 4.0] = 0.0
+    return Frame(np.zeros((60, 80, 3), np.uint8), depth.astype(np.float32), T, CAMERA)
+
+
+def test_a_table_that_fills_the_view_is_not_the_floor_and_a_mirrored_spot_below_it_neither() -> None:
+    view = over_a_table(mirrored=True)
+    pixels = points_at(view, np.argwhere(view.depth_m > 0))[:, 1]
+    assert (np.abs(pixels - 0.75) < 0.01).sum() > 4 * (np.abs(pixels) < 0.01).sum()
+    assert floors_of_frames([view]) == pytest.approx((0.0,), abs=0.01)
+    assert floors_of_frames([over_a_table(floor=False)]) == pytest.approx((0.75,), abs=0.01)
