@@ -262,7 +262,7 @@ def _recorded_views(source: MapSource) -> Sequence[PosedView]:
     T_base_camera = recording.T_base_camera
     frames, _ = read_robot_frames(
         path,
-        up=",".join(map(str, recording.T_map_recording[1])),  # the row that gives y
+        up=",".join(map(str, recording.T_map_recording[1][:3])),  # the row that gives y
         camera_axes=recording.camera_axes,
         depth_per_metre=recording.depth_per_metre,
         topics=recording.topics,

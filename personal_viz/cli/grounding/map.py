@@ -171,7 +171,7 @@ class Map:
             mesh = fused_mesh(_counting(recording, progress), max_depth=self.max_depth)
         with writing(path, "--mesh"):
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, glb_from_mesh(mesh))
+            write_whole(path, glb_from_mesh(mesh, srgb_colours=True))  # as scanners write them and we read them
         return {"written": str(path), "triangles": len(mesh.faces)}
 
     def _source(self, name: str, builder: str, recording: RobotFrames) -> MapSource:
