@@ -74,7 +74,7 @@ def _goals_where(is_hit: Callable[[Goal], NDArray[np.bool_]]) -> Find:
 def _with_non_targets(survey: Survey) -> Iterator[Hit]:
     for episode in survey.episodes:
         split, scene, _ = episode.key
-        key = goals_key(scene, episode.record.object_category)
+        key = goals_key(scene, episode.record.object_category, suffix=episode.record.scan_suffix)
         if len(survey.contents[(split, scene)].goals_by_category[key]) > len(episode.targets):
             yield Hit((split,), str(episode.key))
 
