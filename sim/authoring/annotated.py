@@ -20,6 +20,7 @@ from sim.render.raycast import Raycaster
 from sim.walk.navigation_map import NavigationMap, Points
 from sim.walk.viewpoints import SeenFrom, view_points_around
 
+from ..episodes.checks_text import is_annotator_note
 from ..episodes.dataset import PersonalDataset
 from ..episodes.ownership import normalise_phrase
 from ..episodes.schema import AgentState, Goal, ViewPoint
@@ -71,8 +72,8 @@ def home_from_annotations(
 ) -> AnnotatedHome:
     """The home of a scan, whose view points are places that see the objects.
 
-    Objects without caption or room, those that no reachable place sees, and those whose words another object of the
-    storey has too are left out.
+    Objects without caption or room, those that no reachable place sees, those on another floor than they say, and those
+    whose words another object of the storey has too are left out.
 
     Args:
         scene: The scan; objects without a box are among its semantics.
@@ -81,7 +82,7 @@ def home_from_annotations(
         config: Habitat's `scene_dataset_config`.
 
     Raises:
-        DatasetError: The semantics lack an object, or an object's storey is not that of the floor below it.
+        DatasetError: The semantics lack an object.
     """
     semantics = {item.instance_id: item for item in scene.objects}
     renderer = Raycaster(scene.mesh)
@@ -187,14 +188,21 @@ def _thing(goal: Goal, captions: Sequence[str], room: str) -> Thing:
 def _home(
     scene: Scene, things: dict[str, Thing], left_out: list[str], *, scene_id: str, config: str
 ) -> AnnotatedHome:
-    _require_right_storeys(scene.name, things)
     words = Counter(_words(thing) for thing in things.values())
-    same = [name for name, thing in things.items() if words[_words(thing)] > 1]
-    left_out = [*left_out, *(f"{name} has the words of another object" for name in same)]
-    kept = {name: thing for name, thing in things.items() if name not in same}
-    numbers = sorted({int(thing.goal.floor_id) for thing in kept.values()})
+    wrong = _on_wrong_storeys(things)
+    for name, thing in things.items():
+        if words[_words(thing)] > 1:
+            left_out.append(f"{name} has the words of another object")
+        elif is_annotator_note(thing.captions[0]):
+            left_out.append(f"{name} has a note as its caption")
+        elif name in wrong:
+            left_out.append(f"{name} is said to be on storey {thing.goal.floor_id}, but is on the floor of {wrong[name]}")
+        else:
+            continue
+        things = {other: kept for other, kept in things.items() if other != name}
+    numbers = sorted({int(thing.goal.floor_id) for thing in things.values()})
     storeys = {str(number): floor_name(number) for number in numbers}
-    return AnnotatedHome(scene.name, scene_id, config, scene.navigation, storeys, kept, tuple(left_out))
+    return AnnotatedHome(scene.name, scene_id, config, scene.navigation, storeys, things, tuple(left_out))
 
 
 def _words(thing: Thing) -> tuple[str, str, str]:
@@ -202,20 +210,19 @@ def _words(thing: Thing) -> tuple[str, str, str]:
     return thing.goal.floor_id, normalise_phrase(thing.phrase), normalise_phrase(thing.room)
 
 
-def _require_right_storeys(scene: str, things: Mapping[str, Thing]) -> None:
-    """Raises DatasetError where an object's floor is nearer to the usual height of another storey's objects."""
+def _on_wrong_storeys(things: Mapping[str, Thing]) -> dict[str, str]:
+    """The storey of the floor below each object that is on another one than it says, by name (DATA_FORMAT.md, row 40)."""
     heights: dict[str, list[float]] = defaultdict(list)
     for thing in things.values():
         heights[thing.goal.floor_id].append(thing.goal.floor_y)
     usual = {floor_id: median(found) for floor_id, found in heights.items()}
+    wrong = {}
     for name, thing in things.items():
         floor_y, said = thing.goal.floor_y, thing.goal.floor_id
         nearest = min(usual, key=lambda floor_id: (abs(usual[floor_id] - floor_y), floor_id != said))
         if nearest != said:
-            raise DatasetError(
-                f"scene {scene!r}: {name} is on storey {said}, but on the floor at {floor_y:.2f} m, that of the "
-                f"objects of storey {nearest}; expected one storey per floor. Correct the object's storey."
-            )
+            wrong[name] = nearest
+    return wrong
 
 
 def _floors(navigation: NavigationMap) -> Points:
