@@ -89,7 +89,7 @@ class Describer:
                 f"--llm-url {options.base_url}: model {options.model!r} gave no answer ({self._chat.reason(error)}); "
                 "expected a paragraph. Start the server, or use --describe templates."
             ) from None
-        return " ".join(said_in(answer).strip("`\"").split())
+        return " ".join(said_in(answer).strip('`"').split())
 
     def _fresh(self, messages: Sequence[Message]) -> bytes:
         assert self._chat is not None

@@ -1,8 +1,8 @@
 """A language model behind an OpenAI-compatible chat endpoint (OpenAI, vLLM, Ollama, llama.cpp), and phrases from it.
 
-For phrases, the model gets the description of a task and nothing else. Answers are kept in the cache folder; the key covers
-everything that they depend on. If an answer is missing or unreadable, the rules answer instead, with a count and a
-warning.
+For phrases, the model gets the description of a task and nothing else. Answers are kept in the cache folder; the key
+covers everything that they depend on. If an answer is missing or unreadable, the rules answer instead, with a count
+and a warning.
 """
 
 import json

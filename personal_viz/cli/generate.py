@@ -41,8 +41,8 @@ class Generate:
     starts: Annotated[
         Literal["released", "paper"],
         arg(
-            help="released: 2-4, 3-7, 3-11 m of walking to the nearest view point, looking anywhere; paper: to the first "
-            "view point, looking away from the target, as all released episodes do."
+            help="released: 2-4, 3-7, 3-11 m of walking to the nearest view point, looking anywhere; paper: to the "
+            "first view point, looking away from the target, as all released episodes do."
         ),
     ] = "released"
     describe: Annotated[

@@ -30,7 +30,7 @@ DEFAULT_CONFIG = "default"
 """Habitat's `scene_dataset_config` of scans that belong to no dataset."""
 _SAMPLES = 32
 """Random places of a storey among which the one joined to most others stands for its floor."""
-_SENTENCES = re.compile(r"\s*[.;!?]+\s+")
+_NEXT_SENTENCE = re.compile(r"\s*[.;!?]+\s+(\w)")
 _ARTICLE = re.compile(r"^(?:an?|the)\s+", re.IGNORECASE)
 
 
@@ -102,7 +102,7 @@ def home_from_annotations(
         goal = Goal(
             position=found.centre,
             object_id=item.id,
-            object_name=item_name(found, item),
+            object_name=found.name,
             object_category=item.category,
             floor_id=str(item.storey),
             view_points=points,
@@ -157,15 +157,10 @@ def view_point(seen: SeenFrom) -> ViewPoint:
 
 
 def phrase_of(caption: str) -> str:
-    """A caption's words as part of a sentence: no article in front, commas instead of inner periods, none at the end."""
-    text = _SENTENCES.sub(", ", " ".join(caption.split()).rstrip(" .,;!?"))
-    text = _ARTICLE.sub("", text)
+    """A caption's words as part of a sentence: no article in front, commas for inner periods, none at the end."""
+    whole = " ".join(caption.split()).rstrip(" .,;!?")
+    text = _ARTICLE.sub("", _NEXT_SENTENCE.sub(lambda found: f", {found[1].lower()}", whole))
     return text if text[:2].isupper() else text[:1].lower() + text[1:]
-
-
-def item_name(found: SceneObject, item: AnnotatedObject) -> str:
-    """The key of an object in episodes: that of its semantics, or its category and id."""
-    return found.name if item.box is None else f"{item.category}_{item.id}"
 
 
 def _scene_object(item: AnnotatedObject, semantics: Mapping[int, SceneObject], scene: str) -> SceneObject:
@@ -185,9 +180,7 @@ def _thing(goal: Goal, captions: Sequence[str], room: str) -> Thing:
     return Thing(goal, phrase_of(captions[0]), room, slots)
 
 
-def _home(
-    scene: Scene, things: dict[str, Thing], left_out: list[str], *, scene_id: str, config: str
-) -> AnnotatedHome:
+def _home(scene: Scene, things: dict[str, Thing], left_out: list[str], *, scene_id: str, config: str) -> AnnotatedHome:
     words = Counter(_words(thing) for thing in things.values())
     wrong = _on_wrong_storeys(things)
     for name, thing in things.items():
@@ -196,7 +189,9 @@ def _home(
         elif is_annotator_note(thing.captions[0]):
             left_out.append(f"{name} has a note as its caption")
         elif name in wrong:
-            left_out.append(f"{name} is said to be on storey {thing.goal.floor_id}, but is on the floor of {wrong[name]}")
+            left_out.append(
+                f"{name} is said to be on storey {thing.goal.floor_id}, but is on the floor of {wrong[name]}"
+            )
         else:
             continue
         things = {other: kept for other, kept in things.items() if other != name}
@@ -211,7 +206,7 @@ def _words(thing: Thing) -> tuple[str, str, str]:
 
 
 def _on_wrong_storeys(things: Mapping[str, Thing]) -> dict[str, str]:
-    """The storey of the floor below each object that is on another one than it says, by name (DATA_FORMAT.md, row 40)."""
+    """The right storey of each object whose floor is that of others' storey, by name (DATA_FORMAT.md, row 40)."""
     heights: dict[str, list[float]] = defaultdict(list)
     for thing in things.values():
         heights[thing.goal.floor_id].append(thing.goal.floor_y)

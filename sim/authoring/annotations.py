@@ -108,7 +108,9 @@ def annotation_path(dataset: Path, scene: str) -> Path:
         DatasetError: The name cannot be that of a scene.
     """
     if not re.fullmatch(NAME_PATTERN, scene):
-        raise DatasetError(f"scene {scene!r}: found other characters; expected 1-64 letters, digits, _ or -. Rename it.")
+        raise DatasetError(
+            f"scene {scene!r}: found other characters; expected 1-64 letters, digits, _ or -. Rename it."
+        )
     return dataset / _FOLDER / f"{scene}.jsonl"
 
 
@@ -226,7 +228,9 @@ def _read(path: Path) -> tuple[tuple[Edit, ...], int]:
             try:
                 edits.append(Edit.model_validate_json(line))
             except ValidationError as error:
-                raise DatasetError(line_from_validation_error(f"{path}: line {number}", error, advice=_ADVICE)) from None
+                raise DatasetError(
+                    line_from_validation_error(f"{path}: line {number}", error, advice=_ADVICE)
+                ) from None
             num_whole += len(line)
     except OSError as error:
         raise DatasetError(

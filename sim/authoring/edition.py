@@ -80,7 +80,9 @@ def scenes_to_ask(dataset: Path) -> tuple[str, ...]:
     return annotated_scenes(dataset) or PersonalDataset(dataset).scenes
 
 
-def require_free(out: Path, dataset: Path, scenes: Iterable[str], counts: Mapping[Split, int], *, replace: bool) -> None:
+def require_free(
+    out: Path, dataset: Path, scenes: Iterable[str], counts: Mapping[Split, int], *, replace: bool
+) -> None:
     """Refuses to write an edition where episodes stand that it would overwrite, or that would stay beside it.
 
     Args:

@@ -67,8 +67,7 @@ def dataset_files(name: str, *, seed: int, episodes_per_split: int = EPISODES_PE
     """
     if not 1 <= episodes_per_split <= MOST_EPISODES:
         raise DatasetError(
-            f"invent: episodes_per_split is {episodes_per_split!r}; expected 1 to {MOST_EPISODES}. "
-            "Give another number."
+            f"invent: episodes_per_split is {episodes_per_split!r}; expected 1 to {MOST_EPISODES}. Give another number."
         )
     scene, plan, home = _home(name, seed)
     files = _scene_files(scene, plan)

@@ -38,6 +38,8 @@ _LEAST_WAY = 1.0
 """Starts this near the target or one of its view points are refused: the robot has arrived (planar metres)."""
 _MARGIN = 0.01
 """Distance of starts from the ends of the split's window (metres)."""
+_SAME = 1e-6
+"""A walk this much shorter than the straight line is as long (metres)."""
 _AWAY = np.pi / 4
 """Starts of the release look away from the target, with this much noise to either side (DATA_FORMAT.md, 5.3)."""
 _MOST_ITEMS = 12
@@ -174,7 +176,9 @@ def _draw_search(
             failed["story"] += 1
         else:
             return record
-    raise DatasetError(f"scene {home.name!r}: split {split!r}, {_why(home, split, storey, failed, rule)} {style.advice}")
+    raise DatasetError(
+        f"scene {home.name!r}: split {split!r}, {_why(home, split, storey, failed, rule)} {style.advice}"
+    )
 
 
 def _why(home: AnnotatedHome, split: Split, storey: str, failed: Counter[str], rule: StartRule) -> str:
@@ -307,8 +311,11 @@ def _walks(
     navigation: NavigationMap, points: Points, goals: Sequence[Goal], rule: StartRule
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(N,) walks to the nearest goal as the rule measures them, and (N, G) to each goal's first view point; metres."""
-    firsts = [np.array([goal.view_points[0].agent_state.position]) for goal in goals]
-    distances = np.stack([navigation.distances(points, first) for first in firsts], axis=1)
+    firsts = np.array([goal.view_points[0].agent_state.position for goal in goals])
+    walked = np.stack([navigation.distances(points, first[None]) for first in firsts], axis=1)
+    straight = np.linalg.norm(points[:, None] - firsts, axis=2)
+    # a map that moves ends to its own places may measure less
+    distances = np.where(straight > walked + _SAME, straight, walked)
     if not rule.is_from_nearest:
         return distances.min(axis=1), distances
     return navigation.distances(points, np.concatenate([positions_of(goal) for goal in goals])), distances

@@ -204,7 +204,7 @@ class Episode:
 
 
 def goals_key(scene: str, category: str, *, suffix: str = ".basis.glb") -> str:
-    """Habitat's key of `goals_by_category`: the scan's file name, with this suffix after the scene's, and a category."""
+    """Habitat's key of `goals_by_category`: the file name of the scan, which ends in `suffix`, and a category."""
     return f"{scene}{suffix}_{category}"
 
 

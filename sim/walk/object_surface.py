@@ -105,7 +105,8 @@ def is_in_box(
     positions: Points, *, centre: tuple[float, float, float], size: tuple[float, float, float]
 ) -> NDArray[np.bool_]:
     """(N,) whether each place (N, 3) is in a box along the axes or on its sides; nan is not."""
-    return (np.abs(positions - centre) <= np.asarray(size) / 2 + _ON_BOX).all(axis=1)
+    off = np.abs(positions - centre) - np.asarray(size) / 2
+    return off.max(axis=1) <= _ON_BOX  # (N,)
 
 
 def _spread(mesh: TriangleMesh, faces: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], Points]:
