@@ -20,8 +20,8 @@ _HABITAT_EPISODE = (
     "episode_id", "scene_id", "scene_dataset_config", "additional_obj_config_paths", "start_position",
     "start_rotation", "info", "goals", "start_room", "shortest_paths", "object_category",
 )  # fmt: skip
-"""Fields of habitat-lab's `ObjectGoal` and `ObjectGoalNavEpisode`, whose constructors refuse all others (facts read in
-habitat-lab 0.2.4 and 0.3.3; HABITAT_SEMANTICS.md, section 4)."""
+"""Fields of habitat-lab's `ObjectGoal` and `ObjectGoalNavEpisode`, whose constructors refuse all others
+(HABITAT_SEMANTICS.md, section 4; read in habitat-lab at commits 0565fdbf, 009998e1 and 01ce2951)."""
 
 
 def content_file(home: AnnotatedHome, episodes: Sequence[EpisodeRecord], categories: Sequence[str]) -> SceneFile:

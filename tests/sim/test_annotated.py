@@ -82,7 +82,8 @@ def test_objects_without_words_or_places_are_left_out_with_the_reason(hall: Scen
 def test_an_object_on_another_floor_than_it_says_is_left_out() -> None:
     ground = [quad for x in (1, 3, 5) for quad in box((x - 0.2, 0.0, 1.8), (x + 0.2, 0.5, 2.2))]
     above = [quad for x in (1, 3) for quad in box((x - 0.2, 3.0, 1.8), (x + 0.2, 3.5, 2.2))]
-    mesh = mesh_of(floor(0, 0, 6, 4), floor(0, 0, 6, 4, y=3.0), *ground, *above)
+    levels = [floor(0, 0, 6, 4, y=height) for height in (0.0, 3.0, 5.8)]  # ground, first floor, roof
+    mesh = mesh_of(*levels, *ground, *above)
     scene = Scene("Two", "scan", mesh, (), floor_grid_from_mesh(mesh), mesh.digest())
     upstairs = [
         crate(number, x, 2, storey=1, box=Box(centre=(x, 3.25, 2), size=CRATE)) for number, x in ((4, 1), (5, 3))

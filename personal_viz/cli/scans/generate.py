@@ -9,10 +9,10 @@ from tyro.conf import Positional, arg
 from sim.errors import PersonalVizError
 from sim.types import SPLITS, Split
 
-from ..progress import counted
-from .options import Json, ScenesDir
-from .output import print_json, print_table
-from .refusals import check_options, writing
+from ...progress import counted
+from ..options import Json, ScenesDir
+from ..output import print_json, print_table
+from ..refusals import check_options, writing
 
 if TYPE_CHECKING:
     from grounding.phrases.llm import Chat
