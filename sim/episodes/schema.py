@@ -208,6 +208,15 @@ def goals_key(scene: str, category: str, *, suffix: str = ".basis.glb") -> str:
     return f"{scene}{suffix}_{category}"
 
 
+def goals_of(scene: str, record: EpisodeRecord, content: SceneFile) -> tuple[Goal, ...] | None:
+    """All goals of the episode's category; None without its key, by the scan's file name or by the release's."""
+    for suffix in (record.scan_suffix, ".basis.glb"):
+        goals = content.goals_by_category.get(goals_key(scene, record.object_category, suffix=suffix))
+        if goals is not None:
+            return goals
+    return None
+
+
 def resolve_episode(split: Split, scene: str, record: EpisodeRecord, content: SceneFile) -> Episode:
     """The episode with its targets.
 
@@ -215,7 +224,7 @@ def resolve_episode(split: Split, scene: str, record: EpisodeRecord, content: Sc
         KeyError: The goal list is missing or a name does not resolve exactly once; args[0] says which one.
     """
     key = goals_key(scene, record.object_category, suffix=record.scan_suffix)
-    goals = content.goals_by_category.get(key)
+    goals = goals_of(scene, record, content)
     if goals is None:
         raise KeyError(f"goals_by_category has no key {short(key, most=80)}")
     targets = tuple(goal for name in record.object_names for goal in goals if goal.object_name == name)

@@ -1,7 +1,8 @@
 """The JSON that habitat-lab's stock `ObjectNav-v1` dataset class reads, as facts: field names, types, and its joins.
 
 Read in habitat-lab at commits 0565fdbf, 009998e1 and 01ce2951 (`ObjectNavDatasetV1`, `ObjectGoalNavEpisode`,
-`ObjectGoal`, `ObjectViewLocation`), and in HABITAT_SEMANTICS.md, section 4. Its constructors take these fields and no others; `required` ones have no default or may not be None.
+`ObjectGoal`, `ObjectViewLocation`), and in HABITAT_SEMANTICS.md, section 4. Its constructors take these fields and no
+others; `required` ones have no default or may not be None.
 """
 
 import gzip
