@@ -91,7 +91,7 @@ class SceneObject:
     """An object of a scene, from its semantics."""
 
     instance_id: int
-    """Positive; equals the id in `TriangleMesh.face_instance`."""
+    """Equals the id in `TriangleMesh.face_instance`; 0 = the object is known by its box alone."""
     name: str
     """`<raw name>_<int>`, the episodes' key where the object is one of their goals."""
     category: str

@@ -138,20 +138,9 @@ class GroundSettings:
         """
         if self.phrases != "llm":
             return None
-        from pydantic import ValidationError
+        from ..phrases.llm import llm_options
 
-        from ..phrases.llm import LlmOptions
-
-        try:
-            return LlmOptions.model_validate(
-                {"base_url": self.llm_url, "model": self.llm_model, "api_key_env": self.llm_key_env or None}
-            )
-        except ValidationError as error:
-            first = error.errors()[0]
-            raise AgentError(
-                f"--llm-url, --llm-model or --llm-key-env: {first['loc'][0]} is {first['input']!r} ({first['msg']}); "
-                "expected an address such as http://127.0.0.1:11434/v1. Correct the option."
-            ) from None
+        return llm_options(self.llm_url, self.llm_model, self.llm_key_env)
 
     @property
     def config(self) -> dict[str, str | int | float | bool | None]:

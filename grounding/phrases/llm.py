@@ -1,15 +1,15 @@
-"""Phrases from a language model behind an OpenAI-compatible chat endpoint (OpenAI, vLLM, Ollama, llama.cpp).
+"""A language model behind an OpenAI-compatible chat endpoint (OpenAI, vLLM, Ollama, llama.cpp), and phrases from it.
 
-The model gets the description of a task and nothing else. Answers are kept in the cache folder; the key covers
-everything that they depend on. If an answer is missing or unreadable, the rules answer instead, with a count and a
-warning.
+For phrases, the model gets the description of a task and nothing else. Answers are kept in the cache folder; the key
+covers everything that they depend on. If an answer is missing or unreadable, the rules answer instead, with a count
+and a warning.
 """
 
 import json
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, HttpUrl, ValidationError, field_validator
@@ -35,6 +35,10 @@ _REFUSALS = {401: "the key", 403: "the key", 404: "--llm-url and --llm-model"}
 """HTTP statuses that a second request will not change, and the setting to correct."""
 
 
+Message = dict[str, str]
+"""`role` and `content`, as in OpenAI's interface."""
+
+
 class LlmOptions(BaseModel):
     """Address of the model, with the name of the key's environment variable but never the key."""
 
@@ -53,6 +57,67 @@ class LlmOptions(BaseModel):
         if url.username or url.password:
             raise ValueError("an address without name and password; options are kept in run files")
         return url
+
+
+def llm_options(url: str, model: str, key_env: str) -> LlmOptions:
+    """The options of `--llm-url`, `--llm-model` and `--llm-key-env`; an empty `key_env` = no key.
+
+    Raises:
+        AgentError: One of them is not valid.
+    """
+    try:
+        return LlmOptions.model_validate({"base_url": url, "model": model, "api_key_env": key_env or None})
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise AgentError(
+            f"--llm-url, --llm-model or --llm-key-env: {first['loc'][0]} is {first['input']!r} ({first['msg']}); "
+            "expected an address such as http://127.0.0.1:11434/v1. Correct the option."
+        ) from None
+
+
+class Chat:
+    """The endpoint: asks the model, and says in words why it gave no answer."""
+
+    def __init__(self, options: LlmOptions) -> None:
+        """Sends no request yet.
+
+        Raises:
+            AgentError: The key's environment variable is not set.
+            MissingDependencyError: The package `openai` is missing.
+        """
+        self.options = options
+        openai = require("openai", extra="llm")
+        self.Error: type[Exception] = openai.OpenAIError
+        """Raised by `ask` where no answer came."""
+        self._client = openai.OpenAI(
+            base_url=str(options.base_url), api_key=_key(options), timeout=options.timeout_s, max_retries=1
+        )
+
+    def ask(self, messages: Sequence[Message], *, is_json: bool = False) -> str:
+        """The text of the model's answer at temperature 0; empty where the answer holds no text.
+
+        Raises:
+            Chat.Error: No answer came; `reason` says why.
+        """
+        more = {"response_format": {"type": "json_object"}} if is_json else {}
+        reply = self._client.chat.completions.create(
+            model=self.options.model, temperature=0, messages=list(messages), **more
+        )
+        return _content_of(reply)
+
+    def reason(self, error: Exception) -> str:
+        """The reason for an `Error` in a few words.
+
+        Raises:
+            AgentError: The server refuses the key or the model, and would refuse every other request too.
+        """
+        status = getattr(error, "status_code", None)
+        if status in _REFUSALS:
+            raise AgentError(
+                f"phrases: {self.options.base_url} refused the request for model {self.options.model!r} "
+                f"(HTTP {status}); expected an answer. Correct {_REFUSALS[status]}."
+            ) from None
+        return f"HTTP {status}" if status else str(error) or type(error).__name__
 
 
 class _Owned(BaseModel):
@@ -84,14 +149,10 @@ class ChatPhrases:
         """Calls in this process that the rules answered instead; a run counts its own from its answers."""
         self.num_dropped = 0
         """Entries left out because their owner is not named in the text."""
-        self._options = options
+        self._chat = Chat(options)
         self._rules = RulePhrases()
         self._warn = warn or (lambda line: print(line, file=sys.stderr, flush=True))
         self._failures_in_a_row = 0
-        self._openai = require("openai", extra="llm")
-        self._client = self._openai.OpenAI(
-            base_url=str(options.base_url), api_key=_key(options), timeout=options.timeout_s, max_retries=1
-        )
 
     def phrases(self, task: Task) -> tuple[str, ...]:
         """The model's phrases "X owns Y in the Z"; the phrases of the rules if the model gives none.
@@ -105,9 +166,9 @@ class ChatPhrases:
         except ValueError as error:  # the body is not JSON, or the model's words inside it are not
             first = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
             return self._fall_back(task, f"the answer is not the JSON asked for: {first}")
-        except self._openai.OpenAIError as error:
+        except self._chat.Error as error:
             self._failures_in_a_row += 1
-            return self._fall_back(task, self._reason(error))
+            return self._fall_back(task, self._chat.reason(error))
         known = [entry for entry in entries if _stands_in(entry.owner, task.description)]
         if len(known) < len(entries):
             self.num_dropped += len(entries) - len(known)
@@ -119,32 +180,19 @@ class ChatPhrases:
 
     def _content(self, description: str) -> str:
         if self._failures_in_a_row >= _GIVE_UP_AFTER:
-            raise self._openai.OpenAIError(f"no longer asked after {_GIVE_UP_AFTER} failures in a row")
-        options = self._options
+            raise self._chat.Error(f"no longer asked after {_GIVE_UP_AFTER} failures in a row")
+        options = self._chat.options
         key = json.dumps([_PROMPT_VERSION, PROMPT, str(options.base_url), options.model, description])
         return cached_bytes("phrases", key, lambda: self._asked(description).encode()).decode()
 
     def _asked(self, description: str) -> str:
         """The model's answer; its form is checked here, so that no bad answer is kept."""
-        reply = self._client.chat.completions.create(
-            model=self._options.model,
-            temperature=0,
-            response_format={"type": "json_object"},
-            messages=[{"role": "system", "content": PROMPT}, {"role": "user", "content": description}],
+        content = self._chat.ask(
+            [{"role": "system", "content": PROMPT}, {"role": "user", "content": description}], is_json=True
         )
         self._failures_in_a_row = 0
-        content = _content_of(reply)
         _Reply.model_validate_json(_json_in(content))
         return content
-
-    def _reason(self, error: Exception) -> str:
-        status = getattr(error, "status_code", None)
-        if status in _REFUSALS:
-            raise AgentError(
-                f"phrases: {self._options.base_url} refused the request for model {self._options.model!r} "
-                f"(HTTP {status}); expected an answer. Correct {_REFUSALS[status]}."
-            ) from None
-        return f"HTTP {status}" if status else str(error) or type(error).__name__
 
     def _fall_back(self, task: Task, reason: str) -> tuple[str, ...]:
         self.num_fallbacks += 1
@@ -172,9 +220,14 @@ def _content_of(reply: Any) -> str:
     return content if isinstance(content, str) else ""
 
 
+def said_in(content: str) -> str:
+    """An answer without the model's reasoning before it."""
+    return re.sub(r"<think>.*?</think>", "", content, flags=re.DOTALL).strip()
+
+
 def _json_in(content: str) -> str:
     """The outermost {...}; models put it into code fences and after their reasoning."""
-    found = re.search(r"\{.*\}", re.sub(r"<think>.*?</think>", "", content, flags=re.DOTALL), re.DOTALL)
+    found = re.search(r"\{.*\}", said_in(content), re.DOTALL)
     return found[0] if found else content
 
 

@@ -1,9 +1,10 @@
-"""Words for invented homes: captions of objects and ownership sentences."""
+"""Words about objects: captions for invented homes, ownership sentences, and which objects a query may confuse."""
 
 import re
 
 from sim.homes.plan import Furniture, HomePlan, Room
 
+from ..episodes.checks_text import head_of
 from ..words.english import with_article
 
 _NEXT_TO, _NEAR = 0.35, 1.2
@@ -37,6 +38,11 @@ def are_mixed_up(first: str, second: str) -> bool:
     """Whether a query for one category could mean the other: "chair" and "desk chair", or "armchair"."""
     short, long = sorted((first, second), key=len)
     return re.search(rf"\b{re.escape(short)}s?\b", long) is not None or long.endswith(short)
+
+
+def names_category(category: str, phrase: str) -> bool:
+    """Whether a phrase about another object could answer a query for the category: its head has that word."""
+    return re.search(rf"\b{re.escape(category.lower())}s?\b", head_of(phrase.lower())) is not None
 
 
 def ownership_sentence(owner: str, phrase: str, room: str) -> str:

@@ -1,7 +1,7 @@
-"""Writes the scene description of an invented episode: owners, things and rooms, in varied sentences."""
+"""Writes the scene description of an episode by templates: owners, things and rooms, in varied sentences."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,6 +18,14 @@ class OwnedItem(NamedTuple):
     """The object's words without article: "green velvet armchair near the oak bookshelf"."""
     room: str
     owners: tuple[str, ...]
+
+
+class Describe(Protocol):
+    """Writes the paragraph that participants and agents read."""
+
+    def __call__(self, items: Sequence[OwnedItem], *, floor: str, rng: np.random.Generator) -> str | None:
+        """The paragraph; None where none could be written for these items, so that others are drawn."""
+        ...
 
 
 def write_description(items: Sequence[OwnedItem], *, floor: str, rng: np.random.Generator) -> str:

@@ -3,9 +3,7 @@
 Plan -> scene -> goals with view points -> ownership graphs -> content files. Nothing here needs licensed data.
 """
 
-import gzip
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +12,7 @@ import numpy as np
 from sim.authoring.semantics_writer import rooms_of_objects, semantic_files
 from sim.copies.glb_writer import glb_from_mesh
 from sim.errors import DatasetError
-from sim.frames import glb_zup_from_world, quat_xyzw_from_yaw
+from sim.frames import glb_zup_from_world
 from sim.homes.invented.plans import invented_plans
 from sim.homes.invented.recipes import GROUPS, SMALL
 from sim.homes.open_home import scene_from_plan
@@ -22,14 +20,16 @@ from sim.homes.plan import HomePlan, plan_bytes
 from sim.mesh import Scene
 from sim.render.raycast import Raycaster
 from sim.types import SPLITS
-from sim.walk.viewpoints import SeenFrom, view_points_around
+from sim.walk.viewpoints import view_points_around
 
-from ..episodes.schema import AgentState, EpisodeRecord, Goal, SceneFile, ViewPoint, goals_key
+from ..episodes.schema import Goal
+from .annotated import AnnotatedHome, Thing, view_point
 from .captions import caption_of
-from .searches import FurnishedHome, draw_search
+from .content import content_file, index_file, packed
+from .content import write_files as write_files
+from .searches import MOST_EPISODES, Style, draw_searches
 
 EPISODES_PER_SPLIT = 8
-MAX_EPISODES_PER_SPLIT = 300
 CATEGORIES = tuple(
     sorted(
         {member.category for members in GROUPS.values() for member in members}
@@ -37,6 +37,7 @@ CATEGORIES = tuple(
     )
 )
 """All categories of invented homes; ids in the files are places in this list, in every split."""
+_CONFIG = "invented home, no scene dataset config"
 
 
 def invent_dataset(out: Path, *, name: str, seed: int) -> None:
@@ -64,56 +65,41 @@ def dataset_files(name: str, *, seed: int, episodes_per_split: int = EPISODES_PE
         SceneError: The seed gives no home.
         DatasetError: The home gives no episodes for a split, or the number is out of range.
     """
-    if not 1 <= episodes_per_split <= MAX_EPISODES_PER_SPLIT:
+    if not 1 <= episodes_per_split <= MOST_EPISODES:
         raise DatasetError(
-            f"invent: episodes_per_split is {episodes_per_split!r}; expected 1 to {MAX_EPISODES_PER_SPLIT}. "
-            "Give another number."
+            f"invent: episodes_per_split is {episodes_per_split!r}; expected 1 to {MOST_EPISODES}. Give another number."
         )
-    scene, home = _home(name, seed)
+    scene, plan, home = _home(name, seed)
+    files = _scene_files(scene, plan)
     rng = np.random.default_rng([seed, 1 << 20])
-    files = _scene_files(scene, home.plan)
-    asked: set[str] = set()
-    for split in SPLITS:
-        episodes: list[EpisodeRecord] = []
-        for index in range(episodes_per_split):
-            episodes.append(draw_search(home, split, index, asked=asked, rng=rng))
-            asked = asked.union(episodes[-1].object_names)
-        files[f"{split}/content/{name}.json.gz"] = _packed(_scene_file(home, tuple(episodes)))
-        files[f"{split}/{split}.json.gz"] = _packed(_index())
+    drawn = draw_searches(home, dict.fromkeys(SPLITS, episodes_per_split), rng=rng, style=Style())
+    for split, episodes in drawn.items():
+        files[f"{split}/content/{name}.json.gz"] = packed(content_file(home, episodes, CATEGORIES))
+        files[f"{split}/{split}.json.gz"] = packed(index_file(CATEGORIES))
     return files
 
 
-def write_files(out: Path, files: dict[str, bytes]) -> None:
-    """Writes all files under temporary names, then renames them.
-
-    Raises:
-        DatasetError: A file cannot be written.
-    """
-    staged: list[tuple[Path, Path]] = []
-    try:
-        for path, data in files.items():
-            target = out / path
-            target.parent.mkdir(parents=True, exist_ok=True)
-            staged.append((target.with_name(target.name + ".part"), target))
-            staged[-1][0].write_bytes(data)
-        for beside, target in staged:
-            os.replace(beside, target)
-    except OSError as error:
-        for beside, _ in staged:
-            beside.unlink(missing_ok=True)
-        raise DatasetError(f"{out}: cannot be written ({error}); expected a writable folder. Change --out.") from None
-
-
-def _home(name: str, seed: int) -> tuple[Scene, FurnishedHome]:
+def _home(name: str, seed: int) -> tuple[Scene, HomePlan, AnnotatedHome]:
     """The seed's first home in whose mesh every piece can be seen and reached, as the plan's boxes promise."""
     for plan in invented_plans(name, seed=seed):
         scene = scene_from_plan(plan)
         goals = _goals(scene, plan)
         if goals is not None:
-            captions = {piece.name: caption_of(piece, plan) for piece in plan.furniture}
-            assert len(set(captions.values())) == len(captions)
-            return scene, FurnishedHome(plan, scene.navigation, goals, captions)
+            return scene, plan, _annotated(scene, plan, goals)
     raise AssertionError("invented_plans ends with an error")
+
+
+def _annotated(scene: Scene, plan: HomePlan, goals: dict[str, Goal]) -> AnnotatedHome:
+    captions = {piece.name: caption_of(piece, plan) for piece in plan.furniture}
+    assert len(set(captions.values())) == len(captions)
+    things = {
+        piece.name: Thing(goals[piece.name], captions[piece.name], piece.room, (captions[piece.name], "", ""))
+        for piece in plan.furniture
+    }
+    storeys = {str(number): storey.label for number, storey in enumerate(plan.storeys)}
+    return AnnotatedHome(
+        plan.name, f"invented/{plan.name}/{plan.name}.basis.glb", _CONFIG, scene.navigation, storeys, things
+    )
 
 
 def _goals(scene: Scene, plan: HomePlan) -> dict[str, Goal] | None:
@@ -130,7 +116,7 @@ def _goals(scene: Scene, plan: HomePlan) -> dict[str, Goal] | None:
         anchor = places[:1] if anchor is None else anchor
         walked = np.isfinite(scene.navigation.distances(places, anchor))
         level = np.abs(places[:, 1] - plan.storeys[storeys[piece.room]].floor_y) < 0.5
-        points = tuple(_view_point(point) for point, keep in zip(seen, walked & level, strict=True) if keep)
+        points = tuple(view_point(point) for point, keep in zip(seen, walked & level, strict=True) if keep)
         if not points:
             return None
         goals[piece.name] = Goal(
@@ -142,14 +128,6 @@ def _goals(scene: Scene, plan: HomePlan) -> dict[str, Goal] | None:
             view_points=points,
         )
     return goals
-
-
-def _view_point(seen: SeenFrom) -> ViewPoint:
-    """The view point, rounded as in the release."""
-    x, y, z = (round(value, 5) for value in seen.position)
-    _, qy, _, qw = quat_xyzw_from_yaw(seen.yaw)
-    state = AgentState(position=(x, y, z), rotation=(0.0, round(qy, 6), 0.0, round(qw, 6)))
-    return ViewPoint(agent_state=state, iou=round(seen.visible_share, 5))
 
 
 def _scene_files(scene: Scene, plan: HomePlan) -> dict[str, bytes]:
@@ -164,30 +142,3 @@ def _scene_files(scene: Scene, plan: HomePlan) -> dict[str, bytes]:
         f"scenes/{name}.semantic.glb": semantics.glb,
         f"scenes/{name}.semantic.txt": semantics.txt,
     }
-
-
-def _scene_file(home: FurnishedHome, episodes: tuple[EpisodeRecord, ...]) -> SceneFile:
-    by_category: dict[str, list[Goal]] = {}
-    for goal in home.goals.values():
-        by_category.setdefault(goals_key(home.plan.name, goal.object_category), []).append(goal)
-    return _index().model_copy(
-        update={
-            "goals_by_category": {key: tuple(goals) for key, goals in sorted(by_category.items())},
-            "episodes": episodes,
-        }
-    )
-
-
-def _index() -> SceneFile:
-    ids = {category: number for number, category in enumerate(CATEGORIES)}
-    return SceneFile(
-        goals_by_category={},
-        episodes=(),
-        category_to_task_category_id=ids,
-        category_to_scene_annotation_category_id=ids,
-    )
-
-
-def _packed(content: SceneFile) -> bytes:
-    """Compressed JSON without a time stamp, so that the same content gives the same bytes."""
-    return gzip.compress((content.model_dump_json(by_alias=True, indent=2) + "\n").encode(), mtime=0)

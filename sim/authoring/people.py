@@ -1,4 +1,4 @@
-"""Owners in invented episodes: first names, and ownership graphs that keep the rules of their split."""
+"""Owners in generated episodes: first names, and ownership graphs that keep the rules of their split."""
 
 from collections import Counter
 from typing import NamedTuple
@@ -72,6 +72,22 @@ def draw_ownership(split: Split, conflicts: NDArray[np.bool_], *, rng: np.random
         f"ownership graph: found no graph for split {split!r} over {most} objects in {_TRIES} tries; expected at least "
         f"{sizes.items[0]} objects of different categories on one storey. Take another --seed."
     )
+
+
+def unmet_need(split: Split, conflicts: NDArray[np.bool_]) -> str | None:
+    """The constraint of a split that no graph over these objects can keep, with what is found and needed; or None.
+
+    Args:
+        split: The split.
+        conflicts: As in `draw_ownership`.
+    """
+    most, least = len(conflicts), _SIZES[split].items[0]
+    if most < least:
+        rule = {"easy": "everybody owns one object and every object has one owner"}.get(split, "every object is owned")
+        return f"{rule}: found {most} objects, needs {least}"
+    if split != "easy" and (conflicts | np.eye(most, dtype=bool)).all():
+        return f"somebody owns several objects: any two of the {most} could answer one query, needs two that cannot"
+    return None
 
 
 def broken_rule(split: Split, edges: list[Edge]) -> str | None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sim.frames import forward_from_yaw, planar_distance, yaw_from_quat_xyzw
 from sim.types import RELAXED_RADIUS, STOREY_GAP, SUCCESS_RADIUS, EpisodeKey, Split
 
-from .schema import Episode, Goal, Vector3, goals_key
+from .schema import Episode, Goal, Vector3, goals_of
 from .survey import Find, Hit, Rule, Survey, splits_in_order
 
 GEODESIC_LIMITS: dict[Split, tuple[float, float]] = {"easy": (2.0, 4.0), "medium": (3.0, 7.0), "hard": (3.0, 11.0)}
@@ -74,8 +74,8 @@ def _goals_where(is_hit: Callable[[Goal], NDArray[np.bool_]]) -> Find:
 def _with_non_targets(survey: Survey) -> Iterator[Hit]:
     for episode in survey.episodes:
         split, scene, _ = episode.key
-        key = goals_key(scene, episode.record.object_category)
-        if len(survey.contents[(split, scene)].goals_by_category[key]) > len(episode.targets):
+        listed = goals_of(scene, episode.record, survey.contents[(split, scene)])
+        if listed is not None and len(listed) > len(episode.targets):
             yield Hit((split,), str(episode.key))
 
 

@@ -28,6 +28,11 @@ _PRIVATE_SPLITS = ("easy", "medium")
 """Splits in which every object has one owner (paper: c_j = 1)."""
 
 
+def head_of(phrase: str) -> str:
+    """The part of a phrase that is about the object itself, before "near", "next", "located" or "on"."""
+    return _AFTER_HEAD.split(phrase, maxsplit=1)[0]
+
+
 def is_annotator_note(caption: str) -> bool:
     """Whether a caption holds a remark of its annotator ("NOTA: ...") instead of, or after, a description."""
     return _NOTE.search(caption) is not None
@@ -150,8 +155,7 @@ def _has_rival_sentence(record: EpisodeRecord) -> bool:
     if len(record.object_names) > 1:
         return False
     category = re.compile(rf"\b{re.escape(record.object_category.lower())}s?\b")
-    heads = (_AFTER_HEAD.split(text, maxsplit=1)[0] for text in _owner_sentences(record))
-    return sum(category.search(head) is not None for head in heads) > 1
+    return sum(category.search(head_of(text)) is not None for text in _owner_sentences(record)) > 1
 
 
 def _is_query_unknown(record: EpisodeRecord) -> bool:

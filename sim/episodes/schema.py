@@ -150,6 +150,11 @@ class EpisodeRecord(BaseModel):
     shortest_paths: Any = None
 
     @property
+    def scan_suffix(self) -> str:
+        """`.basis.glb`, or the suffix of another scan's file."""
+        return self.scene_id.rsplit("/", 1)[-1].removeprefix(scene_name_from_id(self.scene_id))
+
+    @property
     def object_names(self) -> tuple[str, ...]:
         """Names of the right objects, a tuple even for one object."""
         return (self.object_id,) if isinstance(self.object_id, str) else self.object_id
@@ -173,7 +178,7 @@ class SceneFile(BaseModel):
 
     model_config = _STRICT_SHAPE
     goals_by_category: dict[str, tuple[Goal, ...]]
-    """`<SceneName>.basis.glb_<category>` to all goal objects of that category in the scene."""
+    """`goals_key` of each category to all goal objects of that category in the scene."""
     episodes: tuple[EpisodeRecord, ...]
     category_to_task_category_id: dict[str, int]
     category_to_scene_annotation_category_id: dict[str, int]
@@ -198,9 +203,18 @@ class Episode:
         return Task(kind, self.record.summary, (self.record.query[query_index],), actions=actions)
 
 
-def goals_key(scene: str, category: str) -> str:
-    """Key of `goals_by_category` for a category of a scene."""
-    return f"{scene}.basis.glb_{category}"
+def goals_key(scene: str, category: str, *, suffix: str = ".basis.glb") -> str:
+    """Habitat's key of `goals_by_category`: the file name of the scan, which ends in `suffix`, and a category."""
+    return f"{scene}{suffix}_{category}"
+
+
+def goals_of(scene: str, record: EpisodeRecord, content: SceneFile) -> tuple[Goal, ...] | None:
+    """All goals of the episode's category; None without its key, by the scan's file name or by the release's."""
+    for suffix in (record.scan_suffix, ".basis.glb"):
+        goals = content.goals_by_category.get(goals_key(scene, record.object_category, suffix=suffix))
+        if goals is not None:
+            return goals
+    return None
 
 
 def resolve_episode(split: Split, scene: str, record: EpisodeRecord, content: SceneFile) -> Episode:
@@ -209,8 +223,8 @@ def resolve_episode(split: Split, scene: str, record: EpisodeRecord, content: Sc
     Raises:
         KeyError: The goal list is missing or a name does not resolve exactly once; args[0] says which one.
     """
-    key = goals_key(scene, record.object_category)
-    goals = content.goals_by_category.get(key)
+    key = goals_key(scene, record.object_category, suffix=record.scan_suffix)
+    goals = goals_of(scene, record, content)
     if goals is None:
         raise KeyError(f"goals_by_category has no key {short(key, most=80)}")
     targets = tuple(goal for name in record.object_names for goal in goals if goal.object_name == name)

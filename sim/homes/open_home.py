@@ -96,6 +96,24 @@ def open_scan(path: Path, *, up: Up | None = None) -> Scene:
     return scene
 
 
+def open_unasked_scan(name: str, scenes_dir: Path) -> tuple[Scene, str]:
+    """The scan of a scene that has no episodes yet, as `open_scene` opens it for episodes with the returned `scene_id`.
+
+    The id is the path of the scan's file below `scenes_dir`, to which Habitat joins it.
+
+    Raises:
+        SceneError: As `open_scene`.
+        MissingDependencyError: As `open_scene`.
+    """
+    scan = find_scan(name, scenes_dir)
+    scene_id = scan.relative_to(scenes_dir).as_posix()
+    up = up_axis(scan, root=scenes_dir) or (HM3D_UP if _names_hm3d(scene_id) else None)
+    scene = _scan(scan, name, "scan", up or "y")
+    if up is None:
+        _warn_of_doubt(scan, scene)
+    return scene, scene_id
+
+
 def home_plan(dataset: PersonalDataset, name: str, *, clutter: ClutterLevel = 0) -> HomePlan:
     """The plan beside the episodes of `name`, or else the recovered plan; with clutter of seed 0.
 
@@ -223,7 +241,11 @@ def said_up(dataset: PersonalDataset, name: str, scan: Path, *, scenes_dir: Path
 def _is_in_hm3d(dataset: PersonalDataset, name: str) -> bool:
     """Whether the scene's episodes name a file of HM3D."""
     first = next(dataset.episodes(scenes=(name,)), None)
-    return first is not None and any(part.startswith("hm3d") for part in first.record.scene_id.split("/"))
+    return first is not None and _names_hm3d(first.record.scene_id)
+
+
+def _names_hm3d(scene_id: str) -> bool:
+    return any(part.startswith("hm3d") for part in scene_id.split("/"))
 
 
 def _warn_of_doubt(path: Path, scene: Scene) -> None:

@@ -1,4 +1,4 @@
-"""Finds the object at a point of a mesh, and spreads points over one object's surface."""
+"""Finds the object at a point of a mesh, and spreads points over the surface of one object or inside a box."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,8 @@ from .navigation_map import Points
 
 _PADDING = 0.05
 """An object's faces may begin this far outside its box, metres."""
+_ON_BOX = 0.01
+"""A place this far outside a box still belongs to it, metres: hits are not exact."""
 _ROUNDS = (16, 1024)
 """Samples per wanted point where images hold the ids: the first round suits small faces, the second large ones."""
 _GOLDEN = (0.7548776662466927, 0.5698402909980532)
@@ -72,6 +74,39 @@ def object_surface(
         if len(points) >= count:
             return points[np.linspace(0, len(points) - 1, count).round().astype(np.int64)]
     return points
+
+
+def surface_in_box(
+    mesh: TriangleMesh, *, centre: tuple[float, float, float], size: tuple[float, float, float], count: int
+) -> Points:
+    """Points (K, 3) spread by area over the part of a mesh that lies in a box along the axes, the same at every call.
+
+    Args:
+        mesh: World frame.
+        centre: Of the box, metres.
+        size: Extents of the box along x, y, z.
+        count: Wanted number of points; fewer come back only where the box holds very little area.
+
+    Returns:
+        (0, 3) when the box holds nothing of the mesh.
+    """
+    half = np.asarray(size) / 2
+    faces = np.flatnonzero(_overlap(mesh.vertices, mesh.faces, np.asarray(centre) - half, np.asarray(centre) + half))
+    points = np.empty((0, 3))
+    for per_point in _ROUNDS:
+        places = _spread(mesh, faces, count * per_point)[1]
+        points = places[is_in_box(places, centre=centre, size=size)]
+        if len(points) >= count:
+            return points[np.linspace(0, len(points) - 1, count).round().astype(np.int64)]
+    return points
+
+
+def is_in_box(
+    positions: Points, *, centre: tuple[float, float, float], size: tuple[float, float, float]
+) -> NDArray[np.bool_]:
+    """(N,) whether each place (N, 3) is in a box along the axes or on its sides; nan is not."""
+    off = np.abs(positions - centre) - np.asarray(size) / 2
+    return off.max(axis=1) <= _ON_BOX  # (N,)
 
 
 def _spread(mesh: TriangleMesh, faces: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], Points]:

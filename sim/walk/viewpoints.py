@@ -13,9 +13,9 @@ from sim.frames import yaw_towards
 from sim.mesh import SceneObject, TriangleMesh
 from sim.types import RELAXED_RADIUS, SUCCESS_RADIUS, TURN_STEP, Camera
 
-from ..render.renderer import Renderer
+from ..render.renderer import Hits, Renderer
 from .navigation_map import NavigationMap, Points
-from .object_surface import object_ids_at, object_surface
+from .object_surface import is_in_box, object_ids_at, object_surface, surface_in_box
 from .storeys import nearest_storey, same_storey
 
 SPACING = 0.25
@@ -66,7 +66,7 @@ def view_points_around(
     is the object. It may rise or fall as far as one look up or down shows.
 
     Args:
-        item: The object; its id is looked up in the mesh.
+        item: The object; its id is looked up in the mesh. Id 0 = the object is what the mesh has in the item's box.
         mesh: The mesh of `renderer`.
         navigation: Places where a robot can stand.
         renderer: Casts the lines of sight.
@@ -78,7 +78,7 @@ def view_points_around(
     """
     camera = camera or Camera()
     centre = np.asarray(item.centre, float)
-    targets = object_surface(mesh, item.instance_id, centre=item.centre, size=item.size, count=SAMPLES)
+    targets = _surface(item, mesh)
     around = _thinned(navigation.points_within(centre[None], RELAXED_RADIUS, max_dy=_HEIGHTS))
     if not len(targets) or not len(around):
         return []
@@ -87,11 +87,25 @@ def view_points_around(
         on_storey = _on_storey(around, centre, floor_y, navigation)
         for radius in (SUCCESS_RADIUS, RELAXED_RADIUS):
             places = around[on_storey & (away <= radius)]
-            sights = _sights(places, targets, item.instance_id, mesh, renderer, camera)
+            sights = _sights(places, targets, item, mesh, renderer, camera)
             found = _spaced(places, sights, centre, camera)
             if found:
                 return found
     return []
+
+
+def _surface(item: SceneObject, mesh: TriangleMesh) -> Points:
+    """(K, 3) points of the object, or of the mesh in its box."""
+    if item.instance_id:
+        return object_surface(mesh, item.instance_id, centre=item.centre, size=item.size, count=SAMPLES)
+    return surface_in_box(mesh, centre=item.centre, size=item.size, count=SAMPLES)
+
+
+def _are_of(item: SceneObject, mesh: TriangleMesh, hits: Hits) -> NDArray[np.bool_]:
+    """(N,) whether each hit is on the object, or in its box."""
+    if item.instance_id:
+        return object_ids_at(mesh, hits.face_ids, hits.positions) == item.instance_id
+    return is_in_box(hits.positions, centre=item.centre, size=item.size)
 
 
 def _thinned(places: Points) -> Points:
@@ -139,7 +153,7 @@ def _on_storey(
 def _sights(
     places: Points,
     targets: Points,
-    instance_id: int,
+    item: SceneObject,
     mesh: TriangleMesh,
     renderer: Renderer,
     camera: Camera,
@@ -149,8 +163,7 @@ def _sights(
     hits = renderer.cast(eyes, np.tile(targets, (len(places), 1)) - eyes)
     to = hits.positions - eyes
     steep = np.abs(np.arctan2(to[:, 1], np.hypot(to[:, 0], to[:, 2])))
-    is_object = object_ids_at(mesh, hits.face_ids, hits.positions) == instance_id
-    seen = is_object & (steep <= TURN_STEP + _half_height(camera))
+    seen = _are_of(item, mesh, hits) & (steep <= TURN_STEP + _half_height(camera))
     return np.where(seen[:, None], hits.positions, np.nan).reshape(len(places), len(targets), 3)
 
 

@@ -1,4 +1,4 @@
-"""A recording's frames become a coloured mesh whose surfaces lie where the room's are; views without depth are refused."""
+"""A recording's frames become a coloured mesh whose surfaces lie where the room's are."""
 
 from dataclasses import replace
 

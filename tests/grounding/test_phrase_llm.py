@@ -141,7 +141,8 @@ def test_rules_replace_a_failing_server_which_is_no_longer_asked_after_five_fail
 ) -> None:
     stub.status = 500
     source = Source(stub)
-    monkeypatch.setattr(source.source, "_client", source.source._client.with_options(max_retries=0))
+    chat = source.source._chat
+    monkeypatch.setattr(chat, "_client", chat._client.with_options(max_retries=0))
     tasks = [Task("pog", f"{TEXT} There are {number} rooms.", TASK.queries) for number in range(8)]
     assert [source.ask(task) for task in tasks] == [RulePhrases().phrases(task) for task in tasks]
     assert source.source.num_fallbacks == 8

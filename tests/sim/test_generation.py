@@ -1,6 +1,7 @@
 """Invented datasets load, keep every rule of their split, and are the same for the same seed."""
 
 import hashlib
+import json
 import re
 import subprocess
 import sys
@@ -146,6 +147,29 @@ def test_the_same_seed_gives_the_same_bytes_in_another_process(root: Path) -> No
     paths = [line.split()[0] for line in done.stdout.splitlines()]
     assert len(paths) == 11
     assert done.stdout.splitlines() == [f"{p} {hashlib.sha256((root / p).read_bytes()).hexdigest()}" for p in paths]
+
+
+@pytest.mark.parametrize(
+    ("scene", "digest"),
+    [
+        ("Small", "c2b34fdddbcb8699"),
+        ("Demo", "355d97236df74d49"),
+    ],
+)
+def test_the_episodes_of_a_seed_are_those_of_earlier_versions(episodes: list[Episode], scene: str, digest: str) -> None:
+    facts = [
+        (
+            str(episode.key),
+            episode.record.object_names,
+            episode.record.summary,
+            episode.record.extracted_summary,
+            [round(value, 2) + 0.0 for value in episode.record.start_position],
+            round(episode.start.yaw, 2),
+        )
+        for episode in episodes
+        if episode.key.scene == scene
+    ]
+    assert hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16] == digest
 
 
 @pytest.mark.slow

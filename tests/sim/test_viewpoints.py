@@ -247,3 +247,21 @@ def test_nearly_every_piece_of_an_invented_home_has_view_points_and_is_in_their_
             frame = renderer.render(T_world_camera(Pose(point.position, point.yaw, point.tilt), camera), camera)
             assert item.instance_id in frame.instance_ids, item.name
     assert with_points >= 0.9 * len(scene.objects[::6])
+
+
+def test_an_object_known_by_its_box_is_seen_from_all_sides_and_not_through_walls() -> None:
+    mesh = mesh_of(floor(0, 0, 6, 6), *box(*BOX, instance=7))
+    by_id, by_box = around(mesh, *BOX), boxed(mesh, *BOX)
+    assert len(by_id) > 8
+    assert abs(len(by_box) - len(by_id)) <= 6  # the box holds a rim of floor too
+    assert max(planar(point) for point in by_box) <= 1.0
+    wall = box((2.0, 0.0, 2.4), (4.0, 2.0, 2.5))
+    hidden = boxed(mesh_of(floor(0, 0, 6, 6), *box(*BOX, instance=7), *wall), *BOX)
+    assert hidden
+    assert all(point.position[2] > 2.5 for point in hidden)
+    assert boxed(mesh, (0.5, 1.0, 0.5), (0.9, 1.4, 0.9)) == []
+
+
+def boxed(mesh: TriangleMesh, low, high) -> list[SeenFrom]:
+    item = item_of(low, high, instance=0)
+    return view_points_around(item, mesh, navigation=floor_grid_from_mesh(mesh), renderer=Raycaster(mesh))

@@ -1,1 +1,1 @@
-"""Verbs on scans: whether they fit the episodes, and a look at any of them."""
+"""Verbs on scans: whether they fit the episodes, a look at any of them, and episodes of your own on them."""

@@ -1,0 +1,213 @@
+"""Makes an edition: episodes of annotated scenes, checked before anything is written, and a record of their origin.
+
+Folder with annotations or episodes -> homes -> searches -> files; `personal-viz generate` is its verb.
+"""
+
+import hashlib
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from sim.errors import DatasetError
+from sim.homes.open_home import open_scene, open_unasked_scan
+from sim.types import SPLITS, Split
+
+from ..episodes.dataset import PersonalDataset
+from ..episodes.schema import EpisodeRecord
+from ..episodes.validate import validate_dataset
+from .annotated import AnnotatedHome, home_from_annotations, home_from_edition
+from .annotations import annotated_scenes, annotation_path, fold, read_edits
+from .content import content_file, index_file, packed, packed_for_habitat, write_files
+from .searches import Starts, Style, draw_searches
+
+RECORD = "generated.json"
+HABITAT = "objectnav"
+"""Folder of the copy for habitat-lab's stock class."""
+_MODEL = ConfigDict(frozen=True, extra="forbid")
+
+
+class SceneSource(BaseModel):
+    """What the episodes of one scene were made from."""
+
+    model_config = _MODEL
+    num_edits: int | None
+    """Edits of its annotations at that time; later ones are in `changes_since`. None = made from episodes."""
+    digest: str
+    """sha256 of the annotations' edits, or of the scene's files in the edition."""
+    scene_digest: str
+    """`Scene.digest` of the home."""
+    num_objects: int
+    """Objects that episodes could ask for."""
+    left_out: tuple[str, ...]
+    """The other objects, each with the reason."""
+
+
+class Generated(BaseModel):
+    """`generated.json`: the origin of an edition."""
+
+    model_config = _MODEL
+    version: Literal[1] = 1
+    seed: int
+    starts: Starts
+    counts: dict[Split, int]
+    """Episodes of each split in each scene."""
+    descriptions: dict[str, int]
+    """Number of descriptions by the way they were written, and of answers that were refused."""
+    scenes: dict[str, SceneSource]
+
+
+@dataclass(frozen=True, slots=True)
+class Edition:
+    """Drawn episodes of several scenes."""
+
+    homes: Mapping[str, AnnotatedHome]
+    episodes: Mapping[tuple[Split, str], tuple[EpisodeRecord, ...]]
+    """By split and scene; only where there are some."""
+    sources: Mapping[str, SceneSource]
+
+
+def scenes_to_ask(dataset: Path) -> tuple[str, ...]:
+    """The scenes with annotations; where there are none, those with episodes.
+
+    Raises:
+        DatasetError: The folder holds neither.
+    """
+    return annotated_scenes(dataset) or PersonalDataset(dataset).scenes
+
+
+def require_free(
+    out: Path, dataset: Path, scenes: Iterable[str], counts: Mapping[Split, int], *, replace: bool
+) -> None:
+    """Refuses to write an edition where episodes stand that it would overwrite, or that would stay beside it.
+
+    Args:
+        out: Folder of the new edition.
+        dataset: Folder that it is made from.
+        scenes: Its scenes.
+        counts: Its episodes of each split.
+        replace: Whether episodes of the same split and scene may be overwritten.
+
+    Raises:
+        DatasetError: It would; the message says which file.
+    """
+    new = {(split, scene) for split in SPLITS if counts.get(split, 0) for scene in scenes}
+    if not new:
+        raise DatasetError(f"{out}: 0 episodes are asked for; expected some. Give --easy, --medium or --hard.")
+    sources = {scene for scene in scenes if scene not in annotated_scenes(dataset)}
+    for split in SPLITS:
+        for path in sorted((out / split / "content").glob("*.json*")):
+            scene = path.name.split(".")[0]
+            if (split, scene) not in new:
+                raise DatasetError(
+                    f"{path}: found episodes that the new edition does not have; expected a folder of its own, because "
+                    "editions are never mixed. Give another --out, or remove the file."
+                )
+            if scene in sources and out.resolve() == dataset.resolve():
+                raise DatasetError(
+                    f"{path}: found the episodes from which new ones are made; expected another folder. Give --out."
+                )
+            if not replace:
+                raise DatasetError(
+                    f"{path}: found episodes; expected none. Give another --out, or --replace to overwrite them."
+                )
+
+
+def draw_edition(
+    dataset: Path,
+    scenes: Sequence[str],
+    *,
+    scenes_dir: Path | None,
+    counts: Mapping[Split, int],
+    seed: int,
+    style: Style,
+    on_scene: Callable[[str], None] = lambda scene: None,
+) -> Edition:
+    """Draws the episodes of each scene; a scene's episodes depend on its name and the seed, not on the other scenes.
+
+    Args:
+        dataset: Folder with `annotations/<Scene>.jsonl`, or with an edition whose objects get new owners.
+        scenes: Names of the scenes.
+        scenes_dir: Folder of scans; None = homes made from the edition's plans or episodes.
+        counts: Episodes of each split, in each scene.
+        seed: The seed.
+        style: Starts and descriptions.
+        on_scene: Called after each scene.
+
+    Raises:
+        DatasetError: A scene is unknown, its annotations are damaged, or a split's constraint cannot be met.
+        SceneError: A scene cannot be opened.
+    """
+    homes: dict[str, AnnotatedHome] = {}
+    sources: dict[str, SceneSource] = {}
+    episodes: dict[tuple[Split, str], tuple[EpisodeRecord, ...]] = {}
+    for scene in scenes:
+        homes[scene], sources[scene] = _opened(dataset, scene, scenes_dir)
+        own = int.from_bytes(hashlib.sha256(scene.encode()).digest()[:8])
+        drawn = draw_searches(homes[scene], counts, rng=np.random.default_rng([seed, own]), style=style)
+        episodes |= {(split, scene): found for split, found in drawn.items() if found}
+        on_scene(scene)
+    return Edition(homes, episodes, sources)
+
+
+def edition_files(edition: Edition, made: Generated) -> dict[str, bytes]:
+    """All files of an edition by path: as released, the copy for Habitat's own class, and `generated.json`."""
+    categories = sorted({t.goal.object_category for home in edition.homes.values() for t in home.things.values()})
+    files: dict[str, bytes] = {}
+    for (split, scene), records in edition.episodes.items():
+        content = content_file(edition.homes[scene], records, categories)
+        for root, pack in (("", packed), (f"{HABITAT}/", packed_for_habitat)):
+            files[f"{root}{split}/content/{scene}.json.gz"] = pack(content)
+            files[f"{root}{split}/{split}.json.gz"] = pack(index_file(categories))
+    files[RECORD] = (made.model_dump_json(indent=2) + "\n").encode()
+    return files
+
+
+def write_edition(out: Path, files: dict[str, bytes]) -> None:
+    """Writes an edition in which `validate` finds neither errors nor defects; otherwise writes nothing.
+
+    Raises:
+        DatasetError: `validate` finds something, or a file cannot be written.
+    """
+    with tempfile.TemporaryDirectory() as beside:
+        write_files(Path(beside), files)
+        report = validate_dataset(Path(beside))
+    for check in report.checks:
+        if check.level != "note" and check.measure.count:
+            names = ", ".join(check.measure.names[:3])
+            raise DatasetError(
+                f"{out}: validate finds {check.measure.slug} (row {check.row}: {check.title}) in {names}; expected "
+                "nothing, so nothing was written. Reword the captions of these objects, or take another --seed."
+            )
+    write_files(out, files)
+
+
+def _opened(dataset: Path, scene: str, scenes_dir: Path | None) -> tuple[AnnotatedHome, SceneSource]:
+    """The scene's home, and what it was made from."""
+    path = annotation_path(dataset, scene)
+    edits = read_edits(path)
+    if edits:
+        if scenes_dir is None:
+            raise DatasetError(
+                f"{path}: annotates a scan, but no folder of scans is given; expected the scan. Give --scenes-dir."
+            )
+        opened, scene_id = open_unasked_scan(scene, scenes_dir)
+        home = home_from_annotations(opened, list(fold(edits).values()), scene_id=scene_id)
+        digest = hashlib.sha256("\n".join(edit.model_dump_json() for edit in edits).encode()).hexdigest()
+    else:
+        episodes = PersonalDataset(dataset)
+        opened = open_scene(episodes, scene, scenes_dir=scenes_dir)
+        home = home_from_edition(episodes, opened)
+        digest = episodes.scene_digest(scene)
+    num_edits = len(edits) or None
+    return home, SceneSource(
+        num_edits=num_edits,
+        digest=digest,
+        scene_digest=opened.digest,
+        num_objects=len(home.things),
+        left_out=home.left_out,
+    )
