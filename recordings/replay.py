@@ -25,7 +25,6 @@ from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import Camera, Pose
 
 from . import paths
-from .asked import log_replies
 from .blueprints import comparison_blueprint, map_blueprint
 from .divergence import Divergence, divergence_of, log_divergence
 from .episode import (
@@ -42,7 +41,7 @@ from .episode import (
     set_moment,
 )
 from .layers import Regrounded, log_layers, reground, reground_markdown
-from .memory import log_memory, memory_markdown, named_memories, storey_at, storeys_of_memory
+from .memory import log_memory, log_replies, memory_markdown, named_memories, storey_at, storeys_of_memory
 from .read import log_record_answer, log_record_end, log_record_start
 from .scene import GoalRegion, goal_region, log_goal, log_identity, log_map_picture, log_storeys, log_up, may_be_shown
 from .sinks import open_recording
