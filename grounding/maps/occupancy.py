@@ -104,7 +104,7 @@ class OccupancyMapper:
         blocked wins; across views votes decide, so the place of a removed thing is free after some clear views.
 
         Args:
-            depth_m: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing; negative = so far,
+            depth_m: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing; negative = as far,
                 but doubtful, which can show floor and blocks nothing.
             T_map_camera: (4, 4) pose of the camera (OpenCV axes).
         """

@@ -54,7 +54,7 @@ def without_mixed(depth, step):
 
 @njit(cache=True, nogil=True)
 def _is_bent(depth, r, c, down, right):
-    """Whether inverse depth bends at a pixel, between the pixels that lie so far to both sides."""
+    """Whether inverse depth bends at a pixel, between the pixels this far to both sides."""
     height, width = depth.shape
     if r < down or c < right or r + down >= height or c + right >= width:
         return False
@@ -67,7 +67,7 @@ def mark(depth, R, u0, v0, y0, focal, scale, band, max_depth, hits):
     """Counts hits (rows, cols) uint8 of one view; returns the box (row0, row1, col0, col1) that they lie in.
 
     Args:
-        depth: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing; negative = so far, but
+        depth: (H, W) planar metres, 0 = no return, nan = not measured, which says nothing; negative = as far, but
             doubtful, which can show floor and blocks nothing.
         R: (3, 3) camera (OpenCV axes) in the map.
         u0: Camera's column on the grid, with fraction.

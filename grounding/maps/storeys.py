@@ -27,7 +27,7 @@ _LAYER, _PLACE = 0.05, 0.1
 _CLEAR = (3, 6)
 """A square counts in a layer if the layers this far above it are empty there: walls have no squares."""
 _LEAST_SHARE, _NOISE = 0.08, 0.15
-"""The floor is the lowest layer of this share of the widest one's area, or a wider one at most so far above (metres):
+"""The floor is the lowest layer of this share of the widest one's area, or a wider one at most this far above (metres):
 noise lies beside the floor's own layer, stairs down and mirror images below it are small."""
 _LOWEST_EYE, _HIGHEST_EYE = 0.1, 2.5
 """The floor is this far below the cameras, metres."""

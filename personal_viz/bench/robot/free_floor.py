@@ -18,7 +18,7 @@ from sim.types import CUT_HEIGHT, Frame, GridSpec
 _FINE = 0.02
 """Side of the squares in which the mesh is probed, metres."""
 _BESIDE = np.array([-_FINE, 0.0, _FINE])
-"""A cell of a map is truly free where the mesh is free so far (metres) around its middle."""
+"""A cell of a map is truly free where the mesh is free this far (metres) around its middle."""
 _MARGIN = 0.2
 
 

@@ -29,7 +29,7 @@ _TURN_S = 0.5
 """Time (s) in which two thirds of a turn are made."""
 _DESK_DISTANCE, _DESK_STEP = (0.7, 1.6), 0.4
 """Metres between somebody and the thing looked at, and how far they step to each side."""
-NEAREST, FARTHEST = 0.4, 5.0
+NEAREST, _FARTHEST = 0.4, 5.0
 """Metres between which the sensor gives depth."""
 _HOLES = 0.06
 """Share of a picture without depth besides."""
@@ -78,7 +78,7 @@ class Walk:
 
     scene: Scene
     floor_y: float
-    """Floor of the storey that is walked, world metres."""
+    """Floor of the storey that is walked, or of one of them, world metres."""
     Ts_world_camera: NDArray[np.float64]
     """(N, 4, 4) poses of the camera, OpenCV axes."""
     seed: int
@@ -199,5 +199,5 @@ def _sensed(depth_m: NDArray[np.float32], rng: np.random.Generator) -> NDArray[n
     seen = mixed + rng.normal(size=mixed.shape) * noise
     speckle = ndimage.gaussian_filter(rng.normal(size=mixed.shape), 6)
     is_hole = speckle < np.quantile(speckle, _HOLES)
-    is_seen = (seen >= NEAREST) & (seen <= FARTHEST) & (sharp > 0) & ~is_hole
+    is_seen = (seen >= NEAREST) & (seen <= _FARTHEST) & (sharp > 0) & ~is_hole
     return np.where(is_seen, np.round(seen * 1000) / 1000, 0).astype(np.float32)
