@@ -16,7 +16,7 @@ from .thing_merging import MergeRule, UnknownThings
 from .tracked_things import KnownThings, Thing
 from .view_quality import patch_pixels
 
-_RULE = MergeRule(merge_m=0.1, min_share=0.3, min_cosine=0.7)
+_RULE = MergeRule(merge_m=0.05, min_share=0.3, min_cosine=0.7)
 _LEAST_POINTS = 5
 """Things with fewer points, one per 5 cm cube, are left out."""
 _LEAST_IN_PATCH = 0.25

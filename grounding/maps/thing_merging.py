@@ -291,12 +291,13 @@ def _sight(things: Sequence[_Growing], frame: Frame, view: _View) -> _Sight:
     behind = view.depth[v, u] - z  # nan compares as False
     near = _JUMP + _JUMP_SHARE * z
     owners = np.repeat(np.arange(len(things)), sizes)
-    shares = np.bincount(owners[index[behind >= -near]], minlength=len(things)) / np.maximum(sizes, 1)
+    is_part = sums[:, 4] >= _LEAST_VOTES * sums[:, 5]
+    unhidden = np.bincount(owners[index], is_part[index] & (behind >= -near), len(things))
+    shares = unhidden / np.maximum(np.bincount(owners, is_part, len(things)), 1)
     is_seen = np.abs(behind) <= near
     index = index[is_seen]
     keys = np.concatenate([part.keys for part in (*cubes, _NOTHING)])[index]
-    is_part = sums[index, 4] >= _LEAST_VOTES * sums[index, 5]
-    return _Sight(owners[index], keys, is_part, (v[is_seen], u[is_seen]), shares)
+    return _Sight(owners[index], keys, is_part[index], (v[is_seen], u[is_seen]), shares)
 
 
 def _shares(sight: _Sight, view: _View) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -305,8 +306,9 @@ def _shares(sight: _Sight, view: _View) -> tuple[NDArray[np.float64], NDArray[np
     if not num_points or not len(view.masks):
         nothing = np.zeros((sight.num_things, len(view.masks)))
         return nothing, nothing
-    by_thing = csr_array((np.ones(num_points), (sight.owners, np.arange(num_points))), (sight.num_things, num_points))
-    visible = np.bincount(sight.owners, minlength=sight.num_things)[:, None]
+    parts, points = sight.is_part.astype(float), np.arange(num_points)
+    by_thing = csr_array((parts, (sight.owners, points)), (sight.num_things, num_points))
+    visible = np.bincount(sight.owners, parts, sight.num_things)[:, None]
     inside = by_thing @ view.masks[:, *sight.vu].T.astype(float)
     end = np.array([np.iinfo(np.int64).max])
     keys = np.unique(np.concatenate([*(cubes.keys for cubes in view.cubes), end]))
@@ -314,7 +316,7 @@ def _shares(sight: _Sight, view: _View) -> tuple[NDArray[np.float64], NDArray[np
     for index, cubes in enumerate(view.cubes):
         holds[np.searchsorted(keys, cubes.keys), index] = 1 / max(1, len(cubes.keys))
     place: NDArray[np.int64] = np.searchsorted(keys, sight.keys)
-    held = by_thing @ holds[np.where(sight.is_part & (keys[place] == sight.keys), place, -1)]
+    held = by_thing @ holds[np.where(keys[place] == sight.keys, place, -1)]
     return np.where(visible >= _LEAST_VISIBLE, inside / np.maximum(visible, 1), 0), held
 
 
@@ -392,7 +394,9 @@ def _largest_part(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _jumps(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(h, w) where neighbouring depths, nan for none, are of two surfaces."""
-    far = ndimage.maximum_filter(np.where(np.isnan(depth), -np.inf, depth), 3)
-    near = ndimage.minimum_filter(np.where(np.isnan(depth), np.inf, depth), 3)
-    return far - near > _JUMP + _JUMP_SHARE * np.nan_to_num(depth)
+    """(h, w) at depth jumps; nan = no depth. Over any plane, however slanted, 1 / depth changes evenly."""
+    inverse, least = 1 / depth, (_JUMP + _JUMP_SHARE * depth) / depth**2
+    jumps = np.zeros(depth.shape, bool)
+    jumps[1:-1] |= np.abs(inverse[:-2] - 2 * inverse[1:-1] + inverse[2:]) > least[1:-1]
+    jumps[:, 1:-1] |= np.abs(inverse[:, :-2] - 2 * inverse[:, 1:-1] + inverse[:, 2:]) > least[:, 1:-1]
+    return jumps
