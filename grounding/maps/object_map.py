@@ -8,17 +8,17 @@ from numpy.typing import NDArray
 from sim.types import Camera, Frame
 
 from ..encoders.protocol import DenseEncoder
-from ..perception.segments import Segmenter
+from ..perception.segments import Segmenter, Segments
 from .grid_map import encoded_patches
 from .home_map import HomeMemory, ObjectInstance, ObjectMap
-from .storeys import Storeys, ViewOptions, points_at
-from .tracked_things import MergeRule, Thing, View, add_view, merged, thinned
-from .view_quality import NEAR, distance_weight, patch_pixels
+from .storeys import Storeys, ViewOptions
+from .thing_merging import MergeRule, UnknownThings
+from .tracked_things import KnownThings, Thing
+from .view_quality import patch_pixels
 
-_RULE = MergeRule(merge_m=0.1, min_share=0.3, min_cosine=0.7)
+_RULE = MergeRule(merge_m=0.05, min_share=0.3, min_cosine=0.7)
 _LEAST_POINTS = 5
 """Things with fewer points, one per 5 cm cube, are left out."""
-_EVERY_PIXEL = 2
 _LEAST_IN_PATCH = 0.25
 """A patch counts for a mask that covers at least this share of it; the mask's best patch always counts."""
 
@@ -43,7 +43,8 @@ class ObjectMapBuilder:
     def reset(self) -> None:
         """Forgets all views."""
         self._storeys = Storeys(self._views)
-        self._things: list[Thing] = []
+        self._known = KnownThings(max_depth=self._views.max_depth)
+        self._unknown = UnknownThings(_RULE, max_depth=self._views.max_depth)
 
     def add(self, frame: Frame) -> None:
         """Adds a view; some wait until a batch is full or until the robot is off the stairs."""
@@ -54,7 +55,7 @@ class ObjectMapBuilder:
         self._place(self._storeys.rest())
         things = [
             thing
-            for thing in merged(self._things, _RULE)
+            for thing in (*self._known.things(), *self._unknown.things())
             if len(thing.points) >= _LEAST_POINTS and thing.feature_sum.any()
         ]
         heights = np.array([np.median(thing.points[:, 1]) for thing in things])
@@ -72,36 +73,9 @@ class ObjectMapBuilder:
         if not frames:
             return
         for frame, patches in zip(frames, encoded_patches(self._encoder, frames), strict=True):
-            for view in self._seen(frame, patches):
-                add_view(self._things, view, _RULE)
-
-    def _seen(self, frame: Frame, patches: NDArray[np.float32]) -> list[View]:
-        """The things of one frame that have points; patches (h, w, E)."""
-        found = self._segmenter.segment(frame)
-        if not len(found.masks):
-            return []
-        shares = _shares_of_patches(found.masks, frame.camera, patches.shape[:2])
-        features = (shares.astype(np.float32) @ patches.reshape(-1, self._encoder.dim)).astype(np.float64)
-        coarse = _inner(found.masks[:, ::_EVERY_PIXEL, ::_EVERY_PIXEL])
-        depth = frame.depth_m[::_EVERY_PIXEL, ::_EVERY_PIXEL]
-        is_valid = (depth >= NEAR) & (depth <= self._views.max_depth)
-        views = []
-        for index, mask in enumerate(coarse):
-            rc = np.argwhere(mask & is_valid) * _EVERY_PIXEL
-            if not len(rc):
-                continue
-            length = np.linalg.norm(features[index])
-            median = np.array([np.median(frame.depth_m[rc[:, 0], rc[:, 1]])], np.float64)
-            views.append(
-                View(
-                    points=thinned(points_at(frame, rc)),
-                    feature=features[index] / length if length > 0 else features[index],
-                    quality=float(distance_weight(median)[0]),
-                    caption=found.captions[index] if found.captions else "",
-                    number=found.ids[index] if found.ids else None,
-                )
-            )
-        return views
+            found = self._segmenter.segment(frame)
+            features = _features(found, frame.camera, patches)
+            (self._known if found.ids else self._unknown).add(frame, found, features)
 
 
 def _instance(thing: Thing) -> ObjectInstance:
@@ -111,23 +85,20 @@ def _instance(thing: Thing) -> ObjectInstance:
     )
 
 
+def _features(found: Segments, camera: Camera, patches: NDArray[np.float32]) -> NDArray[np.float64]:
+    """(M, E) unit mean of the patches (h, w, E) that each mask covers; zero where they are."""
+    shares = _shares_of_patches(found.masks, camera, patches.shape[:2])
+    features = (shares.astype(np.float32) @ patches.reshape(-1, patches.shape[2])).astype(np.float64)
+    lengths = np.array([np.linalg.norm(row) or 1.0 for row in features])
+    return features / lengths.reshape(-1, 1)
+
+
 def _shares_of_patches(masks: NDArray[np.bool_], camera: Camera, shape: tuple[int, int]) -> NDArray[np.float64]:
     """(M, h*w) share of each patch that each mask covers; small shares are 0 unless a mask has nothing better."""
     pixels = patch_pixels(camera, shape)
     shares = masks[:, pixels[..., 0], pixels[..., 1]].mean(axis=2)
     least = np.minimum(_LEAST_IN_PATCH, shares.max(axis=1, keepdims=True))
     return np.where(shares >= least, shares, 0.0)
-
-
-def _inner(masks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Masks (M, H, W) without their outermost pixels, whose depth may be the background's; thin ones stay whole."""
-    inner = masks.copy()
-    inner[:, 1:] &= masks[:, :-1]
-    inner[:, :-1] &= masks[:, 1:]
-    inner[:, :, 1:] &= masks[:, :, :-1]
-    inner[:, :, :-1] &= masks[:, :, 1:]
-    is_left = np.asarray(inner.any(axis=(1, 2)))
-    return np.where(is_left[:, None, None], inner, masks)
 
 
 def _middle(things: Sequence[Thing]) -> tuple[float, float]:
