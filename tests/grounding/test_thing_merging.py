@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from grounding.maps.thing_merging import MergeRule, UnknownThings
 from grounding.maps.tracked_things import Thing
@@ -70,9 +71,14 @@ def exact(views: Iterable[tuple[Frame, NDArray[np.int32]]]) -> list[Thing]:
     return merged((frame, list(masks_of(ids).values()), vectors(list(masks_of(ids)))) for frame, ids in views)
 
 
+def share_on(thing: Thing, box: Box) -> float:
+    """Share of the points that are at most 6 cm outside of the box."""
+    is_on = (thing.points >= np.array(box[0]) - 0.06) & (thing.points <= np.array(box[1]) + 0.06)
+    return float(is_on.all(axis=1).mean())
+
+
 def lies_on(thing: Thing, box: Box) -> bool:
-    """Whether all points are at most 6 cm outside of the box."""
-    return bool((thing.points >= np.array(box[0]) - 0.06).all() and (thing.points <= np.array(box[1]) + 0.06).all())
+    return share_on(thing, box) == 1
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.4])
@@ -140,16 +146,14 @@ def test_what_looks_different_in_one_view_is_still_the_same_thing() -> None:
     assert len(things) == 1
 
 
-def test_a_floor_that_a_mask_covers_by_mistake_is_not_part_of_the_thing() -> None:
+def test_the_floor_around_a_box_that_some_masks_cover_too_is_not_part_of_it() -> None:
     views = []
     for index, (frame, ids) in enumerate(around(CHEST)):
-        mask = ids == 1
-        if index % 6 == 2:
-            mask[80:, :] = True
+        mask = ndimage.binary_dilation(ids == 1, iterations=5) if index % 4 == 2 else ids == 1
         views.append((frame, [mask], vectors([1])))
     things = merged(views)
     assert len(things) == 1
-    assert lies_on(things[0], CHEST)
+    assert share_on(things[0], CHEST) >= 0.95
 
 
 def test_the_order_of_views_matters_little() -> None:
