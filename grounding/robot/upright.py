@@ -191,7 +191,7 @@ def _surfaces_fit(surface: _Surface, eyes: NDArray[np.float64], up: NDArray[np.f
 
 
 def _bell(off: float, *, least: float) -> float:
-    """Log of a bell curve this many standard deviations off, but at least `least`: one odd fact must not decide alone."""
+    """Log of a bell curve so many standard deviations off, at least `least`: one odd fact must not decide alone."""
     return max(-0.5 * float(off) ** 2, least)
 
 

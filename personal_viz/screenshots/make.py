@@ -213,6 +213,17 @@ def picture_tables(folder: Path) -> None:
         page.screenshot(path=PICTURES / "reproduce.png")
 
 
+def picture_ask(folder: Path) -> None:
+    """Answers of `ask` in an invented home, to the query of an episode and to one that no phrase means."""
+    data = folder / "data"
+    invent_dataset(data, name="Invented3", seed=3)
+    episode = next(PersonalDataset(data).episodes(scenes=("Invented3",), splits=("easy",)))
+    asked = ("--description", episode.record.summary, "--query", episode.record.query[0], "--query", "the blue dresser")
+    kept = ("--maps", str(folder / "maps"), "--out", str(folder / "answer"))
+    _work("ask", "Invented3", "--dataset", str(data), *asked, *kept)
+    Image.open(folder / "answer.png").convert("RGB").save(PICTURES / "ask.jpg", quality=85)
+
+
 def picture_view(folder: Path) -> None:
     """`view` on an invented home, with two points and the robot a few steps away from its first place."""
     write_files(folder, dataset_files("Invented7", seed=7, episodes_per_split=1))
@@ -290,6 +301,7 @@ JOBS: dict[str, Callable[[Path], None]] = {
     "homes": picture_homes,
     "scans": picture_scans,
     "tables": picture_tables,
+    "ask": picture_ask,
     "browse": picture_browse,
     "view": picture_view,
     "instructions": picture_instructions,
