@@ -49,8 +49,7 @@ def fused_mesh(frames: Iterable[Frame], *, max_depth: float) -> TriangleMesh:
     for frame in frames:
         fx, fy, cx, cy = frame.camera.lens
         K = core.Tensor(np.array([[fx, 0, cx - 0.5], [0, fy, cy - 0.5], [0, 0, 1.0]]))  # its pixels' centres are whole
-        certain = measured(frame.depth_m)
-        depth_m = np.where(certain > 0, certain, np.float32(0))  # neither edges nor noise
+        depth_m = np.nan_to_num(np.abs(measured(frame.depth_m)), nan=0.0)  # no edges; a flat angle is no harm here
         looked_at = depth_m[::_STRIDE, ::_STRIDE]
         if not ((looked_at > 0) & (looked_at < max_depth)).any():
             continue  # Open3D raises where a picture touches no block
