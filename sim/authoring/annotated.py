@@ -92,7 +92,8 @@ def home_from_annotations(
     for item in objects:
         found = _scene_object(item, semantics, scene.name)
         if not item.is_complete:
-            left_out.append(f"{found.name} has no {'room' if item.captions else 'caption'} yet")
+            why = "has no room yet" if item.captions else "has no caption yet"
+            left_out.append(f"{found.name} {'is flagged' if item.flagged else why}")
             continue
         seen = view_points_around(found, scene.mesh, navigation=scene.navigation, renderer=renderer)
         points = _joined([view_point(place) for place in seen], scene.navigation, floors)

@@ -57,13 +57,15 @@ class AnnotatedObject(BaseModel):
     """Name of its room without an article; empty = not named yet."""
     storey: int = Field(default=0, ge=-3, lt=20)
     """Number of its storey; 0 is the ground floor."""
+    flagged: bool = False
+    """Whether people want to talk about it first; episodes do not ask for it."""
     box: Box | None = None
     """Its place; None = that of the semantics' object with this id."""
 
     @property
     def is_complete(self) -> bool:
-        """Whether episodes can ask for it: it has a caption and a room."""
-        return bool(self.captions and self.room)
+        """Whether episodes can ask for it: it has a caption and a room, and is not flagged."""
+        return bool(self.captions and self.room) and not self.flagged
 
 
 class Edit(BaseModel):
