@@ -1,1 +1,1 @@
-"""Annotating the objects of a scan in the browser, and refining the captions of an edition; edits are appended lines."""
+"""Describing the objects of a scan, and refining the captions of an edition; every edit is an appended line."""

@@ -76,7 +76,7 @@ def _pixels_of(item: SceneObject, frame: Frame) -> NDArray[np.bool_]:
 def _cut(frame: Frame, shows: NDArray[np.bool_]) -> NDArray[np.uint8]:
     height, width = shows.shape
     rgb = frame.rgb.copy()
-    rgb[binary_dilation(shows, iterations=3) & ~shows] = OUTLINE
+    rgb[np.asarray(binary_dilation(shows, iterations=3), bool) & ~shows] = OUTLINE
     box = (0, 0, width, height)
     if shows.any():
         rows, cols = np.flatnonzero(shows.any(axis=1)), np.flatnonzero(shows.any(axis=0))
