@@ -37,7 +37,10 @@ _KEYS = {
     "c": "Category", "e": "Caption 1", "r": "Room", "f": "Search", "Enter": "s",
 }  # fmt: skip
 """Fields that keys lead to; Enter leaves a field and saves."""
-_HELP = "Keys: E caption, C category, R room, F search, Enter or S save, U undo, N next, P previous, B new box."
+_HELP = (
+    "Keys: E caption, C category, R room, F search, Enter or S save, U undo, N next, P previous, B new box, "
+    "Escape none, Delete remove. Enter and Escape leave a field first."
+)
 
 
 class Workplace:
@@ -77,7 +80,7 @@ class Workplace:
     def leave(self, guest: "Annotator") -> None:
         """The browser is gone."""
         with self._lock:
-            self._guests.remove(guest)
+            self._guests = [other for other in self._guests if other is not guest]
 
     def tell_others(self, guest: "Annotator") -> None:
         """Lets the other browsers read the edits again."""
@@ -202,16 +205,20 @@ class Annotator:
         for field in self._fields.all:
             work.listen_to_change(field, self._changed)
         work.listen_to_change(self._name, self._take_name)
-        for label, key, obey in (
-            ("Save", "S", partial(self._edit, session.save)),
-            ("Undo", "U", partial(self._edit, session.undo)),
-            ("New box", "B", self._draw_box),
-            ("Next", "N", partial(self._step, 1)),
-            ("Previous", "P", partial(self._step, -1)),
-        ):
-            work.listen(gui.add_button(label, hint=f"Key {key}"), lambda _, obey=obey: obey())
+        acts: dict[str, tuple[str, Callable[[], None]]] = {
+            "Save": ("S", partial(self._edit, session.save)),
+            "Undo": ("U", partial(self._edit, session.undo)),
+            "Previous": ("P", partial(self._step, -1)),
+            "Next": ("N", partial(self._step, 1)),
+            "New box": ("B", self._draw_box),
+            "None": ("escape", self._deselect),
+            "Remove": ("delete", partial(self._edit, session.remove)),
+        }
+        work.listen(gui.add_button("Save"), lambda _: acts["Save"][1]())
+        buttons = gui.add_button_group("Object", tuple(acts)[1:], hint="None leaves the object and ends a new box.")
+        work.listen(buttons, lambda label: acts[label][1]())
+        for label, (key, obey) in acts.items():
             work.listen_to_key(label, key, obey)
-        work.listen(gui.add_button("Remove this object"), lambda _: self._edit(session.remove))
         self._pictures = gui.add_html("")
         gui.add_html(f'<div class="bw"><p class="dim">{_HELP}</p></div>')
 
@@ -274,6 +281,11 @@ class Annotator:
     def _draw_box(self) -> None:
         self._session.draw_box()
         self._say("Click one corner of the object on the floor.")
+        self._draw()
+
+    def _deselect(self) -> None:
+        self._session.leave()
+        self._say("Click an object, or draw a new box around it.")
         self._draw()
 
     def _step(self, by: int) -> None:

@@ -122,7 +122,12 @@ class Session:
 
     def select(self, number: int) -> None:
         """Selects an object of the list; drafts of others stay."""
-        self.selected, self.is_drawing, self.corner = number, False, None
+        self.leave()
+        self.selected = number
+
+    def leave(self) -> None:
+        """Selects nothing and draws no box; drafts stay."""
+        self.selected, self.is_drawing, self.corner = None, False, None
 
     def step(self, by: int, words: str = "") -> None:
         """Selects the next object of the list, or the previous one; after the last comes the first."""
@@ -133,7 +138,8 @@ class Session:
 
     def draw_box(self) -> None:
         """The next two clicks are opposite corners of a new box on the floor."""
-        self.selected, self.is_drawing, self.corner = None, True, None
+        self.leave()
+        self.is_drawing = True
 
     def click(self, point: Point, instance_id: int) -> str:
         """Draws a corner, or selects the object at a place.
@@ -376,20 +382,20 @@ def last_not_undone(edits: Sequence[Edit], who: str) -> Edit | None:
     for edit in edits:
         if edit.who != who:
             continue
-        if done and (edit.id, edit.before, edit.after) == (done[-1].id, done[-1].after, done[-1].before):
-            done.pop()
-        else:
+        if not edit.is_undo:
             done.append(edit)
+        elif done:
+            done.pop()
     return done[-1] if done else None
 
 
 def suggestions(start: str, words: Iterable[str]) -> list[str]:
-    """The first few words that begin so, then those that contain it, without the text itself."""
+    """The first few names that begin so, then those of which a later word does, without the text itself."""
     start = " ".join(start.lower().split())
     unique = [word for word in dict.fromkeys(word.lower() for word in words) if word and word != start]
     begin = [word for word in unique if word.startswith(start)]
-    inside = [word for word in unique if start and start in word and word not in begin]
-    return (begin + inside)[:_MOST_SUGGESTIONS]
+    later = [word for word in unique if word not in begin and any(part.startswith(start) for part in word.split())]
+    return (begin + later)[:_MOST_SUGGESTIONS]
 
 
 def _now() -> datetime.datetime:

@@ -83,6 +83,8 @@ class Edit(BaseModel):
     """None = the object is new."""
     after: AnnotatedObject | None
     """None = the object is removed."""
+    is_undo: bool = False
+    """Whether it takes back the annotator's last edit that was not taken back yet."""
 
     @model_validator(mode="after")
     def _is_about_one_object(self) -> Self:
@@ -180,7 +182,7 @@ def append_edit(path: Path, edit: Edit) -> None:
 
 def undo_of(edit: Edit, *, who: str, utc: AwareDatetime) -> Edit:
     """The edit that takes this one back; `append_edit` refuses it where the object was edited since."""
-    return Edit(who=who, utc=utc, id=edit.id, before=edit.after, after=edit.before)
+    return Edit(who=who, utc=utc, id=edit.id, before=edit.after, after=edit.before, is_undo=True)
 
 
 def changes_since(edits: Sequence[Edit], num_edits: int) -> tuple[Change, ...]:
