@@ -13,9 +13,9 @@ from pydantic import ValidationError
 
 from sim.authoring.annotations import MAX_ID, AnnotatedObject, Box, Edit, append_edit, fold, read_edits, undo_of
 from sim.errors import DatasetError, PersonalVizError, line_from_validation_error
+from sim.homes.furniture.families import BY_WORDS
 from sim.mesh import SceneObject
 from sim.words.places import ROOM_KINDS
-from sim.words.synonyms import ALSO_CALLED
 
 Point = tuple[float, float, float]
 State = Literal["new", "begun", "complete", "flagged", "unsaved"]
@@ -28,6 +28,7 @@ _LEAST_SIDE = 0.05
 _NEAR_BOX = 0.05
 """A click this far outside a box still means it, metres."""
 _MOST_SUGGESTIONS = 6
+_FURNITURE = sorted((name for name, _ in BY_WORDS), key=len)
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,9 +238,9 @@ class Session:
         return f"Took back the last edit of object {last.id}; saved."
 
     def categories(self, start: str) -> list[str]:
-        """Suggestions for a category that begins so: words of this scan first, then those of the lexicon."""
+        """Suggestions for a category that begins so: words of this scan first, then those of the furniture."""
         known = [row.category for row in self.rows()]
-        return suggestions(start, (*sorted(set(known), key=lambda word: (-known.count(word), word)), *ALSO_CALLED))
+        return suggestions(start, (*sorted(set(known), key=lambda word: (-known.count(word), word)), *_FURNITURE))
 
     def rooms(self, start: str) -> list[str]:
         """Suggestions for a room that begins so: those of this scan first."""

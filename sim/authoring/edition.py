@@ -8,12 +8,13 @@ import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, ValidationError
 
-from sim.errors import DatasetError
+from sim.errors import DatasetError, line_from_validation_error
 from sim.homes.open_home import open_scene, open_unasked_scan
 from sim.types import SPLITS, Split
 
@@ -21,7 +22,8 @@ from ..episodes.dataset import PersonalDataset
 from ..episodes.schema import EpisodeRecord
 from ..episodes.validate import validate_dataset
 from .annotated import AnnotatedHome, home_from_annotations, home_from_edition
-from .annotations import annotated_scenes, annotation_path, fold, read_edits
+from .annotations import Change, annotated_scenes, annotation_path, changes_since, fold, read_edits
+from .change_list import change_files
 from .content import content_file, index_file, packed, packed_for_habitat, write_files
 from .searches import Starts, Style, draw_searches
 
@@ -69,6 +71,8 @@ class Edition:
     episodes: Mapping[tuple[Split, str], tuple[EpisodeRecord, ...]]
     """By split and scene; only where there are some."""
     sources: Mapping[str, SceneSource]
+    changes: Mapping[str, tuple[Change, ...]]
+    """Objects of each scene that differ from those of the edition before."""
 
 
 def scenes_to_ask(dataset: Path) -> tuple[str, ...]:
@@ -117,6 +121,23 @@ def require_free(
                 )
 
 
+def edits_before(*folders: Path) -> dict[str, int]:
+    """The number of edits that each scene's last edition was made from, read in the first folder that has one.
+
+    Raises:
+        DatasetError: Its record is damaged.
+    """
+    path = next((folder / RECORD for folder in folders if (folder / RECORD).is_file()), None)
+    if path is None:
+        return {}
+    try:
+        made = Generated.model_validate_json(path.read_bytes())
+    except ValidationError as error:
+        advice = "Restore the file, or remove it: then all objects count as changed."
+        raise DatasetError(line_from_validation_error(str(path), error, advice=advice)) from None
+    return {scene: source.num_edits or 0 for scene, source in made.scenes.items()}
+
+
 def draw_edition(
     dataset: Path,
     scenes: Sequence[str],
@@ -125,6 +146,7 @@ def draw_edition(
     counts: Mapping[Split, int],
     seed: int,
     style: Style,
+    before: Mapping[str, int] = MappingProxyType({}),
     on_scene: Callable[[str], None] = lambda scene: None,
 ) -> Edition:
     """Draws the episodes of each scene; a scene's episodes depend on its name and the seed, not on the other scenes.
@@ -136,6 +158,7 @@ def draw_edition(
         counts: Episodes of each split, in each scene.
         seed: The seed.
         style: Starts and descriptions.
+        before: Number of edits of each scene that the edition before was made from, as `edits_before` reads it.
         on_scene: Called after each scene.
 
     Raises:
@@ -145,17 +168,19 @@ def draw_edition(
     homes: dict[str, AnnotatedHome] = {}
     sources: dict[str, SceneSource] = {}
     episodes: dict[tuple[Split, str], tuple[EpisodeRecord, ...]] = {}
+    changes: dict[str, tuple[Change, ...]] = {}
     for scene in scenes:
         homes[scene], sources[scene] = _opened(dataset, scene, scenes_dir)
+        changes[scene] = changes_since(read_edits(annotation_path(dataset, scene)), before.get(scene, 0))
         own = int.from_bytes(hashlib.sha256(scene.encode()).digest()[:8])
         drawn = draw_searches(homes[scene], counts, rng=np.random.default_rng([seed, own]), style=style)
         episodes |= {(split, scene): found for split, found in drawn.items() if found}
         on_scene(scene)
-    return Edition(homes, episodes, sources)
+    return Edition(homes, episodes, sources, changes)
 
 
 def edition_files(edition: Edition, made: Generated) -> dict[str, bytes]:
-    """All files of an edition by path: as released, the copy for Habitat's own class, and `generated.json`."""
+    """All files of an edition by path: as released, the copy for Habitat's own class, its origin, and its changes."""
     categories = sorted({t.goal.object_category for home in edition.homes.values() for t in home.things.values()})
     files: dict[str, bytes] = {}
     for (split, scene), records in edition.episodes.items():
@@ -163,6 +188,7 @@ def edition_files(edition: Edition, made: Generated) -> dict[str, bytes]:
         for root, pack in (("", packed), (f"{HABITAT}/", packed_for_habitat)):
             files[f"{root}{split}/content/{scene}.json.gz"] = pack(content)
             files[f"{root}{split}/{split}.json.gz"] = pack(index_file(categories))
+    files |= change_files(edition.changes)
     files[RECORD] = (made.model_dump_json(indent=2) + "\n").encode()
     return files
 

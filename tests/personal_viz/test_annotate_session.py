@@ -169,8 +169,8 @@ def test_what_cannot_be_saved_is_one_line_and_stays_a_draft(path: Path) -> None:
 
 def test_words_of_the_scan_and_of_the_lexicon_are_suggested(path: Path) -> None:
     ada = session(path)
-    assert ada.categories("") == ["chair", "lamp", "couch", "sofa", "picture", "rug"]
-    assert ada.categories("re") == ["refrigerator"]
+    assert ada.categories("")[:2] == ["chair", "lamp"]
+    assert ada.categories("refr")[0] == "refrigerator"
     assert suggestions("cha", ["desk chair", "chair", "char", ""]) == ["chair", "char", "desk chair"]
     assert ada.rooms("bed") == ["bedroom"]
     assert box_between((0, 0, 0), (0.01, 0, 1)) is None

@@ -64,6 +64,7 @@ class Generate:
             Generated,
             draw_edition,
             edition_files,
+            edits_before,
             require_free,
             scenes_to_ask,
             write_edition,
@@ -85,6 +86,7 @@ class Generate:
                 counts=counts,
                 seed=self.seed,
                 style=style,
+                before=edits_before(out, self.dataset),
                 on_scene=lambda _: progress.add(),
             )
         made = Generated(
@@ -100,6 +102,9 @@ class Generate:
             print_json({"out": str(out), **made.model_dump(mode="json")})
         else:
             _print_summary(made, out)
+            num_changed = sum(map(len, edition.changes.values()))
+            print(f"Objects that changed since the edition before: {num_changed}, in {out / 'changes.md'}.")
+            print(f"Next: personal-viz run --agent shortest-path --dataset {out}")
         return 0
 
     def _chat(self) -> "Chat | None":
@@ -133,4 +138,3 @@ def _print_summary(made: "Generated", out: Path) -> None:
     written = ", ".join(f"{number} {way}" for way, number in made.descriptions.items())
     print(f"Descriptions, each read back by rules: {written}. Starts: {made.starts}. Seed {made.seed}.")
     print(f"Written to {out} and, for habitat-lab's own class, {out / 'objectnav'}.")
-    print(f"Next: personal-viz run --agent shortest-path --dataset {out}")
