@@ -356,7 +356,7 @@ class Annotator:
             label = self._client.scene.add_label("/selected_label", text, position=top, anchor="bottom-center")
             self._nodes.append(label)
         if session.corner is not None:
-            self._nodes.append(add_ball(self._client, "/corner", 0.06, session.corner))
+            self._nodes.append(add_ball(self._client, "/corner", 0.03, session.corner))
 
     def _add_lines(self, name: str, items: Sequence[SceneObject], rgb: tuple[int, int, int], pixels: float) -> None:
         if items:
