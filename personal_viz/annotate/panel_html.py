@@ -18,7 +18,7 @@ MOST_ROWS = 200
 _STYLE = (
     "<style>.bw.an .row{display:flex;gap:.5em;align-items:baseline}.bw.an .row .dim{flex:1;overflow:hidden;"
     "text-overflow:ellipsis;white-space:nowrap}.bw.an .row .tag{white-space:nowrap}"
-    ".tag.complete{background:#d5f0e0!important}.tag.unsaved,.tag.flagged{background:#ffe3b3!important}"
+    ".tag.complete,.tag.kept,.tag.changed{background:#d5f0e0!important}.tag.unsaved,.tag.flagged{background:#ffe3b3!important}"
     ".bw .grid{display:grid;grid-template-columns:1fr 1fr;gap:4px}.bw .grid img{width:100%;display:block}"
     ".bw .said{background:#e3f4ea;border:1px solid #9bd0b1;border-radius:6px;padding:.3em .6em}"
     ".bw .old{font-size:15px}.bw .word{margin:0 .3em .3em 0}</style>"
@@ -43,12 +43,12 @@ def list_html(rows: Sequence[Row], *, here: int | None, total: int) -> str:
     found = how_many(len(rows), "object")
     count = found if len(rows) == total else f"{len(rows)} of {how_many(total, 'object')}"
     more = f"; the first {MOST_ROWS} are listed, search for the others" if len(rows) > MOST_ROWS else ""
-    done = sum(row.state == "complete" for row in rows)
+    done = sum(row.state in ("complete", "kept", "changed") for row in rows)
     into_view = (
         "const here=this.parentElement.querySelector('.row.here');if(here)here.scrollIntoView({block:'nearest'})"
     )
     return (
-        f'{_STYLE}<div class="bw an"><p class="count">{count}, {done} complete{more}</p><div class="rows">'
+        f'{_STYLE}<div class="bw an"><p class="count">{count}, {done} done{more}</p><div class="rows">'
         f'{"".join(parts)}<img src="data:," alt="" style="display:none" onerror="{into_view}"></div></div>'
     )
 

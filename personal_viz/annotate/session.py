@@ -7,6 +7,7 @@ import datetime
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 from pydantic import ValidationError
@@ -18,7 +19,7 @@ from sim.mesh import SceneObject
 from sim.words.places import ROOM_KINDS
 
 Point = tuple[float, float, float]
-State = Literal["new", "begun", "complete", "flagged", "unsaved"]
+State = Literal["new", "begun", "complete", "kept", "changed", "flagged", "unsaved"]
 CLEAR_OF_FLOOR = 0.03
 """A new box begins this far above the clicked floor, because the floor must not be in it (metres)."""
 FIRST_HEIGHT = 0.8
@@ -64,7 +65,15 @@ class _Draft(NamedTuple):
 class Session:
     """One annotator's selection and drafts over the edits of a scene, which others may append to at any time."""
 
-    def __init__(self, path: Path, things: Iterable[SceneObject], *, storeys: Sequence[float], who: str = "") -> None:
+    def __init__(
+        self,
+        path: Path,
+        things: Iterable[SceneObject] = (),
+        *,
+        storeys: Sequence[float] = (),
+        who: str = "",
+        first: Mapping[int, Form] = MappingProxyType({}),
+    ) -> None:
         """Reads the edits.
 
         Args:
@@ -72,6 +81,7 @@ class Session:
             things: Objects of the scan's semantics.
             storeys: Floor heights from below, metres.
             who: Name of the annotator; empty = not given yet.
+            first: What the fields of objects show until somebody has edited them.
 
         Raises:
             DatasetError: The file is damaged.
@@ -84,7 +94,7 @@ class Session:
         """Whether clicks draw a box."""
         self._path = path
         self._things = {item.instance_id: item for item in things if 0 < item.instance_id <= MAX_ID}
-        self._storeys = storeys
+        self._storeys, self._first = storeys, first
         self._drafts: dict[int, _Draft] = {}
         self._edits: tuple[Edit, ...] = read_edits(path)
         self._objects: Mapping[int, AnnotatedObject] = fold(self._edits)
@@ -109,11 +119,15 @@ class Session:
         """Whether the selected object has a draft."""
         return self.selected in self._drafts
 
+    def saved(self, number: int) -> AnnotatedObject | None:
+        """The saved object; None where nobody has edited it."""
+        return self._objects.get(number)
+
     def rows(self, words: str = "") -> list[Row]:
         """The objects whose number, category, captions or room have all these words, in order of their numbers."""
         wanted = words.lower().split()
         found = []
-        for number in sorted({*self._things, *self._objects, *self._drafts}):
+        for number in sorted({*self._things, *self._first, *self._objects, *self._drafts}):
             form = self._drafts[number].form if number in self._drafts else self._saved_form(number)
             row = Row(number, form.category, form.captions[0] if form.captions else "", self._state(number))
             text = f"{number} {form.category} {' '.join(form.captions)} {form.room} {row.state}".lower()
@@ -233,7 +247,7 @@ class Session:
         self._append(undo_of(last, who=who, utc=_now()), None)
         self._drafts.pop(last.id, None)
         self.select(last.id)
-        if last.before is None and last.id not in self._things:
+        if last.before is None and last.id not in {*self._things, *self._first}:
             self.selected = None
         return f"Took back the last edit of object {last.id}; saved."
 
@@ -258,6 +272,8 @@ class Session:
         saved = self._objects.get(number)
         if saved is not None:
             return form_of(saved)
+        if number in self._first:
+            return self._first[number]
         thing = self._things.get(number)
         return Form() if thing is None else Form(category=thing.category.lower(), storey=self._storey(thing.centre[1]))
 

@@ -25,6 +25,7 @@ from .annotated import AnnotatedHome, home_from_annotations, home_from_edition
 from .annotations import Change, annotated_scenes, annotation_path, changes_since, fold, read_edits
 from .change_list import change_files
 from .content import content_file, index_file, packed, packed_for_habitat, write_files
+from .refinement import asked_objects, read_opinions
 from .searches import Starts, Style, draw_searches
 
 RECORD = "generated.json"
@@ -147,6 +148,7 @@ def draw_edition(
     seed: int,
     style: Style,
     before: Mapping[str, int] = MappingProxyType({}),
+    refined: Path | None = None,
     on_scene: Callable[[str], None] = lambda scene: None,
 ) -> Edition:
     """Draws the episodes of each scene; a scene's episodes depend on its name and the seed, not on the other scenes.
@@ -159,6 +161,7 @@ def draw_edition(
         seed: The seed.
         style: Starts and descriptions.
         before: Number of edits of each scene that the edition before was made from, as `edits_before` reads it.
+        refined: Folder of opinions on the captions of an edition; those that are accepted replace the edition's.
         on_scene: Called after each scene.
 
     Raises:
@@ -170,8 +173,9 @@ def draw_edition(
     episodes: dict[tuple[Split, str], tuple[EpisodeRecord, ...]] = {}
     changes: dict[str, tuple[Change, ...]] = {}
     for scene in scenes:
-        homes[scene], sources[scene] = _opened(dataset, scene, scenes_dir)
-        changes[scene] = changes_since(read_edits(annotation_path(dataset, scene)), before.get(scene, 0))
+        homes[scene], sources[scene], changes[scene] = _opened(
+            dataset, scene, scenes_dir, num_before=before.get(scene, 0), refined=refined
+        )
         own = int.from_bytes(hashlib.sha256(scene.encode()).digest()[:8])
         drawn = draw_searches(homes[scene], counts, rng=np.random.default_rng([seed, own]), style=style)
         episodes |= {(split, scene): found for split, found in drawn.items() if found}
@@ -212,11 +216,18 @@ def write_edition(out: Path, files: dict[str, bytes]) -> None:
     write_files(out, files)
 
 
-def _opened(dataset: Path, scene: str, scenes_dir: Path | None) -> tuple[AnnotatedHome, SceneSource]:
-    """The scene's home, and what it was made from."""
+def _opened(
+    dataset: Path, scene: str, scenes_dir: Path | None, *, num_before: int, refined: Path | None
+) -> tuple[AnnotatedHome, SceneSource, tuple[Change, ...]]:
+    """The scene's home, what it was made from, and the objects that changed."""
     path = annotation_path(dataset, scene)
     edits = read_edits(path)
     if edits:
+        if refined is not None:
+            raise DatasetError(
+                f"{path}: annotates a scan, beside which refined captions ({refined}) mean nothing; expected an "
+                "edition. Leave --captions out, or give the edition that was refined."
+            )
         if scenes_dir is None:
             raise DatasetError(
                 f"{path}: annotates a scan, but no folder of scans is given; expected the scan. Give --scenes-dir."
@@ -224,16 +235,25 @@ def _opened(dataset: Path, scene: str, scenes_dir: Path | None) -> tuple[Annotat
         opened, scene_id = open_unasked_scan(scene, scenes_dir)
         home = home_from_annotations(opened, list(fold(edits).values()), scene_id=scene_id)
         digest = hashlib.sha256("\n".join(edit.model_dump_json() for edit in edits).encode()).hexdigest()
+        changes = changes_since(edits, num_before)
     else:
         episodes = PersonalDataset(dataset)
+        changes = _refinements(episodes, scene, refined) if refined is not None else ()
         opened = open_scene(episodes, scene, scenes_dir=scenes_dir)
-        home = home_from_edition(episodes, opened)
+        words = {change.id: change.after for change in changes if change.after is not None}
+        home = home_from_edition(episodes, opened, refined=words)
         digest = episodes.scene_digest(scene)
-    num_edits = len(edits) or None
-    return home, SceneSource(
-        num_edits=num_edits,
+    source = SceneSource(
+        num_edits=len(edits) or None,
         digest=digest,
         scene_digest=opened.digest,
         num_objects=len(home.things),
         left_out=home.left_out,
     )
+    return home, source, changes
+
+
+def _refinements(episodes: PersonalDataset, scene: str, refined: Path) -> tuple[Change, ...]:
+    """The accepted changes of a scene's captions."""
+    opinions = read_opinions(refined, scene, asked_objects(episodes, scene)).values()
+    return tuple(change for one in opinions if (change := one.change) is not None)

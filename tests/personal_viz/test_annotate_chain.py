@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from personal_viz.annotate.app import Workplace
-from personal_viz.annotate.session import Form, with_height
+from personal_viz.annotate.session import Form, Session, form_of, with_height
 from personal_viz.view.shown import open_shown
 from sim.authoring.annotations import annotation_path
 from sim.authoring.change_list import read_changes
 from sim.authoring.edition import edits_before
+from sim.authoring.refinement import asked_objects, opinion_path
+from sim.episodes.dataset import PersonalDataset
 from sim.errors import DatasetError, SceneError
 from sim.mesh import SceneObject
 from sim.tasks.metrics import metric_rows
@@ -95,6 +97,33 @@ def test_a_new_edition_lists_what_changed_since_the_one_before(small_home_root: 
     (tmp_path / "next" / "generated.json").write_text('{"version": 2}')
     with pytest.raises(DatasetError, match=r"next.generated\.json"):
         edits_before(tmp_path / "next", tmp_path)
+
+
+@pytest.mark.slow
+def test_refined_captions_give_a_new_edition_and_its_list_of_changes(small_home_root: Path, tmp_path: Path) -> None:
+    dataset = PersonalDataset(small_home_root)
+    asked = asked_objects(dataset, "Small")
+    one, other, third, *_ = asked.values()
+    for who, caption in (("ada", "green thing"), ("bo", "red thing")):
+        session = Session(
+            opinion_path(tmp_path, who, "Small"), who=who, first={n: form_of(a) for n, a in asked.items()}
+        )
+        for item, words in ((one, "thing with a note on it"), (other, caption), (third, third.captions[0])):
+            session.select(item.id)
+            session.keep(replace(session.form, captions=(words,)))
+            session.save()
+    options = ["generate", small_home_root, "--easy", 3, "--medium", 3, "--hard", 3, "--out", tmp_path / "new"]
+    done = personal_viz(*options, "--captions", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert defects(tmp_path / "new") == []
+    (change,) = read_changes(tmp_path / "new" / "changes.jsonl")  # on `other` they differ, so it stays as it was
+    assert (change.id, change.who, change.before) == (one.id, ("ada", "bo"), one)
+    said = asked_objects(PersonalDataset(tmp_path / "new"), "Small")
+    assert said.get(one.id, change.after) == change.after
+    assert all(item == asked[number] for number, item in said.items() if number != one.id)
+    assert_one_line(personal_viz(*options, "--captions", tmp_path / "new"), "found no opinions in it")
+    assert_one_line(personal_viz("annotate", "--dataset", small_home_root, "--out", tmp_path), "--who is ''; expected")
+    assert_one_line(personal_viz("annotate", "--out", tmp_path), "expected --out and either a scan, or an edition")
 
 
 def test_a_scan_without_floor_or_with_damaged_edits_is_refused_before_a_browser_opens(

@@ -1,5 +1,6 @@
 """`annotate` in real Chromium: objects are clicked or drawn, described, saved, undone; a killed server keeps them."""
 
+import contextlib
 import os
 import shutil
 import signal
@@ -12,9 +13,12 @@ import pytest
 from playwright.sync_api import BrowserContext, Locator, Page, expect
 
 from personal_viz.annotate.app import Annotator, Workplace
+from personal_viz.annotate.refine_app import Edition, Refinement, Refiner
 from personal_viz.browse.app import loopback_app
 from personal_viz.view.shown import open_shown
 from sim.authoring.annotations import annotation_path, fold, read_edits
+from sim.authoring.refinement import asked_objects, read_opinions
+from sim.episodes.dataset import PersonalDataset
 
 pytestmark = pytest.mark.browser
 SINK = 4
@@ -138,3 +142,53 @@ def test_a_killed_server_has_lost_nothing_that_it_called_saved(
     with loopback_app(lambda client: Annotator(client, place)) as address:
         page = opened(browser, address)
         expect(page.locator(f'[data-click="object {SINK}"]')).to_contain_text("black sink under the mirror")
+
+
+@pytest.mark.slow
+def test_captions_are_refined_by_keys_alone_and_a_third_person_chooses(
+    small_home_root: Path, browser: BrowserContext, tmp_path: Path
+) -> None:
+    dataset = PersonalDataset(small_home_root)
+
+    def served(who: str, *, adjudicates: bool = False) -> contextlib.AbstractContextManager[str]:
+        edition = Edition(Refinement(dataset, tmp_path, who, ("Small",), is_adjudication=adjudicates))
+        return loopback_app(lambda client: Refiner(client, edition))
+
+    asked = asked_objects(dataset, "Small")
+    first, second, third, *_ = asked
+    for who, words in (("ada", "green thing"), ("bo", "red thing")):
+        with served(who) as address:
+            page = browser.new_page()
+            page.goto(f"{address}?fixedDpr=0.1")
+            expect(page.locator(".old")).to_have_text(asked[first].captions[0], timeout=120_000)
+            expect(page.locator(".grid img").first).to_be_visible()
+            expect(page.locator(".dim", has_text="From recorded view points")).to_be_visible()
+            page.keyboard.press("e")
+            page.keyboard.type(words)
+            expect(page.locator(".row.here")).to_contain_text(words)
+            page.keyboard.press("Enter")
+            expect(page.locator(".notice", has_text=f"Saved object {first}")).to_contain_text("changed")
+            expect(page.locator(".old")).to_have_text(asked[second].captions[0])
+            page.keyboard.press("k")
+            expect(page.locator(".notice", has_text=f"Saved object {second}")).to_contain_text("kept")
+            page.keyboard.press("g")
+            expect(page.locator(".notice", has_text=f"Saved object {third}")).to_contain_text("flagged")
+            page.keyboard.press("u")
+            expect(page.locator(".notice")).to_contain_text(f"Took back the last edit of object {third}")
+            if who == "bo":
+                agreement = page.locator(".agreement")
+                expect(agreement).to_contain_text("ada and bo: 2 of 2 objects decided equally; 33 % of the words")
+    with served("cy", adjudicates=True) as address:
+        page = browser.new_page()
+        page.goto(f"{address}?fixedDpr=0.1")
+        expect(page.locator(".count")).to_contain_text("1 object", timeout=120_000)
+        expect(page.locator("[data-click='choose 2']")).to_contain_text("red thing")
+        page.keyboard.press("2")
+        expect(page.locator(".notice")).to_contain_text(f"Saved object {first}")
+    opinions = read_opinions(tmp_path, "Small", asked)
+    accepted = opinions[first].accepted
+    assert accepted is not None
+    assert (accepted.captions, opinions[first].adjudicator) == (("red thing",), "cy")
+    assert opinions[first].said["ada"].captions == ("green thing",)
+    assert opinions[second].accepted == asked[second]
+    assert opinions[third].accepted is None

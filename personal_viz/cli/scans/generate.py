@@ -34,6 +34,10 @@ class Generate:
     scene: Annotated[
         tuple[str, ...], arg(aliases=("--scenes",), help="Scene names; all annotated ones by default.")
     ] = ()
+    captions: Annotated[
+        Path | None,
+        arg(help="Folder of `annotate --dataset` whose accepted captions replace those of the edition DATASET."),
+    ] = None
     seed: Annotated[int, arg(help="The same seed gives the same files.")] = 0
     easy: Count = 20
     medium: Count = 20
@@ -72,6 +76,11 @@ class Generate:
         from sim.authoring.searches import Style
 
         check_options(self)
+        if self.captions is not None and not (self.captions / "opinions").is_dir():
+            raise PersonalVizError(
+                f"--captions {self.captions}: found no opinions in it; expected the --out of `annotate --dataset`. "
+                "Give that folder."
+            )
         counts: dict[Split, int] = {"easy": self.easy, "medium": self.medium, "hard": self.hard}
         describer = Describer(self._chat())
         out = self.out or self.dataset
@@ -87,6 +96,7 @@ class Generate:
                 seed=self.seed,
                 style=style,
                 before=edits_before(out, self.dataset),
+                refined=self.captions,
                 on_scene=lambda _: progress.add(),
             )
         made = Generated(
