@@ -33,10 +33,10 @@ PANEL_WIDTH, LIST_WIDTH = 460, 330
 _LOW, _HIGH = -0.5, 3.5
 """Bottoms of boxes below and above the floor, metres."""
 _TALLEST = 3.0
-_KEYS = {
-    "c": "Category", "e": "Caption 1", "r": "Room", "f": "Search", "Enter": "s",
-}  # fmt: skip
-"""Fields that keys lead to; Enter leaves a field and saves."""
+_KEYS = {"c": "Category", "e": "Caption 1", "r": "Room", "f": "Search"}
+"""Fields that keys lead to."""
+_SAVING = ("Category", *(f"Caption {n}" for n in range(1, MOST_CAPTIONS + 1)), "Room")
+"""Fields from which Enter saves."""
 _HELP = (
     "Keys: E caption, C category, R room, F search, Enter or S save, U undo, N next, P previous, B new box, "
     "Escape none, Delete remove. Enter and Escape leave a field first."
@@ -180,7 +180,7 @@ class Annotator:
         """Number of the last order for pictures; earlier ones are dropped."""
         self._build()
         self._build_list()
-        free_keys(client.gui, _KEYS)
+        free_keys(client.gui, _KEYS, _SAVING)
         self._view.listen_to_clicks(self._work, self._click)
         place.join(self)
         self._work.put(partial(self._show_storey, 0))

@@ -43,7 +43,7 @@ PANEL_WIDTH, LIST_WIDTH = 780, 360
 _SIZE = (0.6, 0.6, 0.6)
 """Box around the recorded centre of an object that the home's semantics lack, metres."""
 _NEW = "New caption"
-_KEYS = {"e": _NEW, "f": "Search", "Enter": "s"}
+_KEYS = {"e": _NEW, "f": "Search"}
 _MOST_CHOICES = 9
 
 
@@ -134,7 +134,7 @@ class Refiner:
         self._work = WorkQueue(client, self._warn)
         self._turn = 0
         self._build()
-        free_keys(client.gui, _KEYS)
+        free_keys(client.gui, _KEYS, [_NEW])
         self._work.put(self._start)
 
     def leave(self) -> None:
@@ -158,7 +158,7 @@ class Refiner:
             "Next": ("N", partial(self._step, 1)),
             "Undo": ("U", self._undo),
         }
-        buttons = gui.add_button_group("Keys K S G P N U", tuple(acts))
+        buttons = gui.add_button_group("K S G P N U", tuple(acts), hint="Keys: E new caption, F search; Enter saves.")
         work.listen(buttons, lambda label: acts[label][1]())
         for label, (key, obey) in acts.items():
             work.listen_to_key(label, key, obey)
@@ -317,7 +317,7 @@ class Refiner:
     def _draw_pictures(self, turn: int) -> None:
         number: Any = self._session.selected
         if turn == self._turn and number is not None:
-            self._pictures.content = notice(f"Opening {self._scene} …")
+            self._pictures.content = panel_html(f'<p class="dim">Pictures in {html.escape(self._scene)} …</p>')
             self._client.flush()
             self._pictures.content = self._edition.pictures(self._scene, number)
 

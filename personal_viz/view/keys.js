@@ -1,8 +1,9 @@
-/* Keys of the apps on scans; stage.py puts in the label of the text field that each of some keys leads to. */
+/* Keys of the apps on scans; stage.py puts in the label of the text field that each of some keys leads to,
+   and the labels of those from which Enter presses S. */
 (() => {
   if (window.stageKeys) return;
   window.stageKeys = true;
-  const fields = FIELDS;
+  const fields = FIELDS, saving = SAVING;
   const isField = (node) => node instanceof Element && node.closest('input,textarea');
   const fieldOf = (name) => {
     for (const label of document.querySelectorAll('label'))
@@ -19,9 +20,9 @@
       if (event.isComposing || (event.key !== 'Enter' && event.key !== 'Escape')) return;
       event.target.blur();
       event.stopImmediatePropagation();
-      if (event.key === 'Escape' || !('Enter' in fields)) return;
-      /* Enter leaves the field and then does what its key does: viser sends what was typed within 50 ms. */
-      setTimeout(() => document.body.dispatchEvent(new KeyboardEvent('keydown', {key: fields.Enter, bubbles: true})), 200);
+      if (event.key === 'Escape' || !saving.some((name) => fieldOf(name) === event.target)) return;
+      /* viser sends what was typed within 50 ms */
+      setTimeout(() => document.body.dispatchEvent(new KeyboardEvent('keydown', {key: 's', bubbles: true})), 200);
       return;
     }
     const field = event.ctrlKey || event.metaKey || event.altKey ? null : fieldOf(fields[event.key.toLowerCase()]);

@@ -6,7 +6,7 @@ import queue
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -132,14 +132,17 @@ def open_panel(gui: viser.GuiApi, name: str, width: int) -> None:
     gui.add_html(style_html())
 
 
-def free_keys(gui: viser.GuiApi, fields: Mapping[str, str] = MappingProxyType({})) -> None:
+def free_keys(gui: viser.GuiApi, fields: Mapping[str, str] = MappingProxyType({}), saving: Sequence[str] = ()) -> None:
     """Makes keys work once per press and outside text fields, without moving viser's camera, which listens too.
 
     Args:
-        fields: Label of the text field that a key leads to, by the key in lower case. `Enter` = the key that Enter
-            presses after it has left a field; Escape leaves it only.
+        fields: Label of the text field that a key leads to, by the key in lower case. Enter and Escape leave a field.
+        saving: Labels of fields from which Enter also presses S.
     """
-    script = html.escape(_KEYS.read_text(encoding="utf-8").replace("FIELDS", json.dumps(dict(fields))))
+    script = _KEYS.read_text(encoding="utf-8")
+    for name, value in (("FIELDS", dict(fields)), ("SAVING", list(saving))):
+        script = script.replace(name, json.dumps(value))
+    script = html.escape(script)
     gui.add_html(f'<img src="data:," style="display:none" alt="" onerror="{script}">')
 
 
