@@ -40,7 +40,8 @@ ROOMS = {
     "personal_viz": """
         printed progress browser
         study_app study_app.home study_app.gateway study_app.screens study_app.operator study_app.server
-        browse contact_sheet compare pog_report bots bench scan_check reproduce view cli screenshots examples __main__
+        browse contact_sheet compare pog_report bots bench scan_check reproduce view annotate
+        cli screenshots examples __main__
     """,
 }
 """Rooms of each package from the bottom up; some parts of a room stand lower or higher than the rest of it.

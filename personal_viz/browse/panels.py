@@ -18,7 +18,7 @@ import viser
 from sim.types import SPLITS, Split
 
 from .library import Wanted
-from .messages import Message
+from .messages import Message, Words
 from .panel_html import style_html
 
 LIST_WIDTH, EPISODE_WIDTH, WALK_WIDTH = 290, 470, 340
@@ -59,7 +59,7 @@ class Panels:
         gui.add_html(style_html() + _FOR_RESEARCHERS)
         for part in _EPISODE_PARTS:
             self._html[part] = gui.add_html("")
-        self._open_channel()
+        open_channel(client, put)
         episodes = gui.add_panel()
         with episodes.add_tab("Episodes"):
             self._build_list(scenes, has_runs)
@@ -121,14 +121,14 @@ class Panels:
         async def _(_: object) -> None:
             self._put(("step", by))
 
-    def _open_channel(self) -> None:
-        """Sends the script to the browser, and puts the words of its messages on the queue."""
-        field = self._client.gui.add_text(_LABEL, "")
 
-        @field.on_update
-        async def _(_: object) -> None:
-            self._put(tuple(field.value.split()[1:]))  # a number comes first, so that no two messages are equal
+def open_channel(client: viser.ClientHandle, put: Callable[[Words], None]) -> None:
+    """Sends the script to the browser, and puts the words of its messages on the queue."""
+    field = client.gui.add_text(_LABEL, "")
 
-        script = _SCRIPT.read_text(encoding="utf-8").replace("LABEL", _LABEL).replace("EVERY", str(_EVERY_MS))
-        onerror = html.escape(script)
-        self._client.gui.add_html(f'<img src="data:," style="display:none" alt="" onerror="{onerror}">')
+    @field.on_update
+    async def _(_: object) -> None:
+        put(tuple(field.value.split()[1:]))  # a number comes first, so that no two messages are equal
+
+    script = _SCRIPT.read_text(encoding="utf-8").replace("LABEL", _LABEL).replace("EVERY", str(_EVERY_MS))
+    client.gui.add_html(f'<img src="data:," style="display:none" alt="" onerror="{html.escape(script)}">')

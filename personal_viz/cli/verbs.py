@@ -23,6 +23,7 @@ VERBS = {
     "validate": "validate.Validate",
     "stats": "stats.Stats",
     "invent": "invent.Invent",
+    "annotate": "scans.annotate.Annotate",
     "generate": "scans.generate.Generate",
     "check-scans": "scans.check_scans.CheckScans",
     "reproduce": "scans.reproduce.Reproduce",

@@ -11,6 +11,7 @@ import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,7 @@ from sim.tasks.run_files import read_run
 from sim.types import Action, Camera, EpisodeKey, Pose
 from sim.walk.storeys import nearest_storey, same_storey
 
+from ..annotate.app import Annotator, Workplace
 from ..bench.homes.playability import home_facts
 from ..bots.site import make_pilot
 from ..browse.app import browser_app, loopback_app
@@ -246,6 +248,31 @@ def picture_view(folder: Path) -> None:
         (PICTURES / "view.png").write_bytes(picture_at_rest(page))
 
 
+def picture_annotate(folder: Path) -> None:
+    """`annotate` on an invented home: some objects are described, one is being described."""
+    write_files(folder, dataset_files("Invented7", seed=7, episodes_per_split=1))
+    place = Workplace(open_shown(folder / "scenes" / "Invented7.glb"), folder, who="ada")
+    session = place.session()
+    for number, place_words in ((1, "below the window"), (2, "beside the cabinet"), (4, "near the stove")):
+        session.select(number)
+        session.keep(replace(session.form, captions=(f"{session.form.category} {place_words}",), room="kitchen"))
+        session.save()
+    with (
+        loopback_app(lambda client: Annotator(client, place)) as address,
+        open_chromium(width=1500, height=950) as browser,
+    ):
+        page = browser.new_page()
+        page.goto(address)
+        page.locator('[data-click="object 5"]').click()
+        expect(page.locator(".grid img").first).to_be_visible()
+        page.keyboard.press("e")
+        page.keyboard.type("black coffee machine by the window")
+        expect(page.locator(".row.here")).to_contain_text("window")
+        page.keyboard.press("Escape")
+        page.locator("[data-click='room kitchen']").click()
+        (PICTURES / "annotate.png").write_bytes(picture_at_rest(page))
+
+
 def picture_browse(folder: Path) -> None:
     """`browse`: an episode with two runs, one of its objects under the mouse."""
     dataset, runs = folder / "data", folder / "runs"
@@ -304,6 +331,7 @@ JOBS: dict[str, Callable[[Path], None]] = {
     "ask": picture_ask,
     "browse": picture_browse,
     "view": picture_view,
+    "annotate": picture_annotate,
     "instructions": picture_instructions,
 }
 """Functions that make pictures; each gets a folder for the files that it needs on the way."""

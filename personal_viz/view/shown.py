@@ -16,7 +16,7 @@ from sim.copies.browser_glb import whole_glb
 from sim.errors import NoFloorError
 from sim.frames import T_world_camera
 from sim.homes.open_home import open_scan
-from sim.mesh import Scene, TriangleMesh
+from sim.mesh import Scene, SceneObject, TriangleMesh
 from sim.render.raycast import Raycaster
 from sim.scans.meshes import load_mesh
 from sim.scans.up_axis import Up, up_axis
@@ -53,6 +53,8 @@ class ShownScan:
     caster: Raycaster
     navigation: NavigationMap | None
     """None where the robot can stand nowhere."""
+    objects: tuple[SceneObject, ...] = ()
+    """Those of its semantics."""
     notes: tuple[str, ...] = ()
     """What a person should know of it, one sentence each."""
 
@@ -94,7 +96,8 @@ def _with_floor(scene: Scene, *, notes: tuple[str, ...]) -> ShownScan:
     for index, floor_y in enumerate(copies.storeys):
         xz = copies.walkable_xz(index)
         parts.append(Part(copies.glbs[index], floor_y, _pair(xz.min(axis=0)), _pair(xz.max(axis=0))))
-    return ShownScan(scene.name, scene.mesh, tuple(parts), cuts.hit, Raycaster(scene.mesh), scene.navigation, notes)
+    caster = Raycaster(scene.mesh)
+    return ShownScan(scene.name, scene.mesh, tuple(parts), cuts.hit, caster, scene.navigation, scene.objects, notes)
 
 
 def _without_floor(path: Path, *, up: Up | None, why: str) -> ShownScan:
@@ -109,7 +112,7 @@ def _without_floor(path: Path, *, up: Up | None, why: str) -> ShownScan:
 
     part = Part(whole_glb(mesh), float(low[1]), _pair(low[[0, 2]]), _pair(high[[0, 2]]))
     note = f"It opens for looking and pointing only: {why}"
-    return ShownScan(path.name.split(".")[0], mesh, (part,), hit, caster, None, (note,))
+    return ShownScan(path.name.split(".")[0], mesh, (part,), hit, caster, None, notes=(note,))
 
 
 def _pair(values: NDArray[np.floating]) -> tuple[float, float]:

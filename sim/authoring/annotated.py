@@ -8,6 +8,7 @@ from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
+from types import MappingProxyType
 
 import numpy as np
 
@@ -92,7 +93,8 @@ def home_from_annotations(
     for item in objects:
         found = _scene_object(item, semantics, scene.name)
         if not item.is_complete:
-            left_out.append(f"{found.name} has no {'room' if item.captions else 'caption'} yet")
+            why = "has no room yet" if item.captions else "has no caption yet"
+            left_out.append(f"{found.name} {'is flagged' if item.flagged else why}")
             continue
         seen = view_points_around(found, scene.mesh, navigation=scene.navigation, renderer=renderer)
         points = _joined([view_point(place) for place in seen], scene.navigation, floors)
@@ -111,40 +113,62 @@ def home_from_annotations(
     return _home(scene, things, left_out, scene_id=scene_id, config=config)
 
 
-def home_from_edition(dataset: PersonalDataset, scene: Scene) -> AnnotatedHome:
-    """The home of a scene that has episodes: the objects that they ask for, with their captions and rooms.
+def captioned_goals(dataset: PersonalDataset, scene: str) -> dict[str, tuple[Goal, tuple[str, ...], str]]:
+    """The objects that a scene's episodes ask for, by `object_name`: goal, filled caption slots, and room.
 
-    The goals keep the edition's original view points where a robot can stand in this scene.
+    The room is the one that ownership sentences name most often; empty where none does.
 
     Raises:
         DatasetError: The scene's episodes are damaged, or there are none.
     """
-    episodes = list(dataset.episodes(scenes=(scene.name,)))
+    episodes = list(dataset.episodes(scenes=(scene,)))
     if not episodes:
         raise DatasetError(
-            f"{dataset.root}: scene {scene.name!r} has no episodes and no annotations; expected objects with captions. "
+            f"{dataset.root}: scene {scene!r} has no episodes and no annotations; expected objects with captions. "
             "Annotate it first."
         )
-    captions: dict[str, tuple[str, ...]] = {}
-    goals: dict[str, Goal] = {}
+    rooms = room_texts(episodes)
+    found: dict[str, tuple[Goal, tuple[str, ...], str]] = {}
     for episode in episodes:
         for goal, words in zip(episode.targets, episode.record.captions_per_object, strict=True):
-            captions.setdefault(goal.object_name, words)
-            goals.setdefault(goal.object_name, goal)
-    rooms = room_texts(episodes)
+            counts = rooms.get(goal.object_name, {})
+            room = min(counts.items(), key=lambda entry: (-entry[1], entry[0]), default=("", 0))[0]
+            found.setdefault(goal.object_name, (goal, words, room))
+    return dict(sorted(found.items()))
+
+
+def home_from_edition(
+    dataset: PersonalDataset, scene: Scene, *, refined: Mapping[int, AnnotatedObject] = MappingProxyType({})
+) -> AnnotatedHome:
+    """The home of a scene that has episodes: the objects that they ask for, with their captions and rooms.
+
+    The goals keep the edition's original view points where a robot can stand in this scene.
+
+    Args:
+        dataset: The edition.
+        scene: The home.
+        refined: Objects whose captions were refined, by number; flagged ones are left out.
+
+    Raises:
+        DatasetError: The scene's episodes are damaged, or there are none.
+    """
+    goals = captioned_goals(dataset, scene.name)
     floors = _floors(scene.navigation)
     things: dict[str, Thing] = {}
     left_out: list[str] = []
-    for name, goal in sorted(goals.items()):
+    for name, (goal, old, room) in goals.items():
+        new = refined.get(goal.object_id)
+        captions = old if new is None else new.captions
         points = _joined(list(goal.original_view_points), scene.navigation, floors)
-        if not (captions[name] and name in rooms):
-            left_out.append(f"{name} has no {'room' if captions[name] else 'caption'} in its episodes")
+        if new is not None and new.flagged:
+            left_out.append(f"{name} is flagged")
+        elif not (captions and room):
+            left_out.append(f"{name} has no {'room' if captions else 'caption'} in its episodes")
         elif not points:
             left_out.append(f"{name} has no view point that a robot can reach")
         else:
-            room = min(rooms[name].items(), key=lambda entry: (-entry[1], entry[0]))[0]
-            things[name] = _thing(goal.model_copy(update={"view_points": points}), captions[name], room)
-    first = episodes[0].record
+            things[name] = _thing(goal.model_copy(update={"view_points": points}), captions, room)
+    first = next(dataset.episodes(scenes=(scene.name,))).record
     return _home(scene, things, left_out, scene_id=first.scene_id, config=first.scene_dataset_config)
 
 

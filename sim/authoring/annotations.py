@@ -57,13 +57,15 @@ class AnnotatedObject(BaseModel):
     """Name of its room without an article; empty = not named yet."""
     storey: int = Field(default=0, ge=-3, lt=20)
     """Number of its storey; 0 is the ground floor."""
+    flagged: bool = False
+    """Whether people want to talk about it first; episodes do not ask for it."""
     box: Box | None = None
     """Its place; None = that of the semantics' object with this id."""
 
     @property
     def is_complete(self) -> bool:
-        """Whether episodes can ask for it: it has a caption and a room."""
-        return bool(self.captions and self.room)
+        """Whether episodes can ask for it: it has a caption and a room, and is not flagged."""
+        return bool(self.captions and self.room) and not self.flagged
 
 
 class Edit(BaseModel):
@@ -81,6 +83,8 @@ class Edit(BaseModel):
     """None = the object is new."""
     after: AnnotatedObject | None
     """None = the object is removed."""
+    is_undo: bool = False
+    """Whether it takes back the annotator's last edit that was not taken back yet."""
 
     @model_validator(mode="after")
     def _is_about_one_object(self) -> Self:
@@ -178,7 +182,7 @@ def append_edit(path: Path, edit: Edit) -> None:
 
 def undo_of(edit: Edit, *, who: str, utc: AwareDatetime) -> Edit:
     """The edit that takes this one back; `append_edit` refuses it where the object was edited since."""
-    return Edit(who=who, utc=utc, id=edit.id, before=edit.after, after=edit.before)
+    return Edit(who=who, utc=utc, id=edit.id, before=edit.after, after=edit.before, is_undo=True)
 
 
 def changes_since(edits: Sequence[Edit], num_edits: int) -> tuple[Change, ...]:

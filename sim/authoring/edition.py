@@ -8,12 +8,13 @@ import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, ValidationError
 
-from sim.errors import DatasetError
+from sim.errors import DatasetError, line_from_validation_error
 from sim.homes.open_home import open_scene, open_unasked_scan
 from sim.types import SPLITS, Split
 
@@ -21,8 +22,10 @@ from ..episodes.dataset import PersonalDataset
 from ..episodes.schema import EpisodeRecord
 from ..episodes.validate import validate_dataset
 from .annotated import AnnotatedHome, home_from_annotations, home_from_edition
-from .annotations import annotated_scenes, annotation_path, fold, read_edits
+from .annotations import Change, annotated_scenes, annotation_path, changes_since, fold, read_edits
+from .change_list import change_files
 from .content import content_file, index_file, packed, packed_for_habitat, write_files
+from .refinement import asked_objects, read_opinions
 from .searches import Starts, Style, draw_searches
 
 RECORD = "generated.json"
@@ -69,6 +72,8 @@ class Edition:
     episodes: Mapping[tuple[Split, str], tuple[EpisodeRecord, ...]]
     """By split and scene; only where there are some."""
     sources: Mapping[str, SceneSource]
+    changes: Mapping[str, tuple[Change, ...]]
+    """Objects of each scene that differ from those of the edition before."""
 
 
 def scenes_to_ask(dataset: Path) -> tuple[str, ...]:
@@ -117,6 +122,23 @@ def require_free(
                 )
 
 
+def edits_before(*folders: Path) -> dict[str, int]:
+    """The number of edits that each scene's last edition was made from, read in the first folder that has one.
+
+    Raises:
+        DatasetError: Its record is damaged.
+    """
+    path = next((folder / RECORD for folder in folders if (folder / RECORD).is_file()), None)
+    if path is None:
+        return {}
+    try:
+        made = Generated.model_validate_json(path.read_bytes())
+    except ValidationError as error:
+        advice = "Restore the file, or remove it: then all objects count as changed."
+        raise DatasetError(line_from_validation_error(str(path), error, advice=advice)) from None
+    return {scene: source.num_edits or 0 for scene, source in made.scenes.items()}
+
+
 def draw_edition(
     dataset: Path,
     scenes: Sequence[str],
@@ -125,6 +147,8 @@ def draw_edition(
     counts: Mapping[Split, int],
     seed: int,
     style: Style,
+    before: Mapping[str, int] = MappingProxyType({}),
+    refined: Path | None = None,
     on_scene: Callable[[str], None] = lambda scene: None,
 ) -> Edition:
     """Draws the episodes of each scene; a scene's episodes depend on its name and the seed, not on the other scenes.
@@ -136,6 +160,8 @@ def draw_edition(
         counts: Episodes of each split, in each scene.
         seed: The seed.
         style: Starts and descriptions.
+        before: Number of edits of each scene that the edition before was made from, as `edits_before` reads it.
+        refined: Folder of opinions on the captions of an edition; those that are accepted replace the edition's.
         on_scene: Called after each scene.
 
     Raises:
@@ -145,17 +171,20 @@ def draw_edition(
     homes: dict[str, AnnotatedHome] = {}
     sources: dict[str, SceneSource] = {}
     episodes: dict[tuple[Split, str], tuple[EpisodeRecord, ...]] = {}
+    changes: dict[str, tuple[Change, ...]] = {}
     for scene in scenes:
-        homes[scene], sources[scene] = _opened(dataset, scene, scenes_dir)
+        homes[scene], sources[scene], changes[scene] = _opened(
+            dataset, scene, scenes_dir, num_before=before.get(scene, 0), refined=refined
+        )
         own = int.from_bytes(hashlib.sha256(scene.encode()).digest()[:8])
         drawn = draw_searches(homes[scene], counts, rng=np.random.default_rng([seed, own]), style=style)
         episodes |= {(split, scene): found for split, found in drawn.items() if found}
         on_scene(scene)
-    return Edition(homes, episodes, sources)
+    return Edition(homes, episodes, sources, changes)
 
 
 def edition_files(edition: Edition, made: Generated) -> dict[str, bytes]:
-    """All files of an edition by path: as released, the copy for Habitat's own class, and `generated.json`."""
+    """All files of an edition by path: as released, the copy for Habitat's own class, its origin, and its changes."""
     categories = sorted({t.goal.object_category for home in edition.homes.values() for t in home.things.values()})
     files: dict[str, bytes] = {}
     for (split, scene), records in edition.episodes.items():
@@ -163,6 +192,7 @@ def edition_files(edition: Edition, made: Generated) -> dict[str, bytes]:
         for root, pack in (("", packed), (f"{HABITAT}/", packed_for_habitat)):
             files[f"{root}{split}/content/{scene}.json.gz"] = pack(content)
             files[f"{root}{split}/{split}.json.gz"] = pack(index_file(categories))
+    files |= change_files(edition.changes)
     files[RECORD] = (made.model_dump_json(indent=2) + "\n").encode()
     return files
 
@@ -186,11 +216,18 @@ def write_edition(out: Path, files: dict[str, bytes]) -> None:
     write_files(out, files)
 
 
-def _opened(dataset: Path, scene: str, scenes_dir: Path | None) -> tuple[AnnotatedHome, SceneSource]:
-    """The scene's home, and what it was made from."""
+def _opened(
+    dataset: Path, scene: str, scenes_dir: Path | None, *, num_before: int, refined: Path | None
+) -> tuple[AnnotatedHome, SceneSource, tuple[Change, ...]]:
+    """The scene's home, what it was made from, and the objects that changed."""
     path = annotation_path(dataset, scene)
     edits = read_edits(path)
     if edits:
+        if refined is not None:
+            raise DatasetError(
+                f"{path}: annotates a scan, beside which refined captions ({refined}) mean nothing; expected an "
+                "edition. Leave --captions out, or give the edition that was refined."
+            )
         if scenes_dir is None:
             raise DatasetError(
                 f"{path}: annotates a scan, but no folder of scans is given; expected the scan. Give --scenes-dir."
@@ -198,16 +235,25 @@ def _opened(dataset: Path, scene: str, scenes_dir: Path | None) -> tuple[Annotat
         opened, scene_id = open_unasked_scan(scene, scenes_dir)
         home = home_from_annotations(opened, list(fold(edits).values()), scene_id=scene_id)
         digest = hashlib.sha256("\n".join(edit.model_dump_json() for edit in edits).encode()).hexdigest()
+        changes = changes_since(edits, num_before)
     else:
         episodes = PersonalDataset(dataset)
+        changes = _refinements(episodes, scene, refined) if refined is not None else ()
         opened = open_scene(episodes, scene, scenes_dir=scenes_dir)
-        home = home_from_edition(episodes, opened)
+        words = {change.id: change.after for change in changes if change.after is not None}
+        home = home_from_edition(episodes, opened, refined=words)
         digest = episodes.scene_digest(scene)
-    num_edits = len(edits) or None
-    return home, SceneSource(
-        num_edits=num_edits,
+    source = SceneSource(
+        num_edits=len(edits) or None,
         digest=digest,
         scene_digest=opened.digest,
         num_objects=len(home.things),
         left_out=home.left_out,
     )
+    return home, source, changes
+
+
+def _refinements(episodes: PersonalDataset, scene: str, refined: Path) -> tuple[Change, ...]:
+    """The accepted changes of a scene's captions."""
+    opinions = read_opinions(refined, scene, asked_objects(episodes, scene)).values()
+    return tuple(change for one in opinions if (change := one.change) is not None)

@@ -153,7 +153,7 @@ def test_the_same_seed_gives_the_same_bytes_and_other_starts_look_away(
     done = generate(annotated, scans, "--seed", 3, "--out", tmp_path / "again", *options)
     assert json.loads(done.stdout)["descriptions"] == {"templates": 12}
     files = sorted(path.relative_to(tmp_path / "again") for path in (tmp_path / "again").rglob("*") if path.is_file())
-    assert len(files) == 13
+    assert len(files) == 15
     assert all((tmp_path / "again" / path).read_bytes() == (made / path).read_bytes() for path in files)
     options = ["--easy", 3, "--medium", 3, "--hard", 3]
     assert generate(annotated, scans, "--starts", "paper", "--out", tmp_path / "away", *options).returncode == 0

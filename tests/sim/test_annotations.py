@@ -66,8 +66,10 @@ def test_edits_are_lines_that_are_read_back_and_folded(path: Path, tmp_path: Pat
             "captions": ["red lamp near the door"],
             "room": "hall",
             "storey": 1,
+            "flagged": False,
             "box": {"centre": [1.0, 0.5, -2.0], "size": [0.4, 1.0, 0.4]},
         },
+        "is_undo": False,
     }
 
 

@@ -34,6 +34,10 @@ class Generate:
     scene: Annotated[
         tuple[str, ...], arg(aliases=("--scenes",), help="Scene names; all annotated ones by default.")
     ] = ()
+    captions: Annotated[
+        Path | None,
+        arg(help="Folder of `annotate --dataset` whose accepted captions replace those of the edition DATASET."),
+    ] = None
     seed: Annotated[int, arg(help="The same seed gives the same files.")] = 0
     easy: Count = 20
     medium: Count = 20
@@ -64,6 +68,7 @@ class Generate:
             Generated,
             draw_edition,
             edition_files,
+            edits_before,
             require_free,
             scenes_to_ask,
             write_edition,
@@ -71,6 +76,11 @@ class Generate:
         from sim.authoring.searches import Style
 
         check_options(self)
+        if self.captions is not None and not (self.captions / "opinions").is_dir():
+            raise PersonalVizError(
+                f"--captions {self.captions}: found no opinions in it; expected the --out of `annotate --dataset`. "
+                "Give that folder."
+            )
         counts: dict[Split, int] = {"easy": self.easy, "medium": self.medium, "hard": self.hard}
         describer = Describer(self._chat())
         out = self.out or self.dataset
@@ -85,6 +95,8 @@ class Generate:
                 counts=counts,
                 seed=self.seed,
                 style=style,
+                before=edits_before(out, self.dataset),
+                refined=self.captions,
                 on_scene=lambda _: progress.add(),
             )
         made = Generated(
@@ -100,6 +112,9 @@ class Generate:
             print_json({"out": str(out), **made.model_dump(mode="json")})
         else:
             _print_summary(made, out)
+            num_changed = sum(map(len, edition.changes.values()))
+            print(f"Objects that changed since the edition before: {num_changed}, in {out / 'changes.md'}.")
+            print(f"Next: personal-viz run --agent shortest-path --dataset {out}")
         return 0
 
     def _chat(self) -> "Chat | None":
@@ -133,4 +148,3 @@ def _print_summary(made: "Generated", out: Path) -> None:
     written = ", ".join(f"{number} {way}" for way, number in made.descriptions.items())
     print(f"Descriptions, each read back by rules: {written}. Starts: {made.starts}. Seed {made.seed}.")
     print(f"Written to {out} and, for habitat-lab's own class, {out / 'objectnav'}.")
-    print(f"Next: personal-viz run --agent shortest-path --dataset {out}")

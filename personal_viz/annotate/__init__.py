@@ -1,0 +1,1 @@
+"""Describing the objects of a scan, and refining the captions of an edition; every edit is an appended line."""
