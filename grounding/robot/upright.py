@@ -28,12 +28,14 @@ _GRAZING = 0.15
 """Smallest cosine between a patch and the ray to it."""
 _PATCH = 0.1
 """Patches nearer to each other than this (metres) and turned alike count once, however often they were seen."""
+_MUCH = 40.0
+"""Surfaces of less area (square metres) say less: a bed seen from near fills the view as a floor does."""
 _FACING, _APART = np.cos(np.radians(8.0)), np.cos(np.radians(20.0))
 """A patch is square to an axis within the first angle; axes lie farther apart than the second."""
 _MOST_AXES, _LEAST_SHARE = 6, 0.02
 _LAYER = 0.05
 """Thickness of a layer of a height histogram, metres."""
-_LEAST_DROP, _WIDE, _LEAST_FLOOR = 0.2, 0.4, 0.005
+_LEAST_DROP, _WIDE, _LEAST_FLOOR = 0.2, 0.15, 0.005
 """The floor is this far below the highest camera (metres), and has these shares of the widest layer and of all area."""
 _SPHERE = 400
 """Number of directions at which up is imagined where no surface says so."""
@@ -128,7 +130,8 @@ def up_readings(frames: Sequence[Frame]) -> list[Reading]:
         return []
     Ts = np.array([frame.T_world_camera for frame in frames])
     ups = [sign * axis for axis in axes for sign in (1.0, -1.0)]
-    scores = [_cameras_fit(Ts, up) + _surfaces_fit(surface, Ts[:, :3, 3] @ up, up) for up in ups]
+    weight = np.clip(len(surface.points) * _PATCH**2 / _MUCH, 0.4, 1.0)
+    scores = [_cameras_fit(Ts, up) + weight * _surfaces_fit(surface, Ts[:, :3, 3] @ up, up) for up in ups]
     elsewhere = [up for up in _directions(_SPHERE) if max(abs(up @ axis) for axis in axes) < np.cos(np.radians(30.0))]
     unseen = max((_cameras_fit(Ts, up) for up in elsewhere), default=-np.inf) + _UNSEEN
     shares = np.exp(np.array(scores) - logsumexp([*scores, unseen]))
