@@ -59,15 +59,16 @@ class MergeRule:
     def scores(
         self, share: NDArray[np.float64], other_share: NDArray[np.float64], cosine: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """How well sets fit, > 0 for one thing and -inf for two; arguments of any one shape.
+        """How well two sets fit; -inf if they are two things. Takes arrays of any one shape.
 
         Args:
             share: Share of the first set that overlaps the second.
             other_share: Share of the second set that overlaps the first.
             cosine: Of their features; nan if one has none.
         """
-        total = share + other_share + np.where(np.isnan(cosine), self.min_cosine, cosine) - 1 - self.min_cosine
-        return np.where((np.maximum(share, other_share) >= self.min_share) & (total >= 0), total + 1e-9, -np.inf)
+        total = share + other_share + np.where(np.isnan(cosine), self.min_cosine, cosine)
+        is_one = (np.maximum(share, other_share) >= self.min_share) & (total >= 1 + self.min_cosine)
+        return np.where(is_one, total, -np.inf)
 
 
 class UnknownThings:
@@ -90,17 +91,15 @@ class UnknownThings:
         scores = self._rule.scores(*_shares(sight, view), _cosines([thing.feature for thing in things], features))
         masks_of: dict[int, list[int]] = {}
         for index in np.flatnonzero([len(cubes.keys) > 0 for cubes in view.cubes]).tolist():
-            best = int(scores[:, index].argmax()) if things else -1
-            if best < 0 or scores[best, index] == -np.inf:
-                best = len(things) + len(masks_of)  # a key of its own
-            masks_of.setdefault(best, []).append(index)
-        for thing, share in zip(things, sight.shares, strict=True):
-            thing.visible += float(share)
+            best = int(scores[:, index].argmax()) if things else 0
+            is_known = bool(things) and scores[best, index] > -np.inf
+            masks_of.setdefault(best if is_known else -1 - index, []).append(index)
+        for thing, share in zip(things, sight.shares.tolist(), strict=True):
+            thing.visible += share
         for best, indices in masks_of.items():
-            is_new = best >= sight.num_things
-            thing = _Growing(np.zeros(features.shape[1]), visible=1.0) if is_new else things[best]
+            thing = things[best] if best >= 0 else _Growing(np.zeros(features.shape[1]), visible=1.0)
             thing.take(view, indices, sight.keys[sight.owners == best], features, found.captions)
-            if is_new:
+            if best < 0:
                 things.append(thing)
         self._num_views += 1
         if self._num_views % _TIDY_EVERY == 0:
@@ -363,7 +362,7 @@ def _touching(things: Sequence[_Growing], rule: MergeRule) -> Iterator[tuple[int
             np.isfinite(trees[one].query(points[other], distance_upper_bound=rule.merge_m)[0]).mean()
             for one, other in ((second, first), (first, second))
         )
-        if rule.scores(share, other_share, cosines[first, second]) > 0:
+        if rule.scores(share, other_share, cosines[first, second]) > -np.inf:
             yield first, second
 
 

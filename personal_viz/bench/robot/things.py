@@ -16,7 +16,6 @@ from scipy import ndimage
 from scipy.spatial import KDTree
 
 from grounding.encoders.hashed import HashedWords
-from grounding.encoders.protocol import DenseEncoder
 from grounding.maps.home_map import HomeMemory, ObjectMap
 from grounding.maps.object_map import ObjectMapBuilder
 from grounding.maps.occupancy import MAX_DEPTH
@@ -31,7 +30,7 @@ from ..harness import Progress, Values
 from .walks import handheld_walk
 
 _SEEN_PIXELS, _SEEN_VIEWS = 100, 2
-"""An object counts as seen if it has at least so many pixels with depth in at least so many views."""
+"""An object counts as seen if it has at least 100 pixels with depth in each of at least two views."""
 _LARGE = 0.2
 """Least longest side (metres) of the objects in `found_share`."""
 _CUBE = 0.05
@@ -44,6 +43,7 @@ surface lie on none."""
 _COVERED, _REACH = 0.3, 0.075
 """An object is found by a thing that shows it, if this share of its seen points are this near (metres) to the thing."""
 _GHOST_RADIUS = (8, 30)
+"""Pixels."""
 _SMOOTH = 8.0
 """Wrong borders are wavy with about this wavelength, pixels."""
 
@@ -53,7 +53,7 @@ class Faults:
     """Faults of masks and features; those of the features come back in each view anew."""
 
     missed: float = 0.0
-    """Probability that an object has no mask in a view."""
+    """Probability that a mask is missing."""
     split: float = 0.0
     """Probability that a mask is cut into two through its middle."""
     joined: float = 0.0
@@ -104,6 +104,7 @@ class Score:
     seconds: float = 0.0
     """Time of the map builder without its encoder and segmenter."""
     views: int = 0
+    """Number of views of the walk."""
 
 
 def measure_things(settings: ThingsSettings, progress: Progress) -> Values:
@@ -172,7 +173,7 @@ class FaultyMasks:
 
 
 class FaultyFeatures:
-    """A `DenseEncoder` for views with ids: hashed words of each object's category, with faults."""
+    """Encodes views with ids: hashed words of each object's category, with faults."""
 
     def __init__(self, objects: Sequence[SceneObject], faults: Faults, *, seed: int) -> None:
         """Draws depend on the seed and the pose of the view; places without an object show clutter."""
@@ -183,14 +184,6 @@ class FaultyFeatures:
         self._ids = np.array([thing.instance_id for thing in objects], np.int32)
         self._swapped, self._seed = faults.swapped, seed
         self.name, self.dim = self._oracle.name, self._oracle.dim
-
-    def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        """(N, E) unit rows."""
-        return self._oracle.encode_texts(texts)
-
-    def encode_images(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
-        """(N, E) unit rows."""
-        return self._oracle.encode_images([self._mistaken(frame) for frame in frames])
 
     def encode_patches(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, h, w, E) unit rows."""
@@ -274,7 +267,7 @@ class Surfaces:
 class _Timed:
     """A map builder whose time is measured without that of its encoder and segmenter."""
 
-    def __init__(self, encoder: DenseEncoder, segmenter: Segmenter, floors: Sequence[float]) -> None:
+    def __init__(self, encoder: FaultyFeatures, segmenter: Segmenter, floors: Sequence[float]) -> None:
         self.name, self.dim = encoder.name, encoder.dim
         self.seconds = 0.0
         self._encoder, self._segmenter = encoder, segmenter
@@ -314,12 +307,10 @@ def _builders(objects: Sequence[SceneObject], floors: Sequence[float], seed: int
 
 
 def _pooled(scores: Sequence[Score]) -> Values:
-    things, seen, large, found = (
-        sum(getattr(s, name) for s in scores) for name in ("things", "seen", "large", "found")
-    )
+    seen, large = sum(score.seen for score in scores), sum(score.large for score in scores)
     return {
-        "things_per_object": things / seen if seen else None,
-        "found_share": found / large if large else None,
+        "things_per_object": sum(score.things for score in scores) / seen if seen else None,
+        "found_share": sum(score.found for score in scores) / large if large else None,
         "ms_per_view": 1000 * sum(score.seconds for score in scores) / max(1, sum(score.views for score in scores)),
     }
 
