@@ -20,6 +20,7 @@ from sim.types import Frame
 
 from ..harness import Findings, Plan, Progress, Target
 from .free_floor import MapScore, TrueFloor, cells_seen, map_score
+from .things import FAULTS, ThingsSettings, measure_things
 from .walks import NEAREST, WAYS, Walk, handheld_walk
 
 PLAN = Plan(
@@ -29,6 +30,8 @@ PLAN = Plan(
         "floor.within_3_cm": Target(0.95, at_least=True),
         "floor.free_recall": Target(0.9, at_least=True),
         "floor.edge_p95_cm": Target(10.0),
+        **{f"things.{level}.things_per_object": Target(1.5) for level in FAULTS},
+        **{f"things.{level}.found_share": Target(0.8, at_least=True) for level in FAULTS},
         **{f"ways.{way}.wrong": Target(0.0) for way in (*WAYS, "short") if way != "handheld"},
     },
     units={"edge_p95_cm": "cm", "error_p95_cm": "cm", "error_p95_deg": "deg"},
@@ -120,7 +123,8 @@ def measure(settings: RobotSettings, progress: Progress) -> Findings:
         Values: `up`, shares of answers in turned frames of handheld walks: within 2 degrees, refused, wrong. `floor`:
         share of those walks whose floor is within 3 cm; share of the truly free cells, whose floor the walk showed,
         that the map calls free, and of the worst walk; 95th percentile of the distance (cm) from the map's blocked
-        cells beside free ones to the nearest true edge. `ways`: as `up`, for other ways of carrying.
+        cells beside free ones to the nearest true edge. `ways`: as `up`, for other ways of carrying. `things`: those of
+        `measure_things`.
     """
     ups, floors, scores = [], [], []
     for seed in range(settings.seeds):
@@ -137,7 +141,9 @@ def measure(settings: RobotSettings, progress: Progress) -> Findings:
         f"{settings.rotations} frames turned at random; up and floor from {settings.looked_at} frames. Other ways: "
         f"{settings.other_seeds} walks, {settings.other_rotations} turns; short has {_SHORT} frames."
     )
-    return Findings({"up": _Ups(np.concatenate(ups)).values, "floor": _floor(floors, scores), "ways": ways}, [note])
+    things = measure_things(ThingsSettings(seeds=tuple(range(settings.seeds)), frames=settings.num_frames), progress)
+    up = _Ups(np.concatenate(ups)).values
+    return Findings({"up": up, "floor": _floor(floors, scores), "ways": ways, "things": things}, [note])
 
 
 def _way(way: str, settings: RobotSettings, progress: Progress) -> dict[str, float | None]:

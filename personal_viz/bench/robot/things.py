@@ -85,10 +85,6 @@ class ThingsSettings(BaseModel):
     """Pictures of each walk."""
 
 
-FULL = ThingsSettings()
-QUICK = ThingsSettings(seeds=(0, 1), frames=100)
-
-
 @dataclass(frozen=True, slots=True)
 class Score:
     """Counts for one map of one walk."""
