@@ -50,7 +50,7 @@ class RecordingSource(_Frozen):
     depth_per_metre: float | None = None
     topics: dict[str, str] = {}
     T_base_camera: Matrix | None = None
-    every: int = 1
+    every: int = Field(default=1, gt=0)
     """The last five are as in `grounding.robot.frames.read_robot_frames`."""
 
 

@@ -9,7 +9,7 @@ from sim.episodes.schema import Vector3
 from sim.types import Task
 
 from ..encoders.by_name import make_encoder
-from ..encoders.protocol import ORACLE_SUFFIX, EncoderName, TextEncoder
+from ..encoders.protocol import ORACLE_SUFFIX, EncoderName, ModelOptions, TextEncoder
 from ..maps.files import load_memory
 from ..maps.home_map import HomeMemory, Memory, ObjectMap, merged_storeys
 from ..phrases.sources import PhraseSource, PhraseSourceName, make_phrases
@@ -109,14 +109,17 @@ class Asker:
         return FoundPlace(thing.centre, index, thing.centre[1] - self._home.storeys[index].floor_y, found.score)
 
 
-def encoder_of_queries(memory: Memory, encoder: EncoderName) -> TextEncoder:
+def encoder_of_queries(memory: Memory, encoder: EncoderName, *, options: ModelOptions | None = None) -> TextEncoder:
     """The encoder of this name in the space of the map, which oracle perception may have made.
+
+    Args:
+        options: Options of a real model.
 
     Raises:
         AgentError: The encoder is unknown, or cannot be loaded.
     """
     is_perceived = memory.encoder.endswith(ORACLE_SUFFIX) and not encoder.endswith(ORACLE_SUFFIX)
-    return make_encoder(encoder + ORACLE_SUFFIX if is_perceived else encoder)
+    return make_encoder(encoder + ORACLE_SUFFIX if is_perceived else encoder, options=options)
 
 
 def ground(

@@ -84,16 +84,20 @@ class Describer:
         key = json.dumps([_PROMPT_VERSION, str(options.base_url), options.model, list(messages)])
         try:
             answer = cached_bytes("descriptions", key, lambda: self._fresh(messages)).decode()
-        except self._chat.Error as error:
+        except (ValueError, self._chat.Error) as error:
+            reason = str(error) if isinstance(error, ValueError) else self._chat.reason(error)
             raise AgentError(
-                f"--llm-url {options.base_url}: model {options.model!r} gave no answer ({self._chat.reason(error)}); "
+                f"--llm-url {options.base_url}: model {options.model!r} gave no answer ({reason}); "
                 "expected a paragraph. Start the server, or use --describe templates."
             ) from None
         return " ".join(said_in(answer).strip('`"').split())
 
     def _fresh(self, messages: Sequence[Message]) -> bytes:
         assert self._chat is not None
-        return self._chat.ask(messages).encode()
+        answer = self._chat.ask(messages)
+        if not answer.strip():
+            raise ValueError("the answer is empty, or not in the form of a chat")  # so that it is not kept
+        return answer.encode()
 
 
 def misread(text: str, items: Sequence[OwnedItem]) -> str:

@@ -168,8 +168,14 @@ def _upright(path: Path, recording: Recording, entries: Sequence[Entry], up: str
     if said is not None:
         return Reading(said, 1.0)
     as_recorded = RobotFrames(entries, Reading(_Y, 1.0), colour=False, counts=FrameCounts())
+    some = as_recorded.some(_UP_FRAMES)
+    if not some:
+        raise SceneError(
+            f"{path}: none of {len(entries)} depth pictures can be used; expected whole ones with some depth in them. "
+            "Copy them again."
+        )
     try:
-        return find_up(as_recorded.some(_UP_FRAMES))
+        return find_up(some)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
 

@@ -123,7 +123,10 @@ def read_ros_bag(path: Path, options: ReadingOptions, counts: FrameCounts) -> Re
     counts.num_found = len(colours)
     pairs = _pairs(colours, depths, counts)
     stamps = np.array([colour.stamp for colour, _ in pairs])
-    Ts, are_known = _poses(bag, topics, options, pairs[0][0].frame if pairs else "", stamps)
+    # geometry is the depth's; where colours are not registered to it, only they are off
+    Ts, are_known = (
+        _poses(bag, topics, options, pairs[0][1].frame, stamps) if pairs else (np.empty((0, 4, 4)), np.empty(0, bool))
+    )
     for (colour, _), is_known in zip(pairs, are_known, strict=True):
         if not is_known:
             counts.skip("no pose", _name(colour))
@@ -166,7 +169,7 @@ def _topics(bag: _Bag, named: Mapping[str, str]) -> _Topics:
         bag, "colour", [name for name in pictures if not any(word in name for word in _NO_COLOUR)], ("color", "rgb")
     )
     infos = [name for name, kind in bag.types.items() if kind == _INFO]
-    beside = [_beside(topic) for topic in (colour, depth) if _beside(topic) in infos]
+    beside = [_beside(topic) for topic in (depth, colour) if _beside(topic) in infos]
     info = named.get("info") or (beside[0] if beside else _one(bag, "info", infos, ()))
     odometries = [name for name, kind in bag.types.items() if kind == _ODOMETRY]
     return _Topics(colour, depth, info, named.get("odom") or (odometries[0] if len(odometries) == 1 else None))

@@ -119,8 +119,8 @@ def annotation_path(dataset: Path, scene: str) -> Path:
 
 
 def annotated_scenes(dataset: Path) -> tuple[str, ...]:
-    """Names of the scenes that have edits, sorted."""
-    return tuple(sorted(path.stem for path in (dataset / _FOLDER).glob("*.jsonl")))
+    """Names of the scenes that have edits, sorted; a refused first edit leaves an empty file."""
+    return tuple(sorted(path.stem for path in (dataset / _FOLDER).glob("*.jsonl") if path.stat().st_size))
 
 
 def read_edits(path: Path) -> tuple[Edit, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tyro.conf import Positional, UseAppendAction, arg
 
+from grounding.encoders.by_name import is_model, require_no_model_options
 from grounding.encoders.protocol import ModelOptions
 from grounding.evaluation.settings import GroundSettings
 from grounding.evaluation.true_points import AskedScore, read_true_points, score_reply, scored_table
@@ -22,7 +23,7 @@ from grounding.methods.free_text import Asker, FoundPlace, Reply, encoder_of_que
 from grounding.phrases.sources import PhraseSource, make_phrases
 from grounding.robot.frames import read_robot_frames
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import AgentError, PersonalVizError
+from sim.errors import AgentError, MissingDependencyError, PersonalVizError, SceneError
 from sim.files import write_whole
 from sim.mesh import Scene
 from sim.types import SPLITS
@@ -37,6 +38,9 @@ _CELL_EYE = 0.5
 
 
 _LONGEST_NAME = 255
+"""Bytes of a file's name."""
+_MOST_DRAWN = 20
+"""Questions in one picture; the recording has all."""
 
 
 class _Asked(NamedTuple):
@@ -91,6 +95,7 @@ class Ask:
 
     def run(self) -> int:
         check_options(self)
+        self._require_options()
         truths = read_true_points(self.truth) if self.truth is not None else []
         if not (self.query or truths or self.interactive):
             raise PersonalVizError(
@@ -100,7 +105,10 @@ class Ask:
         description, phrases = self._description, self._phrase_source
         asked = self._opened()
         merged = merged_storeys(asked.home)
-        encoder = encoder_of_queries(merged, self.encoder or asked.source.encoder or "hashed")
+        name = self.encoder or asked.source.encoder or "hashed"
+        if not is_model(name):
+            require_no_model_options(f"--encoder {name}", self._model)
+        encoder = encoder_of_queries(merged, name, options=self._model)
         asker = Asker(asked.home, encoder=encoder, phrases=phrases, method=self.method)
         replies = [asker.ask(query, description=description) for query in self.query]
         scores: list[AskedScore] = []
@@ -116,24 +124,36 @@ class Ask:
             documents.append(_document(replies[-1], asker.method, asked.source))
             if not self.json:
                 _print(asked.home, replies[-1:], asked.source)
-        written = self._written(asked, asker, replies)
         if self.json:
             print_json(_all(documents, scores))
-            return 0
-        if scores:
+        elif scores:
             _print_scores(scores, asker.method)
-        print(written)
+        written = self._written(asked, asker, replies)
+        say(written) if self.json else print(written)
         return 0
+
+    def _require_options(self) -> None:
+        """Refuses options that would be ignored."""
+        is_home, has_llm = not self.where.endswith(".npz"), self.phrases == "llm"
+        for option, is_given, fits, where in (
+            ("--dataset", self.dataset is not None, is_home, "the name of a home"),
+            ("--scenes-dir", self.scenes_dir is not None, is_home, "the name of a home"),
+            ("--llm-url", bool(self.llm_url), has_llm, "--phrases llm"),
+            ("--llm-model", bool(self.llm_model), has_llm, "--phrases llm"),
+            ("--llm-key-env", bool(self.llm_key_env), has_llm, "--phrases llm"),
+        ):
+            if is_given and not fits:
+                raise PersonalVizError(
+                    f"ask: {option} is given for {self.where} with --phrases {self.phrases}; expected it with {where} "
+                    "only. Leave it out."
+                )
 
     @property
     def _description(self) -> str:
         """The paragraph, from the file that the option names or as it was typed."""
         path = Path(self.description)
-        if (
-            not self.description
-            or len(self.description) > 255
-            or not (path.suffix in (".txt", ".md") or path.is_file())
-        ):
+        is_name = 0 < len(self.description.encode()) <= _LONGEST_NAME and "\n" not in self.description
+        if not is_name or not (path.suffix in (".txt", ".md") or path.is_file()):
             return self.description
         try:
             return path.read_text(encoding="utf-8").strip()
@@ -190,6 +210,8 @@ class Ask:
 
     def _written(self, asked: _Asked, asker: Asker, replies: Sequence[Reply]) -> str:
         """Writes picture and recording; returns a line that says so."""
+        if not replies:
+            return "Nothing was asked, and nothing is written."
         if asked.source.kind == "scan" and not self.with_pixels:
             return (
                 f"Not written: {self.out}.png and .rrd would show the licensed scan {asked.source.scene}. Give "
@@ -199,13 +221,13 @@ class Ask:
 
         from .ask_picture import answers_png
 
-        views = asked.views()
-        sights = [_sights(views, reply) for reply in replies]
+        views, drawn = asked.views(), replies[:_MOST_DRAWN]
+        sights = [_sights(views, reply) for reply in drawn]
         png, rrd = (self.out.with_name(self.out.name + end) for end in (".png", ".rrd"))
         title = f"{asked.source.scene}, {asker.method}" + (f"; {asked.scene.label}" if asked.scene else "")
         with writing(png):
             png.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(png, answers_png(asked.home, asker.memory, replies, sights, title=title))
+            write_whole(png, answers_png(asked.home, asker.memory, drawn, sights, title=title))
         record_memory(
             asked.home,
             name=asked.source.scene,
@@ -215,16 +237,20 @@ class Ask:
             asked=replies,
             searched=asker.memory,
         )
-        return f"Written to {png} and {rrd}. See it with: rerun {rrd}"
+        some = f" ({len(drawn)} of {len(replies)} questions are drawn)" if len(drawn) < len(replies) else ""
+        return f"Written to {png}{some} and {rrd}. See it with: rerun {rrd}"
 
 
 def _typed() -> Iterator[str]:
     """The lines of standard input."""
     if sys.stdin.isatty():
         print("Type what to find, one question per line; Ctrl-D ends.", file=sys.stderr)
-    for line in sys.stdin:
-        if line.strip():
-            yield line.strip()
+    try:
+        for line in sys.stdin:
+            if line.strip():
+                yield line.strip()
+    except KeyboardInterrupt:  # the answers so far are kept
+        return
 
 
 def _sights(views: Sequence[PosedView], reply: Reply) -> list[Sight]:
@@ -260,15 +286,19 @@ def _recorded_views(source: MapSource) -> Sequence[PosedView]:
         say(f"The recording {path} is not there: answers are shown on the map alone.")
         return ()
     T_base_camera = recording.T_base_camera
-    frames, _ = read_robot_frames(
-        path,
-        up=",".join(map(str, recording.T_map_recording[1][:3])),  # the row that gives y
-        camera_axes=recording.camera_axes,
-        depth_per_metre=recording.depth_per_metre,
-        topics=recording.topics,
-        T_base_camera=None if T_base_camera is None else np.array(T_base_camera),
-        every=recording.every,
-    )
+    try:
+        frames, _ = read_robot_frames(
+            path,
+            up=",".join(map(str, recording.T_map_recording[1][:3])),  # the row that gives y
+            camera_axes=recording.camera_axes,
+            depth_per_metre=recording.depth_per_metre,
+            topics=recording.topics,
+            T_base_camera=None if T_base_camera is None else np.array(T_base_camera),
+            every=recording.every,
+        )
+    except (SceneError, MissingDependencyError) as error:
+        say(f"Answers are shown on the map alone: {error}")
+        return ()
     return frames.views
 
 

@@ -37,7 +37,7 @@ from sim.types import Frame
 from ...progress import Counted, counted
 from ..options import Json, ModelAutocast, ModelBatch, ModelDevice
 from ..output import print_json
-from ..refusals import require_suffix, writing
+from ..refusals import require_folder, require_suffix, writing
 
 _FLOOR_FRAMES = 40
 """Number of frames, spread over the recording, from which the floors are found."""
@@ -79,7 +79,7 @@ class Map:
     ] = "depth"
     mesh: Annotated[
         Path | None,
-        arg(help="Also writes the recording's surfaces as FILE.glb, which view, annotate, studies and ask open."),
+        arg(help="Also writes the recording's surfaces as FILE.glb, which view, annotate and studies open."),
     ] = None
     every: Annotated[int, arg(help="Takes every n-th usable frame.")] = 1
     camera_axes: Annotated[
@@ -136,6 +136,11 @@ class Map:
             builder = ObjectMapBuilder(resumed or eye, load_segmenter(self.segmenter, floors), views=views)
         start = time.monotonic()
         memory = _built(builder, recording, counts)
+        if not memory.num_frames:
+            raise PersonalVizError(
+                f"{self.frames}: none of {counts.num_found} pictures can be used: {dict(counts.by_reason)}; expected "
+                "colour pictures with depth. Copy them again, or convert them to PNG or JPEG."
+            )
         per_s = memory.num_frames / max(time.monotonic() - start, 1e-9)
         name = self.scene or (self.frames.stem if self.frames.is_file() else self.frames.resolve().name)
         save_memory(self.out, memory, self._source(name, builder.name, recording))
@@ -152,10 +157,10 @@ class Map:
             "continued": resumed.num_kept if resumed else 0,
             **_document(memory, counts.warning, self.layout, builder.name, self.out),
         }
-        if resumed:
-            resumed.remove()
         if self.mesh is not None:
             document["mesh"] = self._write_mesh(self.mesh, recording)
+        if resumed:
+            resumed.remove()
         if self.json:
             print_json(document)
         else:
@@ -192,6 +197,7 @@ class Map:
         require_suffix("--out", self.out, ".npz")
         if self.mesh is not None:
             require_suffix("--mesh", self.mesh, ".glb")
+            require_folder(self.mesh.parent, "--mesh")
         for option, value in (
             ("--batch", self.batch),
             ("--every", self.every),

@@ -123,7 +123,8 @@ class Generate:
         Raises:
             PersonalVizError: The options of the endpoint do not fit.
         """
-        if (self.describe == "llm") != bool(self.llm_url and self.llm_model):
+        given = (self.llm_url, self.llm_model, self.llm_key_env)
+        if (self.describe == "llm") != any(given) or (self.describe == "llm" and not all(given[:2])):
             raise PersonalVizError(
                 f"--describe is {self.describe!r} with --llm-url {self.llm_url!r} and --llm-model {self.llm_model!r}; "
                 "expected both for llm, and none for templates. Add or leave them out."

@@ -5,6 +5,7 @@ that the next key could show. A picture leaves this module only when it is asked
 its key.
 """
 
+import logging
 import os
 import sys
 import threading
@@ -23,6 +24,7 @@ from sim.tasks.pan import PanEnv
 from sim.types import Action, Camera, Frame, Pose
 from sim.walk.navigation_map import NavigationMap
 
+_logger = logging.getLogger("personal_viz.study_app.home.frames")
 KEPT_FRAMES = 128
 """Kept pictures of a home, 0.9 MB each at 640 x 480: enough for the next pictures of two dozen participants."""
 _STARVED = 1.6
@@ -82,7 +84,10 @@ class RenderThreads:
                 while (job := self._next_job()) is None:
                     rest_s = self._rest_until_s - time.monotonic()
                     self._lock.wait(rest_s if rest_s > 0 and self._wishes else None)
-            job()
+            try:
+                job()
+            except Exception:  # the thread draws for everybody in the process
+                _logger.exception("a picture could not be drawn")
 
     def _next_job(self) -> _Job | None:
         """The next job; None = wait. One thread at a time looks ahead. Needs the lock."""

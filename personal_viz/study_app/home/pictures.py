@@ -119,10 +119,11 @@ class Painter:
             seen = _camera_of(self._client.camera, MOVING_PIXELS if is_moving else RESTING_PIXELS)
             if storey is not None and seen is not None:
                 rgb = self._picture(storey, *seen)
-                with self._lock:
-                    if self._storey == storey:  # otherwise the browser has something else to show by now
-                        self._client.scene.set_background_image(rgb, "jpeg", jpeg_quality=JPEG_QUALITY)
-                        self._client.flush()
+                if self._storey == storey:  # otherwise the browser has something else to show by now
+                    self._client.scene.set_background_image(rgb, "jpeg", jpeg_quality=JPEG_QUALITY)
+                    self._client.flush()
+                if self._storey is None:  # it was taken away meanwhile
+                    self._client.scene.set_background_image(None)
         finally:
             with self._lock:
                 self._is_busy = False
