@@ -161,7 +161,7 @@ class Fields:
             category=self.category.value,
             captions=tuple(field.value for field in self.captions if field.value),
             room=self.room.value,
-            storey=int(self.storey.value),
+            storey=int(self.storey.value or 0),
             flagged=self.flagged.value,
             box=box,
         )
@@ -293,7 +293,10 @@ class Annotator:
         self._enter()
 
     def _refresh(self) -> None:
-        if self._session.refresh():
+        if self._session.refresh() and self._session.is_unsaved:
+            self._draw_list()  # the fields are not filled again under a person's hands
+            self._draw_boxes()
+        else:
             self._draw()
 
     def _enter(self) -> None:
