@@ -23,7 +23,7 @@ from ..browse.messages import Words
 from ..browse.panels import open_channel
 from ..study_app.home.surfaces import add_ball
 from ..view.shown import Point, ShownScan
-from ..view.stage import Ray, StoreyView, WorkQueue, free_keys, open_panel
+from ..view.stage import Ray, StoreyView, WorkQueue, free_keys, open_panel, panel_html
 from .panel_html import list_html, notice, pictures_html, words_html
 from .pictures import found_sights, pictures_of
 from .session import Form, Session, with_height
@@ -100,7 +100,9 @@ class Workplace:
         sights = found_sights(item, self.shown.mesh, navigation=self.navigation, renderer=self.shown.caster)
         pictures = pictures_of(item, sights, renderer=self.shown.caster)
         if not pictures:
-            return notice("No place where a robot can stand sees it: episodes cannot ask for it.", is_warning=True)
+            return panel_html(
+                '<p class="warn">No place where a robot can stand sees it: no episode can ask for it.</p>'
+            )
         return pictures_html(pictures, note="From view points; the object is outlined.")
 
 
