@@ -23,7 +23,7 @@ from ..browse.messages import Words
 from ..browse.panels import open_channel
 from ..study_app.home.surfaces import add_ball
 from ..view.shown import Point, ShownScan
-from ..view.stage import Ray, StoreyView, WorkQueue, free_keys, open_panel
+from ..view.stage import Ray, StoreyView, WorkQueue, free_keys, open_panel, panel_html
 from .panel_html import list_html, notice, pictures_html, words_html
 from .pictures import found_sights, pictures_of
 from .session import Form, Session, with_height
@@ -100,7 +100,9 @@ class Workplace:
         sights = found_sights(item, self.shown.mesh, navigation=self.navigation, renderer=self.shown.caster)
         pictures = pictures_of(item, sights, renderer=self.shown.caster)
         if not pictures:
-            return notice("No place where a robot can stand sees it: episodes cannot ask for it.", is_warning=True)
+            return panel_html(
+                '<p class="warn">No place where a robot can stand sees it: no episode can ask for it.</p>'
+            )
         return pictures_html(pictures, note="From view points; the object is outlined.")
 
 
@@ -161,7 +163,7 @@ class Fields:
             category=self.category.value,
             captions=tuple(field.value for field in self.captions if field.value),
             room=self.room.value,
-            storey=int(self.storey.value),
+            storey=int(self.storey.value or 0),
             flagged=self.flagged.value,
             box=box,
         )
@@ -293,7 +295,10 @@ class Annotator:
         self._enter()
 
     def _refresh(self) -> None:
-        if self._session.refresh():
+        if self._session.refresh() and self._session.is_unsaved:
+            self._draw_list()  # the fields are not filled again under a person's hands
+            self._draw_boxes()
+        else:
             self._draw()
 
     def _enter(self) -> None:

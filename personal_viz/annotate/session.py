@@ -231,7 +231,7 @@ class Session:
         return f"Removed object {number}." if base is not None else f"Dropped what was written on object {number}."
 
     def undo(self) -> str:
-        """Appends the edit that takes back the annotator's last one, and selects its object.
+        """Drops the selected object's draft, or else appends the edit that takes back the annotator's last one.
 
         Edits that were undone before do not count, so repeated calls go back to the first edit, after a restart too.
 
@@ -239,6 +239,12 @@ class Session:
             DatasetError: Somebody else edited the object since.
             PersonalVizError: There is nothing to undo, or the annotator has no name.
         """
+        if self.selected is not None and self.is_unsaved:
+            number = self.selected
+            del self._drafts[number]
+            if number not in {*self._things, *self._first, *self._objects}:
+                self.selected = None
+            return f"Dropped what was written on object {number} and not saved."
         who = self._require_who()
         self.refresh()
         last = last_not_undone(self._edits, who)

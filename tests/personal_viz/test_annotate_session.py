@@ -89,6 +89,21 @@ def test_undo_appends_and_goes_back_one_by_one_after_a_restart_too(path: Path) -
     assert last_not_undone(read_edits(path), "bo") is None
 
 
+def test_undo_first_drops_what_is_not_saved(path: Path) -> None:
+    ada = session(path)
+    write(ada, 7)
+    ada.keep(replace(LINE, room="attic"))
+    assert ada.undo() == "Dropped what was written on object 7 and not saved."
+    assert (ada.form, len(read_edits(path))) == (LINE, 1)
+    ada.draw_box()
+    ada.click((4.0, 0.0, 5.0), 0)
+    ada.click((5.0, 0.0, 6.0), 0)
+    ada.undo()
+    assert (ada.selected, [row.id for row in ada.rows()]) == (None, [7, 9])
+    ada.undo()
+    assert fold(read_edits(path)) == {}
+
+
 def test_of_two_annotators_the_second_is_told_and_sees_what_the_first_wrote(path: Path) -> None:
     ada, bo = session(path), session(path, "bo")
     bo.select(7)
