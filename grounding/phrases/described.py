@@ -84,6 +84,8 @@ class Describer:
         key = json.dumps([_PROMPT_VERSION, str(options.base_url), options.model, list(messages)])
         try:
             answer = cached_bytes("descriptions", key, lambda: self._fresh(messages)).decode()
+        except _NoText:
+            return ""
         except (ValueError, self._chat.Error) as error:
             reason = str(error) if isinstance(error, ValueError) else self._chat.reason(error)
             raise AgentError(
@@ -96,8 +98,12 @@ class Describer:
         assert self._chat is not None
         answer = self._chat.ask(messages)
         if not answer.strip():
-            raise ValueError("the answer is empty, or not in the form of a chat")  # so that it is not kept
+            raise _NoText
         return answer.encode()
+
+
+class _NoText(Exception):
+    """The model's answer is empty, or not in the form of a chat; it is not kept in the cache."""
 
 
 def misread(text: str, items: Sequence[OwnedItem]) -> str:

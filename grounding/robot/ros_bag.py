@@ -125,7 +125,9 @@ def read_ros_bag(path: Path, options: ReadingOptions, counts: FrameCounts) -> Re
     stamps = np.array([colour.stamp for colour, _ in pairs])
     # geometry is the depth's; where colours are not registered to it, only they are off
     Ts, are_known = (
-        _poses(bag, topics, options, pairs[0][1].frame, stamps) if pairs else (np.empty((0, 4, 4)), np.empty(0, bool))
+        _poses(bag, topics, options, [pairs[0][1].frame, pairs[0][0].frame], stamps)
+        if pairs
+        else (np.empty((0, 4, 4)), np.empty(0, bool))
     )
     for (colour, _), is_known in zip(pairs, are_known, strict=True):
         if not is_known:
@@ -216,10 +218,14 @@ def _pairs(colours: list[_Place], depths: list[_Place], counts: FrameCounts) -> 
 
 
 def _poses(
-    bag: _Bag, topics: _Topics, options: ReadingOptions, camera_frame: str, stamps: NDArray[np.float64]
+    bag: _Bag, topics: _Topics, options: ReadingOptions, frames: Sequence[str], stamps: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """(N, 4, 4) poses of the camera at these times (N,), and (N,) whether each is known."""
+    """(N, 4, 4) poses of the camera at these times (N,), and (N,) whether each is known.
+
+    The camera's frame is the first of `frames` that tf knows: depth that was registered to colours may name no other.
+    """
     tree, odometry, base = _transforms(bag, topics.odom)
+    camera_frame = next((frame for frame in frames if len(tree.chain(frame)) > 1), frames[-1])
     chain = tree.chain(camera_frame)
     if options.T_base_camera is not None:
         if odometry is None:
