@@ -33,6 +33,8 @@ _LEAST_VOTES = 0.4
 cube."""
 _LEAST_FOUND = 0.25
 """A thing stays if it was found in this share of the views that can show it, plus one view."""
+_OFTEN = 5
+"""Where the median mask shows a thing that this many views found, a thing that only one view found is an error."""
 _LOST = 0.5
 """A thing that shares this part of its cubes with one thing whose claim is stronger is a piece of it."""
 _TIDY_EVERY = 50
@@ -54,7 +56,7 @@ class MergeRule:
     min_share: float
     """Least share of the smaller set that overlaps the other."""
     min_cosine: float
-    """Least cosine of the features of a set and a much larger one around it; also taken for things without feature."""
+    """Least cosine of the features of a set and a much larger one around it; also assumed for things without one."""
 
     def scores(
         self, share: NDArray[np.float64], other_share: NDArray[np.float64], cosine: NDArray[np.float64]
@@ -106,8 +108,9 @@ class UnknownThings:
             self._things = [thing for thing in things if thing.is_confirmed]
 
     def things(self) -> list[Thing]:
-        """The things that enough views confirm: at least two, unless most places were seen once only."""
-        least = 2 if self._things and np.median([thing.visible for thing in self._things]) >= 2 else 1
+        """The things that enough views confirm."""
+        views = np.array([thing.views for thing in self._things], np.int64)
+        least = 2 if len(views) and np.median(np.repeat(views, views)) >= _OFTEN else 1
         kept = [thing for thing in self._things if thing.is_confirmed and thing.views >= least]
         kept = _joined([thing.with_cubes(thing.cubes.voted()) for thing in kept], self._rule)
         owners = _owners(kept)
