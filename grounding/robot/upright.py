@@ -278,8 +278,9 @@ def _squared(axis: NDArray[np.float64], surface: _Surface) -> NDArray[np.float64
         for peak in np.flatnonzero(is_peak):
             middle = np.median(heights[np.abs(layer - peak) <= 1])
             of_layer = points[np.abs(heights - middle) < thickness]
-            off = of_layer - of_layer.mean(axis=0)
-            scatter += off.T @ off
+            if len(of_layer) > 2:  # a median between two sheets may have nothing near it
+                off = of_layer - of_layer.mean(axis=0)
+                scatter += off.T @ off
         found = np.linalg.eigh(scatter)[1][:, 0]
         if abs(found @ first) < _FACING:
             return axis
