@@ -268,18 +268,19 @@ def _axes(surface: _Surface) -> list[NDArray[np.float64]]:
 def _squared(axis: NDArray[np.float64], surface: _Surface) -> NDArray[np.float64]:
     """The axis to which layers of patches are square: least squares over the points of all full layers together."""
     first = axis
-    for _ in range(4):
+    for thickness in (_LAYER, _LAYER, _LAYER / 2, _LAYER / 4):
         points = surface.points[np.abs(surface.normals @ axis) > _FACING]
         heights = points @ axis
         layer = ((heights - heights.min()) / _LAYER).astype(np.int64)
         counts = np.bincount(layer)
-        is_peak = (counts == ndimage.maximum_filter1d(counts, 3)) & (counts > max(20, 0.05 * counts.max()))
+        is_peak = (counts == ndimage.maximum_filter1d(counts, 3)) & (counts > max(5, 0.05 * counts.max()))
         scatter = np.zeros((3, 3))
         for peak in np.flatnonzero(is_peak):
             middle = np.median(heights[np.abs(layer - peak) <= 1])
-            of_layer = points[np.abs(heights - middle) < _LAYER]
-            off = of_layer - of_layer.mean(axis=0)
-            scatter += off.T @ off
+            of_layer = points[np.abs(heights - middle) < thickness]
+            if len(of_layer) > 2:  # a median between two sheets may have nothing near it
+                off = of_layer - of_layer.mean(axis=0)
+                scatter += off.T @ off
         found = np.linalg.eigh(scatter)[1][:, 0]
         if abs(found @ first) < _FACING:
             return axis
