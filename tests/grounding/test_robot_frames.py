@@ -263,3 +263,11 @@ def test_the_floor_below_a_camera_of_unknown_height_is_found_from_depth() -> Non
     assert floors_of_frames(FRAMES) == pytest.approx((0.0,), abs=0.03)
     assert floors_of_frames(FRAMES + above) == pytest.approx((0.0, 2.9), abs=0.03)
     assert floors_of_frames(FRAMES + above, mount_height=0.5) == pytest.approx((0.38, 3.28))
+
+
+def test_a_recording_without_any_depth_is_one_line_before_up_is_sought(tmp_path: Path) -> None:
+    write_recording(tmp_path / "rec", FRAMES[:3], up="y")
+    for path in (tmp_path / "rec/depth").iterdir():
+        Image.fromarray(np.zeros((120, 160), np.uint16)).save(path)
+    with pytest.raises(SceneError, match=r"rec: none of 3 depth pictures can be used; expected whole ones"):
+        read_robot_frames(tmp_path / "rec")

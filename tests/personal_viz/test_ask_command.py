@@ -111,11 +111,46 @@ def test_licensed_scans_are_answered_and_not_drawn(map_file: Path) -> None:
         (("--query", "a", "--encoder", "minilm"), ("holds 768-d vectors", "expected one encoder")),
         (("--query", "a", "--method", "joint"), ("got a map of", "expected a grid map")),
         (("--query", "a", "--method", "best"), ("--method is 'best'",)),
+        (("--query", "a", "--dataset", "data"), ("--dataset is given", "the name of a home only")),
+        (("--query", "a", "--llm-url", "http://x"), ("--llm-url is given", "--phrases llm only")),
+        (("--query", "a", "--autocast", "bfloat16"), ("--autocast is 'bfloat16' with --encoder hashed",)),
     ],
 )
 def test_refusals_are_one_line_and_write_nothing(map_file: Path, more: tuple[str, ...], parts: tuple[str, ...]) -> None:
     assert_one_line(ask(map_file, *more), *parts)
     assert not map_file.with_name("answer.png").exists()
+
+
+def test_a_long_paragraph_is_no_file_name_in_any_alphabet(map_file: Path) -> None:
+    done = ask(map_file, "--description", "Lily’s mug is blue. " * 12, "--query", "the sofa", "--json")
+    assert done.returncode == 0, done.stderr
+
+
+def test_no_question_writes_nothing_and_an_end_keeps_the_answers(
+    map_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(""))
+    done = ask(map_file, "--interactive")
+    assert (done.returncode, done.stdout) == (0, "Nothing was asked, and nothing is written.\n")
+
+    class Interrupted(io.StringIO):
+        def __next__(self) -> str:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(sys, "stdin", Interrupted())
+    assert ask(map_file, "--interactive", "--query", "the sofa").returncode == 0
+    assert map_file.with_name("answer.png").exists()
+
+
+def test_answers_outlive_their_recording_and_json_says_what_is_not_written(map_file: Path) -> None:
+    map_file.with_name("gone").mkdir()  # emptied since
+    done = ask(map_file, "--query", "the sofa", "--json")
+    assert json.loads(done.stdout)["points"]
+    assert "Answers are shown on the map alone: " in done.stderr
+    save_memory(map_file, two_storeys(), MapSource(scene="scan", kind="scan", encoder="hashed"))
+    done = ask(map_file, "--query", "the sofa", "--json")
+    assert json.loads(done.stdout)["points"]
+    assert "Not written" in done.stderr
 
 
 def test_a_home_needs_its_dataset(tmp_path: Path) -> None:

@@ -210,3 +210,18 @@ def test_a_bag_becomes_a_map_named_after_its_file(tmp_path: Path, capsys) -> Non
     assert run(tmp_path / "lab.bag", *arguments) == 0
     assert "8 of 8 frames used" in capsys.readouterr().out
     assert read_map_header(tmp_path / "a.npz").source.scene == "lab"
+
+
+def test_a_recording_whose_colours_cannot_be_read_says_why(recording: Path, tmp_path: Path) -> None:
+    for path in (recording / "color").iterdir():
+        path.write_bytes(path.read_bytes()[:-40] if path.suffix == ".png" else b"")
+    with pytest.raises(PersonalVizError, match=r"none of 12 pictures can be used: .*picture not readable.*PNG or JPEG"):
+        run(recording, "--out", str(tmp_path / "a.npz"))
+    assert not (tmp_path / "a.npz").exists()
+
+
+def test_an_axis_that_begins_with_a_minus_is_a_value(recording: Path) -> None:
+    parsed = parse(["map", "--frames", str(recording), "--up", "-y", "--encoder", "none", "--out", "a.npz"])
+    assert parsed.up == "-y"  # type: ignore[attr-defined]
+    parsed = parse(["map", "--frames", str(recording), "--up", "-0.1,0.9,0", "--encoder", "none", "--out", "a.npz"])
+    assert parsed.up == "-0.1,0.9,0"  # type: ignore[attr-defined]

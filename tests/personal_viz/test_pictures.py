@@ -155,3 +155,19 @@ def test_pictures_of_odd_cameras_stay_within_limits(
     ((_, _, camera),) = asked
     assert camera.width * camera.height <= RESTING_PIXELS * 1.1
     assert 0 < camera.hfov_deg < 180
+
+
+def test_a_picture_that_fails_stops_neither_the_thread_nor_the_next_one(browser: Browser) -> None:
+    calls: list[int] = []
+
+    def picture(storey: int, T: NDArray[np.float64], camera: Camera) -> NDArray[np.uint8]:
+        calls.append(storey)
+        if storey == 0:
+            raise MemoryError
+        return np.zeros((camera.height, camera.width, 3), np.uint8)
+
+    painter = Painter(browser, picture, RenderThreads(1))  # type: ignore[arg-type]
+    painter.show(0)
+    painter.show(1)
+    browser.wait_for(lambda: browser.sent)
+    assert calls[-1] == 1
