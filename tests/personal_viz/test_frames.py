@@ -183,3 +183,14 @@ def test_the_record_is_the_same_with_and_without_looking_ahead() -> None:
     ahead = recorded(Frames(Colours(), threads), looks_ahead=True)
     assert ahead == recorded(Colours(), looks_ahead=False)
     assert [event.step for event in ahead if isinstance(event, Shown)] == list(range(len(WALK) + 1))
+
+
+def test_work_that_fails_ends_neither_the_thread_nor_looking_ahead() -> None:
+    threads, done = RenderThreads(1), threading.Event()
+
+    def fails() -> None:
+        raise SceneError("no picture")
+
+    threads.run(fails)
+    threads.look_ahead("p01", [fails, done.set])
+    assert done.wait(WAIT_S)

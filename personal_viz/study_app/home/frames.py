@@ -107,12 +107,14 @@ class RenderThreads:
     def _ahead(self, job: _Job) -> None:
         """Does a wish; if other work wanted the core meanwhile, no wish is done for a while."""
         elapsed, cpu = time.perf_counter(), time.thread_time()
-        job()
-        elapsed, cpu = time.perf_counter() - elapsed, time.thread_time() - cpu
-        with self._lock:
-            self._is_looking_ahead = False
-            if elapsed > _STARVED * cpu + 0.002:
-                self._rest_until_s = time.monotonic() + _REST_S
+        try:
+            job()
+        finally:
+            elapsed, cpu = time.perf_counter() - elapsed, time.thread_time() - cpu
+            with self._lock:
+                self._is_looking_ahead = False
+                if elapsed > _STARVED * cpu + 0.002:
+                    self._rest_until_s = time.monotonic() + _REST_S
 
 
 class Frames:
