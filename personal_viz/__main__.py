@@ -6,6 +6,8 @@ When the reader of its output has gone (`| head`), the program ends silently wit
 import os
 import select
 import sys
+import warnings
+from typing import TextIO
 
 from sim.errors import PersonalVizError
 
@@ -18,6 +20,7 @@ READER_GONE = 141
 def main() -> None:
     """Runs the command line and exits with its code."""
     code: int | str | None = 0
+    warnings.showwarning = show_warning
     try:
         code = run()
         sys.stdout.flush()
@@ -57,6 +60,21 @@ def run() -> int:
             return 130
         print(f"personal-viz: {one_line(line)}", file=sys.stderr)  # one line, whatever a plug-in raised
         return 1
+
+
+def show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Prints a warning for users as one line; other warnings keep their place in the code."""
+    if category is UserWarning:
+        print(f"personal-viz: {message}", file=file or sys.stderr)
+    else:
+        print(warnings.formatwarning(message, category, filename, lineno, line), end="", file=file or sys.stderr)
 
 
 def has_lost_reader() -> bool:

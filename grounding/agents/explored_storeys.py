@@ -1,10 +1,11 @@
-"""The explorations from which a home's map is made: one for each storey on which episodes start, kept in files.
+"""The explorations from which a home's map is made: one for each storey that counts, kept in files.
 
 All maps of a home come from the same walks, with every encoder and noise.
 """
 
 import hashlib
 import json
+from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
 
@@ -21,29 +22,26 @@ from .progress_notes import Say
 
 
 def storey_explorations(
-    dataset: PersonalDataset,
     scene: Scene,
+    storeys: Sequence[int],
     *,
     folder: Path,
     seed: int,
     camera: Camera = Camera(),  # noqa: B008 - frozen value
     say: Say | None = None,
 ) -> list[Exploration]:
-    """Explorations of the storeys on which the scene's episodes start, lowest first; made where there is no file.
+    """Explorations of storeys of a home, in their order; made where there is no file.
 
     Args:
-        dataset: Holds the episodes; their goals are not used.
+        storeys: Their indices among the `storey_heights` of the scene's navigation; lowest first.
         seed: Seed of starts and agents.
         say: Gets a line about the progress; it changes nothing.
 
     Raises:
-        DatasetError: A file of the dataset is damaged.
         RunFileError: A file of an exploration is damaged or cannot be written.
         SceneError: A storey has no place to start from.
     """
     heights = scene.navigation.storey_heights
-    starts = [episode.start.position[1] for episode in dataset.episodes(scenes=(scene.name,))]
-    storeys = np.unique(nearest_storey(starts, heights)).tolist()
     found = []
     for number, index in enumerate(storeys, start=1):
         path = folder / exploration_name(scene, storey=index, seed=seed, camera=camera)
@@ -53,6 +51,16 @@ def storey_explorations(
             save_exploration(path, explore(scene, start, seed=seed, camera=camera, on_step=told))
         found.append(load_exploration(path))
     return found
+
+
+def storeys_of_starts(dataset: PersonalDataset, scene: Scene) -> tuple[int, ...]:
+    """The storeys on which the scene's episodes start, lowest first; their goals are not used.
+
+    Raises:
+        DatasetError: A file of the dataset is damaged.
+    """
+    starts = [episode.start.position[1] for episode in dataset.episodes(scenes=(scene.name,))]
+    return tuple(np.unique(nearest_storey(starts, scene.navigation.storey_heights)).tolist())
 
 
 def _counted(say: Say, what: str) -> OnStep:

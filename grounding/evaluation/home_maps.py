@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.errors import RunFileError
+from sim.errors import RunFileError, SceneError
 from sim.mesh import Scene
 from sim.types import Camera
 
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from ..agents.explore import Exploration
     from ..encoders.protocol import DenseEncoder
     from ..maps.grid_map import MapBuilder
+    from ..perception.segments import Segmenter
+    from .known_home import KnownHome
 
 MAP_VERSION = 1
 """Increase it with every change to these maps; maps with another number are made again."""
@@ -147,16 +149,39 @@ def make_home_map(
     """
     from sim.homes.open_home import open_scene
 
-    from ..agents.explore import frames_of
-    from ..agents.explored_storeys import storey_explorations
+    from .known_home import home_of_dataset
 
     scene = open_scene(dataset, scene_name, scenes_dir=folders.scenes_dir, clutter=settings.home_clutter)
+    home = home_of_dataset(dataset, scene, level=settings.paraphrase, seed=settings.seed)
     told = say if folders.notes is not None else None  # reporting steps costs the explorer some time
-    explorations = storey_explorations(dataset, scene, folder=folders.explorations, seed=settings.seed, say=told)
-    builder = _builder(dataset, scene, settings, model)
+    map_home(home, settings, folders, model=model, say=say, say_steps=told)
+
+
+def map_home(
+    home: "KnownHome",
+    settings: GroundSettings,
+    folders: MapFolders,
+    *,
+    model: ModelOptions,
+    say: Say,
+    say_steps: Say | None = None,
+) -> None:
+    """Explores a home's storeys, unless that was done before, and saves the map of the views.
+
+    Raises:
+        SceneError: A storey has no place to start from, or oracle perception knows no object of the home.
+        RunFileError: A file is damaged or cannot be written.
+        AgentError: The encoder cannot be loaded.
+    """
+    from ..agents.explored_storeys import storey_explorations
+
+    scene, builder = home.scene, _builder(home, settings, model)
+    explorations = storey_explorations(
+        scene, home.storeys, folder=folders.explorations, seed=settings.seed, say=say_steps
+    )
     total, done = sum(ceil(len(walk.steps) / VIEWS_EVERY) for walk in explorations), 0
     for exploration in explorations:
-        for frame in frames_of(scene, exploration, every=VIEWS_EVERY):
+        for frame in home.frames(exploration, camera=Camera(), every=VIEWS_EVERY):
             builder.add(frame)
             done += 1
             say(f"mapping {done} of {total} views")
@@ -166,7 +191,21 @@ def make_home_map(
         digest=scene.digest,
         builder=f"{builder.name} by {encoder_called(settings.map_encoder)}",
     )
-    save_memory(folders.map_file(scene_name), builder.finish(), source)
+    save_memory(folders.map_file(scene.name), builder.finish(), source)
+
+
+def require_perceived(home: "KnownHome", settings: GroundSettings) -> None:
+    """Refuses a home without known objects where the encoder sees none.
+
+    Raises:
+        SceneError: Neither semantics nor annotations say what is in the home.
+    """
+    if not (home.texts or sees(settings.encoder)):
+        raise SceneError(
+            f"{home.scene.name}: found no semantics and no annotations with encoder {settings.encoder!r}, which reads "
+            "the names of objects; expected some, or a model that sees. Annotate the scan and give --dataset, or give "
+            "--encoder clip:MODEL."
+        )
 
 
 def require_map_of(path: Path, scene: str) -> None:
@@ -206,39 +245,45 @@ def build_map(
         SceneError: A walk was made in another home.
         AgentError: The encoder is unknown or cannot be loaded.
     """
-    from ..agents.explore import frames_of
+    from .known_home import home_of_dataset
 
-    builder = _builder(dataset, home, GroundSettings("joint", map="explore", encoder=encoder), ModelOptions())
+    known = home_of_dataset(dataset, home)
+    builder = _builder(known, GroundSettings("joint", map="explore", encoder=encoder), ModelOptions())
     for walk in walks:
-        for frame in frames_of(home, walk, camera=camera, every=VIEWS_EVERY):
+        for frame in known.frames(walk, camera=camera, every=VIEWS_EVERY):
             builder.add(frame)
     return builder.finish()
 
 
-def _builder(dataset: PersonalDataset, scene: Scene, settings: GroundSettings, model: ModelOptions) -> "MapBuilder":
+def _builder(home: "KnownHome", settings: GroundSettings, model: ModelOptions) -> "MapBuilder":
     from ..maps.grid_map import GridMapBuilder
     from ..maps.storeys import ViewOptions
 
-    encoder = _image_encoder(dataset, scene, settings, model)
+    encoder = _image_encoder(home, settings, model)
     # the same cells as the home's oracle map
-    views = ViewOptions(centre_xz=oracle_home(dataset, scene.name).centre_xz, batch=model.batch_size)
+    views = ViewOptions(centre_xz=home.centre_xz, batch=model.batch_size)
     if settings.layout == "objects":
         from ..maps.object_map import ObjectMapBuilder
-        from ..perception.segments import InstanceIds
 
-        # captions as perceived, with confusions; a real encoder gives no names
-        captions = encoder.perceived if isinstance(encoder, OraclePerception) else None
-        return ObjectMapBuilder(encoder, InstanceIds(captions), views=views)
+        return ObjectMapBuilder(encoder, _segmenter(home, encoder), views=views)
     return GridMapBuilder(encoder, cell=CELLS[settings.layout], features=settings.features, views=views)
 
 
-def _image_encoder(
-    dataset: PersonalDataset, scene: Scene, settings: GroundSettings, model: ModelOptions
-) -> "DenseEncoder":
+def _segmenter(home: "KnownHome", encoder: "DenseEncoder") -> "Segmenter":
+    """Instance ids; for a bare scan, whose faces have none, connected regions of depth."""
+    from ..perception.segment_depth import DepthRegions
+    from ..perception.segments import InstanceIds
+
+    if not home.texts:
+        return DepthRegions(floors=tuple(home.scene.navigation.storey_heights))
+    # captions as perceived, with confusions; a real encoder gives no names
+    return InstanceIds(encoder.perceived if isinstance(encoder, OraclePerception) else None)
+
+
+def _image_encoder(home: "KnownHome", settings: GroundSettings, model: ModelOptions) -> "DenseEncoder":
     if sees(settings.encoder):
         return make_image_encoder(settings.encoder, options=model)
-    from ..maps.oracle_map import object_texts
-
+    require_perceived(home, settings)
     options = PerceptionOptions(
         view_noise=settings.view_noise,
         object_noise=settings.object_noise,
@@ -247,8 +292,5 @@ def _image_encoder(
         seed=settings.seed,
     )
     return OraclePerception(
-        make_encoder(settings.encoder.removesuffix(ORACLE_SUFFIX)),
-        object_texts(dataset, scene, level=settings.paraphrase, seed=settings.seed),
-        options=options,
-        home=scene.name,
+        make_encoder(settings.encoder.removesuffix(ORACLE_SUFFIX)), home.texts, options=options, home=home.scene.name
     )

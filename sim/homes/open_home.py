@@ -28,7 +28,7 @@ from .recovered.plans import recover_plan
 if TYPE_CHECKING:
     from sim.walk.navmesh import NavMesh
 
-_SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
+SCAN_SUFFIXES = (".glb", ".basis.glb", ".gltf", ".ply", ".obj")
 """Suffixes of scan files, in the order in which they are tried."""
 
 
@@ -170,14 +170,14 @@ def find_scan(name: str, scenes_dir: Path) -> Path:
     Raises:
         SceneError: No folder below `scenes_dir` holds such a file.
     """
-    order = {f"{name}{suffix}": place for place, suffix in enumerate(_SUFFIXES)}
+    order = {f"{name}{suffix}": place for place, suffix in enumerate(SCAN_SUFFIXES)}
     found = [(order[path.name], depth, path) for path, depth in _files_below(scenes_dir, set(order)) if path.exists()]
     if found:
         return min(found)[2]
     raise SceneError(
         f"{scenes_dir}: found no {name}.glb in any folder below; expected {scenes_dir}/**/{name}.glb "
-        f"(or {', '.join(_SUFFIXES[1:])}). Give --scenes-dir the folder that holds the scans, or leave it out to use "
-        "the schematic home."
+        f"(or {', '.join(SCAN_SUFFIXES[1:])}). Give --scenes-dir the folder that holds the scans, or leave it out to "
+        "use the schematic home."
     )
 
 

@@ -2,17 +2,24 @@
 
 import io
 import json
+import shutil
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from grounding.evaluation.known_home import ids_of_boxes
 from grounding.maps.files import MapSource, save_memory
 from grounding.maps.header import RecordingSource, matrix_of
+from sim.authoring.annotations import AnnotatedObject, Box, Edit, annotation_path, append_edit
 from sim.episodes.dataset import PersonalDataset
 from sim.frames import T_world_glb_zup
+from sim.homes.open_home import open_scan
+from sim.mesh import SceneObject
+from sim.types import Camera, Frame
 from tests.grounding.test_free_text import DESCRIPTION, two_storeys
 from tests.recordings.reading import tables
 
@@ -111,7 +118,7 @@ def test_licensed_scans_are_answered_and_not_drawn(map_file: Path) -> None:
         (("--query", "a", "--encoder", "minilm"), ("holds 768-d vectors", "expected one encoder")),
         (("--query", "a", "--method", "joint"), ("got a map of", "expected a grid map")),
         (("--query", "a", "--method", "best"), ("--method is 'best'",)),
-        (("--query", "a", "--dataset", "data"), ("--dataset is given", "the name of a home only")),
+        (("--query", "a", "--dataset", "data"), ("--dataset is given", "the name of a home or a scan's file only")),
         (("--query", "a", "--llm-url", "http://x"), ("--llm-url is given", "--phrases llm only")),
         (("--query", "a", "--autocast", "bfloat16"), ("--autocast is 'bfloat16' with --encoder hashed",)),
     ],
@@ -173,3 +180,37 @@ def test_a_home_is_explored_once_and_shows_its_answer(small_home_root: Path, tmp
     again = personal_viz("ask", "Small", *options, *asked)
     assert again.stdout == done.stdout
     assert "exploring" not in again.stderr
+
+
+@pytest.mark.slow
+def test_a_scans_file_is_asked_by_its_semantics_and_by_annotated_boxes(small_home_root: Path, tmp_path: Path) -> None:
+    scan, data = small_home_root / "scenes" / "Small.glb", tmp_path / "data"
+    toilet, sink = (next(i for i in open_scan(scan).objects if i.category == name) for name in ("toilet", "sink"))
+    box = Box(centre=sink.centre, size=sink.size)
+    caption = "white basin where dishes are washed"
+    item = AnnotatedObject(id=9007, category="basin", captions=(caption,), box=box)
+    new = Edit(who="ada", utc=datetime.now(UTC), id=item.id, before=None, after=item)
+    append_edit(annotation_path(data, "Small"), new)
+    asked = ("--query", "the toilet", "--query", "Ada's basin", "--description", f"Ada owns the {caption}.")
+    options = ("--maps", tmp_path / "kept", "--out", tmp_path / "answer", "--json")
+    done = personal_viz("ask", scan, "--dataset", data, *options, *asked)
+    assert done.returncode == 0, done.stderr
+    for reply, thing in zip(json.loads(done.stdout), (toilet, sink), strict=True):
+        assert np.abs(np.subtract(reply["points"][0]["map"], thing.centre)).max() < 0.4
+    bare = shutil.copy(scan, tmp_path / "Bare.glb")  # without its semantics beside it
+    done = personal_viz("ask", bare, *options, *asked, "--up", "z")
+    assert_one_line(done, "Bare: found no semantics and no annotations", "--encoder clip:MODEL")
+    done = personal_viz("ask", bare, "--dataset", data, *options, *asked, "--up", "z")
+    assert_one_line(done, "found no annotations of 'Bare' (of: Small)", "Annotate Bare.glb")
+
+
+def test_of_nested_boxes_the_smaller_one_takes_the_pixels_inside() -> None:
+    camera = Camera.of_lens(4, 2, fx=2, fy=2, cx=2, cy=1)
+    depth = np.array([[2, 2, 2, 0], [2, 2, 5, 2]], np.float32)
+    frame = Frame(np.zeros((2, 4, 3), np.uint8), depth, np.eye(4), camera, np.full((2, 4), 9, np.int32))
+    table = SceneObject(1, "table_1", "table", (0.0, 0.0, 2.0), (9.0, 9.0, 0.5))
+    cup = SceneObject(2, "cup_2", "cup", (-1.5, -0.5, 2.0), (0.2, 0.2, 0.2))
+    expected = [[2, 1, 1, 9], [1, 1, 9, 1]]
+    assert ids_of_boxes(frame, [cup, table]).tolist() == expected
+    assert ids_of_boxes(frame, [table, cup]).tolist() == expected
+    assert frame.instance_ids.min() == 9

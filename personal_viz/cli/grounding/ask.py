@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from tyro.conf import Positional, UseAppendAction, arg
 
 from grounding.encoders.by_name import is_model, require_no_model_options
 from grounding.encoders.protocol import ModelOptions
+from grounding.evaluation.known_home import KnownHome, home_of_dataset, home_of_scan
 from grounding.evaluation.settings import GroundSettings
 from grounding.evaluation.true_points import AskedScore, read_true_points, score_reply, scored_table
 from grounding.maps.best_views import PosedView, Sight, best_views
@@ -25,6 +26,7 @@ from grounding.robot.frames import read_robot_frames
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, MissingDependencyError, PersonalVizError, SceneError
 from sim.files import write_whole
+from sim.homes.open_home import SCAN_SUFFIXES, open_scene
 from sim.mesh import Scene
 from sim.types import SPLITS
 
@@ -58,7 +60,11 @@ class Ask:
     """Ask a map, or a home, where something is, in free text."""
 
     where: Annotated[
-        Positional[str], arg(help="A map, FILE.npz; or the name of a home of --dataset, which is explored first.")
+        Positional[str],
+        arg(
+            help="A map, FILE.npz; or what is explored first: the name of a home of --dataset, or a scan or mesh, "
+            "FILE.glb, .gltf, .ply or .obj."
+        ),
     ]
     out: Annotated[Path, arg(help="Name of the files: OUT.png and OUT.rrd.")]
     description: Annotated[str, arg(help="Who owns what: a text file, or the paragraph itself.")] = ""
@@ -83,9 +89,15 @@ class Ask:
     encoder: Annotated[
         str, arg(help="Encoder of the map; what the map file says by default, for homes hashed (oracle perception).")
     ] = ""
-    dataset: Annotated[Path | None, arg(help="Folder of the episodes of a home.")] = None
+    dataset: Annotated[
+        Path | None,
+        arg(help="Folder of a home's episodes, or of a scan's annotations as `annotate` writes them."),
+    ] = None
     evidence: Evidence = ()
     scenes_dir: ScenesDir = None
+    up: Annotated[
+        Literal["y", "z"] | None, arg(help="Axis that is up in a scan; by default what files beside it say, else y.")
+    ] = None
     maps: Annotated[Path, arg(help="Folder that keeps explorations and maps of homes.")] = Path("runs/ask")
     with_pixels: WithPixels = False
     device: ModelDevice = "cpu"
@@ -134,9 +146,11 @@ class Ask:
 
     def _require_options(self) -> None:
         """Refuses options that would be ignored."""
-        is_home, has_llm = not self.where.endswith(".npz"), self.phrases == "llm"
+        is_home, has_llm = not (self._is_map or self._is_scan), self.phrases == "llm"
         for option, is_given, fits, where in (
-            ("--dataset", self.dataset is not None, is_home, "the name of a home"),
+            ("--dataset", self.dataset is not None, not self._is_map, "the name of a home or a scan's file"),
+            ("--evidence", bool(self.evidence), is_home, "the name of a home"),
+            ("--up", self.up is not None, self._is_scan, "a scan's file"),
             ("--scenes-dir", self.scenes_dir is not None, is_home, "the name of a home"),
             ("--llm-url", bool(self.llm_url), has_llm, "--phrases llm"),
             ("--llm-model", bool(self.llm_model), has_llm, "--phrases llm"),
@@ -147,6 +161,14 @@ class Ask:
                     f"ask: {option} is given for {self.where} with --phrases {self.phrases}; expected it with {where} "
                     "only. Leave it out."
                 )
+
+    @property
+    def _is_map(self) -> bool:
+        return self.where.endswith(".npz")
+
+    @property
+    def _is_scan(self) -> bool:
+        return self.where.endswith(SCAN_SUFFIXES)
 
     @property
     def _description(self) -> str:
@@ -193,20 +215,25 @@ class Ask:
 
     def _opened(self) -> _Asked:
         """The map of the file or of the home."""
-        if self.where.endswith(".npz"):
+        if self._is_map:
             path = Path(self.where)
             source = read_map_header(path).source
             return _Asked(load_memory(path), source, None, lambda: _recorded_views(source))
+        found = asked_home(self._home(), self._settings, folder=self.maps, model=self._model, say_so=say)
+        return _Asked(load_memory(found.file), read_map_header(found.file).source, found.scene, lambda: found.views)
+
+    def _home(self) -> KnownHome:
+        """The home that is named, or that of a scan's file."""
+        if self._is_scan:
+            return home_of_scan(Path(self.where), up=self.up, annotations=self.dataset)
         if self.dataset is None:
             raise PersonalVizError(
-                f"ask: found {self.where!r} without --dataset; expected a map, FILE.npz, or the name of a home with "
-                "its --dataset. Make a map with personal-viz map, or give --dataset."
+                f"ask: found {self.where!r} without --dataset; expected a map (FILE.npz), a scan "
+                f"({', '.join(SCAN_SUFFIXES)}), or the name of a home with its --dataset. Make a map with "
+                "personal-viz map, or give --dataset."
             )
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
-        found = asked_home(
-            episodes, self.where, self._settings, folder=self.maps, scenes_dir=self.scenes_dir, model=self._model
-        )
-        return _Asked(load_memory(found.file), read_map_header(found.file).source, found.scene, lambda: found.views)
+        return home_of_dataset(episodes, open_scene(episodes, self.where, scenes_dir=self.scenes_dir))
 
     def _written(self, asked: _Asked, asker: Asker, replies: Sequence[Reply]) -> str:
         """Writes picture and recording; returns a line that says so."""

@@ -309,12 +309,12 @@ def _explore(jobs: Sequence[_ExploreJob], processes: int) -> None:
 
 def _explored(job: _ExploreJob) -> None:
     """Explores the storeys of a home on which episodes start, where there is no file yet."""
-    from grounding.agents.explored_storeys import storey_explorations
+    from grounding.agents.explored_storeys import storey_explorations, storeys_of_starts
     from sim.homes.open_home import open_scene
 
     episodes = PersonalDataset(job.dataset_root, evidence=job.evidence)
     scene = open_scene(episodes, job.scene, scenes_dir=job.scenes_dir)
-    storey_explorations(episodes, scene, folder=job.folder, seed=job.seed)
+    storey_explorations(scene, storeys_of_starts(episodes, scene), folder=job.folder, seed=job.seed)
 
 
 def _gigabytes(folder: Path) -> float:
