@@ -28,6 +28,9 @@ from ..maps.oracle_map import object_texts, oracle_home
 from ..maps.storeys import points_at
 from ..perception.paraphrase import ParaphraseLevel, paraphrase
 
+_NEAREST = 0.05
+"""Corners nearer to the camera's plane than this (metres) have no place in the picture."""
+
 
 @dataclass(frozen=True, slots=True)
 class KnownHome:
@@ -121,12 +124,30 @@ def ids_of_boxes(frame: Frame, boxes: Sequence[SceneObject]) -> NDArray[np.int32
         boxes: Objects whose boxes are along the world's axes.
     """
     ids = frame.instance_ids.copy()
-    rc = np.argwhere(frame.depth_m > 0)
-    points = points_at(frame, rc)
     for item in sorted(boxes, key=lambda item: -np.prod(item.size)):
-        inside = rc[(np.abs(points - item.centre) <= np.array(item.size) / 2).all(axis=1)]
-        ids[inside[:, 0], inside[:, 1]] = item.instance_id
+        rows, cols = _window(frame, item)
+        rc = np.argwhere(frame.depth_m[rows, cols] > 0) + np.array((rows.start, cols.start))
+        if len(rc):
+            inside = rc[(np.abs(points_at(frame, rc) - item.centre) <= np.array(item.size) / 2).all(axis=1)]
+            ids[inside[:, 0], inside[:, 1]] = item.instance_id
     return ids
+
+
+def _window(frame: Frame, box: SceneObject) -> tuple[slice, slice]:
+    """Rows and columns of a view that hold all pixels of a box; empty where it is out of view."""
+    height, width = frame.depth_m.shape
+    corners = np.array(box.centre) + (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5) * box.size
+    T_camera_world = np.linalg.inv(frame.T_world_camera)
+    x, y, depth = (corners @ T_camera_world[:3, :3].T + T_camera_world[:3, 3]).T
+    if (depth <= 0).all():
+        return slice(0, 0), slice(0, 0)
+    if (depth < _NEAREST).any():  # the camera is beside or in it
+        return slice(0, height), slice(0, width)
+    fx, fy, cx, cy = frame.camera.lens
+    u, v = fx * x / depth + cx, fy * y / depth + cy
+    row, last_row = np.clip([np.floor(v.min()), np.ceil(v.max())], 0, height).astype(int).tolist()
+    col, last_col = np.clip([np.floor(u.min()), np.ceil(u.max())], 0, width).astype(int).tolist()
+    return slice(row, last_row), slice(col, last_col)
 
 
 def _annotations(root: Path, scene: str) -> Sequence[AnnotatedObject]:

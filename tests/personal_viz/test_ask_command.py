@@ -2,22 +2,21 @@
 
 import io
 import json
-import shutil
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
-from grounding.evaluation.known_home import ids_of_boxes
+from grounding.evaluation.known_home import home_of_scan, ids_of_boxes
 from grounding.maps.files import MapSource, save_memory
 from grounding.maps.header import RecordingSource, matrix_of
 from sim.authoring.annotations import AnnotatedObject, Box, Edit, annotation_path, append_edit
 from sim.episodes.dataset import PersonalDataset
 from sim.frames import T_world_glb_zup
-from sim.homes.open_home import open_scan
 from sim.mesh import SceneObject
 from sim.types import Camera, Frame
 from tests.grounding.test_free_text import DESCRIPTION, two_storeys
@@ -182,26 +181,59 @@ def test_a_home_is_explored_once_and_shows_its_answer(small_home_root: Path, tmp
     assert "exploring" not in again.stderr
 
 
+def room_file(path: Path) -> Path:
+    """A grey room of 4 x 3 m with a red cube at (1.5, 0.3, 1.0) and a grey one at (-1.5, 0.3, -1.0)."""
+    sides = [((4, 0.1, 3), (0, -0.05, 0)), ((4, 0.1, 3), (0, 2.55, 0))]
+    sides += [((0.1, 2.6, 3), (x, 1.25, 0)) for x in (-2.05, 2.05)]
+    sides += [((4.2, 2.6, 0.1), (0, 1.25, z)) for z in (-1.55, 1.55)]
+    sides += [((0.6, 0.6, 0.6), place) for place in ((1.5, 0.3, 1.0), (-1.5, 0.3, -1.0))]
+    parts = [trimesh.creation.box(size, trimesh.transformations.translation_matrix(at)) for size, at in sides]
+    for part in parts:
+        part.visual.face_colors = (200, 30, 30) if part is parts[-2] else (150, 150, 150)  # type: ignore[union-attr]
+    trimesh.util.concatenate(parts).export(path)
+    return path
+
+
 @pytest.mark.slow
-def test_a_scans_file_is_asked_by_its_semantics_and_by_annotated_boxes(small_home_root: Path, tmp_path: Path) -> None:
-    scan, data = small_home_root / "scenes" / "Small.glb", tmp_path / "data"
-    toilet, sink = (next(i for i in open_scan(scan).objects if i.category == name) for name in ("toilet", "sink"))
-    box = Box(centre=sink.centre, size=sink.size)
-    caption = "white basin where dishes are washed"
-    item = AnnotatedObject(id=9007, category="basin", captions=(caption,), box=box)
-    new = Edit(who="ada", utc=datetime.now(UTC), id=item.id, before=None, after=item)
-    append_edit(annotation_path(data, "Small"), new)
-    asked = ("--query", "the toilet", "--query", "Ada's basin", "--description", f"Ada owns the {caption}.")
-    options = ("--maps", tmp_path / "kept", "--out", tmp_path / "answer", "--json")
+def test_a_scans_file_is_asked_by_annotated_boxes(tmp_path: Path) -> None:
+    scan, data = room_file(tmp_path / "Room.glb"), tmp_path / "data"
+    for number, category, caption, centre in (
+        (1, "stool", "red stool near the window", (1.5, 0.35, 1.0)),
+        (2, "chest", "oak chest near the door", (-1.5, 0.35, -1.0)),
+    ):
+        box = Box(centre=centre, size=(0.7, 0.6, 0.7))
+        item = AnnotatedObject(id=number, category=category, captions=(caption,), box=box)
+        new = Edit(who="ada", utc=datetime.now(UTC), id=number, before=None, after=item)
+        append_edit(annotation_path(data, "Room"), new)
+    asked = ("--query", "the oak chest", "--query", "Ada's stool", "--description", "Ada owns the red stool.")
+    options = ("--maps", tmp_path / "kept", "--out", tmp_path / "answer", "--json", "--up", "y")
     done = personal_viz("ask", scan, "--dataset", data, *options, *asked)
     assert done.returncode == 0, done.stderr
-    for reply, thing in zip(json.loads(done.stdout), (toilet, sink), strict=True):
-        assert np.abs(np.subtract(reply["points"][0]["map"], thing.centre)).max() < 0.4
-    bare = shutil.copy(scan, tmp_path / "Bare.glb")  # without its semantics beside it
-    done = personal_viz("ask", bare, *options, *asked, "--up", "z")
-    assert_one_line(done, "Bare: found no semantics and no annotations", "--encoder clip:MODEL")
-    done = personal_viz("ask", bare, "--dataset", data, *options, *asked, "--up", "z")
-    assert_one_line(done, "found no annotations of 'Bare' (of: Small)", "Annotate Bare.glb")
+    for reply, place in zip(json.loads(done.stdout), ((-1.5, -1.0), (1.5, 1.0)), strict=True):
+        x, y, z = reply["points"][0]["map"]
+        assert np.hypot(x - place[0], z - place[1]) < 0.35
+        assert 0.1 < y < 0.7
+    done = personal_viz("ask", scan, *options, *asked)
+    assert_one_line(done, "Room: found no semantics and no annotations", "--encoder clip:MODEL")
+    bare = scan.rename(tmp_path / "Bare.glb")
+    done = personal_viz("ask", bare, "--dataset", data, *options, *asked)
+    assert_one_line(done, "found no annotations of 'Bare' (of: Room)", "Annotate Bare.glb")
+
+
+@pytest.mark.slow
+def test_a_mesh_without_names_is_asked_through_a_model_that_sees(tmp_path: Path) -> None:
+    scan = room_file(tmp_path / "Room.glb")
+    options = ("--encoder", "tests.grounding.mapped_views:colours", "--maps", tmp_path / "kept", "--up", "y", "--json")
+    done = personal_viz("ask", scan, *options, "--out", tmp_path / "answer", "--query", "200 30 30")
+    assert done.returncode == 0, done.stderr
+    x, _, z = json.loads(done.stdout)["points"][0]["map"]
+    assert np.hypot(x - 1.5, z - 1.0) < 0.4
+
+
+def test_semantics_name_the_objects_of_a_scans_file(small_home_root: Path) -> None:
+    home = home_of_scan(small_home_root / "scenes" / "Small.glb")
+    assert {"toilet", "sink"} <= set(home.texts.values())
+    assert (home.boxes, home.storeys) == ((), (0,))
 
 
 def test_of_nested_boxes_the_smaller_one_takes_the_pixels_inside() -> None:
