@@ -198,6 +198,7 @@ class Annotator:
     def leave(self) -> None:
         """The browser is gone."""
         self._place.leave(self)
+        self._turn += 1  # pictures that are being drawn are for nobody
         self._work.end()
         self._slow.end()
 

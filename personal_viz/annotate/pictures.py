@@ -34,8 +34,8 @@ _APART = math.radians(35)
 """Directions of two pictures differ by this much where there is a choice."""
 _AROUND = 2.4
 """A picture shows this many times the object's size, so that one sees what stands beside it."""
-_NARROWEST_DEG = 30.0
-"""The least field of view: three times closer than the robot sees; a scan has no more to show."""
+_NARROWEST_DEG, _WIDEST_DEG = 30.0, 95.0
+"""Fields of view: three times closer than the robot sees, or a little wider, where it is close to something large."""
 
 
 def found_sights(
@@ -103,7 +103,7 @@ def _closer(pose: Pose, rays: NDArray[np.float64]) -> tuple[Pose, Camera]:
     right, down, ahead = (rays @ T_world_camera(turned, _FIRST_LOOK)[:3, :3]).T
     half = float(np.max(np.maximum(np.abs(right), np.abs(down) * width / height) / np.maximum(ahead, 1e-6)))
     hfov_deg = math.degrees(2 * math.atan(_AROUND * half))
-    return turned, Camera(width, height, float(np.clip(hfov_deg, _NARROWEST_DEG, _FIRST_LOOK.hfov_deg)))
+    return turned, Camera(width, height, float(np.clip(hfov_deg, _NARROWEST_DEG, _WIDEST_DEG)))
 
 
 def _outlined(item: SceneObject, frame: Frame) -> NDArray[np.uint8]:
