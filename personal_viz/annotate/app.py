@@ -4,7 +4,7 @@ Clicks, keys and texts -> `Session` -> appended edits -> what all browsers of th
 """
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -13,26 +13,25 @@ from typing import Any
 import numpy as np
 import viser
 
-from sim.authoring.annotations import MOST_CAPTIONS, annotation_path
+from sim.authoring.annotations import MOST_CAPTIONS, Box, annotation_path
 from sim.errors import SceneError
 from sim.mesh import SceneObject
 from sim.walk.object_surface import object_ids_at
 
-from ..browse.layers import MARKED_RGB, OBJECT_RGB, box_edges, look_at_object, remove_nodes
+from ..browse.layers import look_at_object
 from ..browse.messages import Words
-from ..browse.panels import open_channel
-from ..study_app.home.surfaces import add_ball
 from ..view.shown import Point, ShownScan
 from ..view.stage import Ray, StoreyView, WorkQueue, free_keys, open_panel, panel_html
-from .panel_html import list_html, notice, pictures_html, words_html
+from .boxes import Boxes
+from .panels import Notice, ObjectList, pictures_html, words_html
 from .pictures import found_sights, pictures_of
-from .session import Form, Session, with_height
+from .session import LEAST_HEIGHT, TALLEST, Form, Session, Side, with_height, with_side
 
-PANEL_WIDTH, LIST_WIDTH = 460, 330
-"""Pixels of the panels."""
+PANEL_WIDTH = 460
+"""Pixels of the main panel."""
 _LOW, _HIGH = -0.5, 3.5
 """Bottoms of boxes below and above the floor, metres."""
-_TALLEST = 3.0
+_WELCOME = "Click an object, or draw a new box around it."
 _KEYS = {"c": "Category", "e": "Caption 1", "r": "Room", "f": "Search"}
 """Fields that keys lead to."""
 _SAVING = ("Category", *(f"Caption {n}" for n in range(1, MOST_CAPTIONS + 1)), "Room")
@@ -121,8 +120,10 @@ class Fields:
         self.rooms = gui.add_html("")
         self.storey = gui.add_number("Storey", 0, min=-3, max=19, step=1, hint="0 is the ground floor.")
         self.flagged = gui.add_checkbox("Talk about it first", False, hint="Episodes do not ask for it.")
-        self.bottom = gui.add_slider("Bottom above the floor (m)", _LOW, _HIGH, 0.01, 0.0, visible=False)
-        self.height = gui.add_slider("Height (m)", 0.02, _TALLEST, 0.01, 1.0, visible=False)
+        self.bottom = gui.add_number(
+            "Bottom (m)", 0.0, min=_LOW, max=_HIGH, step=0.01, hint="Above the floor.", visible=False
+        )
+        self.height = gui.add_number("Height (m)", 1.0, min=LEAST_HEIGHT, max=TALLEST, step=0.01, visible=False)
 
     @property
     def all(self) -> tuple[Any, ...]:
@@ -137,13 +138,16 @@ class Fields:
         for number, field in enumerate(self.captions):
             field.value = form.captions[number] if number < len(form.captions) else ""
         self.storey.value, self.flagged.value = form.storey, form.flagged
-        for field in (self.bottom, self.height):
-            field.visible = form.box is not None
-        if form.box is not None:
-            height = form.box.size[1]
-            self.bottom.value = round(form.box.centre[1] - height / 2 - floor_y, 2)
-            self.height.value = round(height, 2)
+        self.fill_box(form.box, floor_y)
         self.show_captions()
+
+    def fill_box(self, box: Box | None, floor_y: float) -> None:
+        """Shows where a box begins and how high it is; an object of the semantics has none."""
+        for field in (self.bottom, self.height):
+            field.visible = box is not None
+        if box is not None:
+            self.bottom.value = round(box.centre[1] - box.size[1] / 2 - floor_y, 2)
+            self.height.value = round(box.size[1], 2)
 
     def show_captions(self) -> None:
         """One empty field for a caption stands below the filled ones."""
@@ -152,7 +156,7 @@ class Fields:
             field.visible = number <= max(filled, default=-1) + 1
 
     def read(self, form: Form, floor_y: float) -> Form:
-        """What stands in the fields; a box keeps its place, and its height unless a slider moved."""
+        """What stands in the fields; a box keeps its place, and its height unless a person changed it."""
         box = form.box
         if box is not None:
             bottom = round(box.centre[1] - box.size[1] / 2 - floor_y, 2)
@@ -175,13 +179,16 @@ class Annotator:
     def __init__(self, client: viser.ClientHandle, place: Workplace) -> None:
         """Builds the panels, shows the lowest storey and starts to listen."""
         self._client, self._place, self._session = client, place, place.session()
-        self._work = WorkQueue(client, self._warn)
+        self._work = WorkQueue(client, lambda line: self._notice.warn(line))
         self._view = StoreyView(client, place.shown)
-        self._nodes: list[Any] = []
+        self._slow = WorkQueue(client, lambda line: self._notice.warn(line))
+        """Draws pictures, so that a drag does not wait for them."""
+        self._boxes = Boxes(client, self._work, self._drag)
         self._turn = 0
         """Number of the last order for pictures; earlier ones are dropped."""
         self._build()
-        self._build_list()
+        self._list = ObjectList(client, self._work, self._obey)
+        self._list.listen_to_search(self._work, self._draw_list)
         free_keys(client.gui, _KEYS, _SAVING)
         self._view.listen_to_clicks(self._work, self._click)
         place.join(self)
@@ -191,7 +198,9 @@ class Annotator:
     def leave(self) -> None:
         """The browser is gone."""
         self._place.leave(self)
+        self._turn += 1  # pictures that are being drawn are for nobody
         self._work.end()
+        self._slow.end()
 
     def hear(self) -> None:
         """Somebody else has saved an edit."""
@@ -202,7 +211,7 @@ class Annotator:
         open_panel(gui, f"Annotate {place.shown.name}", PANEL_WIDTH)
         self._name = gui.add_text("Your name", place.who, hint="Each edit has it.")
         self._view.add_buttons(work, self._show_storey)
-        self._notice = gui.add_html(notice("Click an object, or draw a new box around it."))
+        self._notice = Notice(gui, _WELCOME)
         self._fields = Fields(gui)
         for field in self._fields.all:
             work.listen_to_change(field, self._changed)
@@ -224,23 +233,6 @@ class Annotator:
         self._pictures = gui.add_html("")
         gui.add_html(f'<div class="bw"><p class="dim">{_HELP}</p></div>')
 
-    def _build_list(self) -> None:
-        gui = self._client.gui
-        open_channel(self._client, lambda words: self._work.put(partial(self._obey, words)))
-        panel = gui.add_panel()
-        with panel.add_tab("Objects"):
-            self._search = gui.add_text("Search", "", hint="Number, category, caption, room or state.")
-            self._list = gui.add_html("")
-        panel.dock_left()
-        panel.set_width(LIST_WIDTH)
-        self._work.listen_to_change(self._search, self._draw_list)
-
-    def _warn(self, line: str) -> None:
-        self._notice.content = notice(line, is_warning=True)
-
-    def _say(self, line: str) -> None:
-        self._notice.content = notice(line)
-
     def _obey(self, words: Words) -> None:
         """Obeys a click in our HTML."""
         match words:
@@ -256,8 +248,23 @@ class Annotator:
 
     def _click(self, point: Point, ray: Ray) -> None:
         line = self._session.click(point, self._place.object_at(point, ray))
-        self._say(line)
+        self._notice.say(line)
         self._draw()
+
+    def _drag(self, side: Side, height: float, is_end: bool) -> None:
+        """Moves the top or the bottom of the box with the hand; pictures follow when it lets go."""
+        form = self._session.form
+        if form.box is None:
+            return  # the object was left while the hand moved
+        form = replace(form, box=with_side(form.box, side, height))
+        self._session.keep(form)
+        with self._client.atomic():
+            self._fields.fill_box(form.box, self._floor_y())
+            self._draw_boxes()
+        if is_end:
+            self._boxes.place_handles(self._session)
+            self._draw_list()
+            self._order_pictures()
 
     def _take_name(self) -> None:
         self._session.who = self._name.value
@@ -269,29 +276,30 @@ class Annotator:
         self._draw_words()
         self._draw_list()
         self._draw_boxes()
+        self._boxes.place_handles(self._session)
         if self._session.form.box is not None:
             self._order_pictures()
 
     def _edit(self, edit: Callable[[], str]) -> None:
         """Appends an edit, then shows the present state, also where somebody else was first."""
         try:
-            self._say(edit())
+            self._notice.say(edit())
             self._place.tell_others(self)
         finally:
             self._draw()
 
     def _draw_box(self) -> None:
         self._session.draw_box()
-        self._say("Click one corner of the object on the floor.")
+        self._notice.say("Click one corner of the object on the floor.")
         self._draw()
 
     def _deselect(self) -> None:
         self._session.leave()
-        self._say("Click an object, or draw a new box around it.")
+        self._notice.say(_WELCOME)
         self._draw()
 
     def _step(self, by: int) -> None:
-        self._session.step(by, self._search.value)
+        self._session.step(by, self._list.words)
         self._enter()
 
     def _refresh(self) -> None:
@@ -303,7 +311,7 @@ class Annotator:
 
     def _enter(self) -> None:
         """Shows the selected object, on its storey."""
-        self._say("")
+        self._notice.say("")
         item = self._selected()
         if item is not None:
             floors = [part.floor_y for part in self._place.shown.parts]
@@ -322,7 +330,7 @@ class Annotator:
         return None if number is None else self._session.place(number)
 
     def _floor_y(self) -> float:
-        """Height of the floor of the selected object's storey, to which the slider of its bottom refers."""
+        """Height of the floor of the selected object's storey, to which its bottom refers."""
         item = self._selected()
         y = 0.0 if item is None else item.centre[1]
         floors = [part.floor_y for part in self._place.shown.parts]
@@ -335,6 +343,7 @@ class Annotator:
         self._draw_words()
         self._draw_list()
         self._draw_boxes()
+        self._boxes.place_handles(self._session)
         self._order_pictures()
 
     def _draw_words(self) -> None:
@@ -344,30 +353,10 @@ class Annotator:
 
     def _draw_list(self) -> None:
         session = self._session
-        rows, total = session.rows(self._search.value), len(session.rows())
-        self._list.content = list_html(rows, here=session.selected, total=total)
+        self._list.show(session.rows(self._list.words), here=session.selected, total=len(session.rows()))
 
     def _draw_boxes(self) -> None:
-        """Outlines the described objects of the storey thinly, and the selected one thickly with its category."""
-        remove_nodes(self._nodes)
-        session = self._session
-        boxes = [session.place(row.id) for row in session.rows() if row.state != "new" and row.id != session.selected]
-        self._add_lines("/boxes", [item for item in boxes if item is not None and self._is_here(item)], OBJECT_RGB, 2.0)
-        item = self._selected()
-        if item is not None:
-            self._add_lines("/selected", [item], MARKED_RGB, 5.0)
-            top = (item.centre[0], item.centre[1] + item.size[1] / 2 + 0.15, item.centre[2])
-            text = f"{session.selected} {session.form.category}".strip()
-            label = self._client.scene.add_label("/selected_label", text, position=top, anchor="bottom-center")
-            self._nodes.append(label)
-        if session.corner is not None:
-            self._nodes.append(add_ball(self._client, "/corner", 0.03, session.corner))
-
-    def _add_lines(self, name: str, items: Sequence[SceneObject], rgb: tuple[int, int, int], pixels: float) -> None:
-        if items:
-            edges = np.concatenate([box_edges(item.centre, item.size) for item in items])
-            lines = self._client.scene.add_line_segments(name, edges, rgb, thickness=pixels, thickness_units="screen")
-            self._nodes.append(lines)
+        self._boxes.draw(self._session, self._is_here)
 
     def _is_here(self, item: SceneObject) -> bool:
         floors = [part.floor_y for part in self._place.shown.parts]
@@ -375,11 +364,13 @@ class Annotator:
         return self._view.part.floor_y - 0.3 <= item.centre[1] < min(above, default=np.inf)
 
     def _order_pictures(self) -> None:
-        """Pictures take a moment, so they come after all work that waits; only the last order counts."""
+        """Pictures take a moment; only the last order counts."""
         self._turn += 1
-        self._work.put(partial(self._draw_pictures, self._turn))
+        self._slow.put(partial(self._draw_pictures, self._turn, self._selected()))
 
-    def _draw_pictures(self, turn: int) -> None:
+    def _draw_pictures(self, turn: int, item: SceneObject | None) -> None:
+        if turn != self._turn:
+            return
+        content = "" if item is None else self._place.pictures(item)
         if turn == self._turn:
-            item = self._selected()
-            self._pictures.content = "" if item is None else self._place.pictures(item)
+            self._pictures.content = content

@@ -1,4 +1,7 @@
-"""Pictures of an object from places that see it, with its outline: what an annotator writes about."""
+"""Pictures of an object from places that see it, cut around it and with its outline: what an annotator writes about.
+
+The first look of a robot finds the object; the second one is turned to it and narrower, so nothing is enlarged.
+"""
 
 import math
 from collections.abc import Sequence
@@ -20,16 +23,19 @@ from sim.walk.object_surface import is_in_box
 from sim.walk.viewpoints import view_points_around
 
 NUM_PICTURES = 4
-SIZE = (320, 240)
+SIZE = (400, 300)
 """Pixels of a picture."""
 OUTLINE = (214, 0, 110)
-_CAMERA = Camera(800, 600)
+_FIRST_LOOK = Camera(320, 240)
+_CLOSER_PIXELS = (640, 480)
+"""Pixels of a closer look, before it is smoothed to SIZE."""
+_OUTLINE_PIXELS = 3
 _APART = math.radians(35)
 """Directions of two pictures differ by this much where there is a choice."""
 _AROUND = 2.4
 """A picture shows this many times the object's size, so that one sees what stands beside it."""
-_LEAST = 0.3
-"""A picture shows at least this share of the robot's view."""
+_NARROWEST_DEG, _WIDEST_DEG = 30.0, 95.0
+"""Fields of view: three times closer than the robot sees, or a little wider, where it is close to something large."""
 
 
 def found_sights(
@@ -47,11 +53,15 @@ def recorded_sights(goal: Goal, centre: tuple[float, float, float]) -> tuple[Pos
 
 
 def pictures_of(item: SceneObject, poses: Sequence[Pose], *, renderer: Renderer) -> list[NDArray[np.uint8]]:
-    """A picture (240, 320, 3) from each pose, cut around the object, which is outlined where it is seen."""
+    """A picture (300, 400, 3) from each pose, turned to the object, which is outlined where it is seen."""
     if not poses:
         return []
-    frames = renderer.render_batch(np.stack([T_world_camera(pose, _CAMERA) for pose in poses]), _CAMERA)
-    return [_cut(frame, _pixels_of(item, frame)) for frame in frames]
+    looks = renderer.render_batch(np.stack([T_world_camera(pose, _FIRST_LOOK) for pose in poses]), _FIRST_LOOK)
+    pictures = []
+    for pose, look in zip(poses, looks, strict=True):
+        turned, camera = _closer(pose, _rays_to(item, look))
+        pictures.append(_outlined(item, renderer.render(T_world_camera(turned, camera), camera)))
+    return pictures
 
 
 def _spread(poses: Sequence[Pose]) -> tuple[Pose, ...]:
@@ -73,16 +83,31 @@ def _pixels_of(item: SceneObject, frame: Frame) -> NDArray[np.bool_]:
     return is_in_box(places, centre=item.centre, size=item.size).reshape(frame.depth_m.shape)
 
 
-def _cut(frame: Frame, shows: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    height, width = shows.shape
+def _rays_to(item: SceneObject, look: Frame) -> NDArray[np.float64]:
+    """(N, 3) world directions of the pixels that show the object, or of its box's corners where none does."""
+    rows, cols = np.nonzero(_pixels_of(item, look))
+    if not len(rows):
+        corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+        return np.asarray(item.centre) + corners * item.size - look.T_world_camera[:3, 3]
+    fx, fy, cx, cy = look.camera.lens
+    rays_camera = np.column_stack([(cols + 0.5 - cx) / fx, (rows + 0.5 - cy) / fy, np.ones(len(rows))])
+    return rays_camera @ look.T_world_camera[:3, :3].T
+
+
+def _closer(pose: Pose, rays: NDArray[np.float64]) -> tuple[Pose, Camera]:
+    """The robot turned to the middle of these directions, and the camera that shows _AROUND times their extent."""
+    yaws, rises = np.arctan2(-rays[:, 0], -rays[:, 2]), np.arctan2(rays[:, 1], np.hypot(rays[:, 0], rays[:, 2]))
+    off = np.remainder(yaws - pose.yaw + math.pi, 2 * math.pi) - math.pi
+    turned = Pose(pose.position, pose.yaw + float(off.min() + off.max()) / 2, float(rises.min() + rises.max()) / 2)
+    width, height = _CLOSER_PIXELS
+    right, down, ahead = (rays @ T_world_camera(turned, _FIRST_LOOK)[:3, :3]).T
+    half = float(np.max(np.maximum(np.abs(right), np.abs(down) * width / height) / np.maximum(ahead, 1e-6)))
+    hfov_deg = math.degrees(2 * math.atan(_AROUND * half))
+    return turned, Camera(width, height, float(np.clip(hfov_deg, _NARROWEST_DEG, _WIDEST_DEG)))
+
+
+def _outlined(item: SceneObject, frame: Frame) -> NDArray[np.uint8]:
+    shows = _pixels_of(item, frame)
     rgb = frame.rgb.copy()
-    rgb[np.asarray(binary_dilation(shows, iterations=3), bool) & ~shows] = OUTLINE
-    box = (0, 0, width, height)
-    if shows.any():
-        rows, cols = np.flatnonzero(shows.any(axis=1)), np.flatnonzero(shows.any(axis=0))
-        tall, wide = rows[-1] - rows[0] + 1, cols[-1] - cols[0] + 1
-        share = float(np.clip(_AROUND * max(tall / height, wide / width), _LEAST, 1.0))
-        left = float(np.clip((cols[0] + cols[-1]) / 2 - share * width / 2, 0, (1 - share) * width))
-        top = float(np.clip((rows[0] + rows[-1]) / 2 - share * height / 2, 0, (1 - share) * height))
-        box = (left, top, left + share * width, top + share * height)
-    return np.asarray(Image.fromarray(rgb).resize(SIZE, Image.Resampling.LANCZOS, box=box))
+    rgb[np.asarray(binary_dilation(shows, iterations=_OUTLINE_PIXELS), bool) & ~shows] = OUTLINE
+    return np.asarray(Image.fromarray(rgb).resize(SIZE, Image.Resampling.LANCZOS))

@@ -32,14 +32,13 @@ from sim.mesh import Scene, SceneObject
 from sim.words.english import how_many
 
 from ..browse.messages import Words
-from ..browse.panels import open_channel
 from ..view.stage import WorkQueue, free_keys, open_panel, panel_html
-from .panel_html import list_html, notice, pictures_html
+from .panels import Notice, ObjectList, pictures_html
 from .pictures import pictures_of, recorded_sights
 from .session import Row, Session, form_of
 
-PANEL_WIDTH, LIST_WIDTH = 780, 360
-"""Pixels of the panels."""
+PANEL_WIDTH = 780
+"""Pixels of the main panel."""
 _SIZE = (0.6, 0.6, 0.6)
 """Box around the recorded centre of an object that the home's semantics lack, metres."""
 _NEW = "New caption"
@@ -131,7 +130,7 @@ class Refiner:
         self._scene = self._scenes[0]
         self._session = edition.session(self._scene)
         self._opinions = edition.opinions(self._scene)
-        self._work = WorkQueue(client, self._warn)
+        self._work = WorkQueue(client, lambda line: self._notice.warn(line))
         self._turn = 0
         self._build()
         free_keys(client.gui, _KEYS, [_NEW])
@@ -146,7 +145,8 @@ class Refiner:
         is_adjudication = self._edition.options.is_adjudication
         title = "Choose between captions" if is_adjudication else "Refine captions"
         open_panel(gui, f"{title}: {self._edition.options.who}", PANEL_WIDTH)
-        self._notice = gui.add_html("")
+        self._scene_choice = gui.add_dropdown("Scene", tuple(self._scenes))
+        self._notice = Notice(gui)
         self._old = gui.add_html("")
         self._new = gui.add_text(_NEW, "", hint="E goes here; Enter saves.")
         work.listen_to_change(self._new, self._changed)
@@ -165,24 +165,11 @@ class Refiner:
         if is_adjudication:
             for number in range(1, _MOST_CHOICES + 1):
                 work.listen_to_key(f"Choose {number}", str(number), partial(self._choose, number))
+        self._agreement = gui.add_html("")
         self._pictures = gui.add_html("")
-        open_channel(self._client, lambda words: work.put(partial(self._obey, words)))
-        panel = gui.add_panel()
-        with panel.add_tab("Objects"):
-            self._scene_choice = gui.add_dropdown("Scene", tuple(self._scenes))
-            self._search = gui.add_text("Search", "", hint="Number, category, caption, room or state.")
-            self._list = gui.add_html("")
-            self._agreement = gui.add_html("")
-        panel.dock_left()
-        panel.set_width(LIST_WIDTH)
+        self._list = ObjectList(self._client, work, self._obey)
+        self._list.listen_to_search(work, self._draw_list)
         work.listen_to_change(self._scene_choice, lambda: self._go_to(self._scene_choice.value))
-        work.listen_to_change(self._search, self._draw_list)
-
-    def _warn(self, line: str) -> None:
-        self._notice.content = notice(line, is_warning=True)
-
-    def _say(self, line: str) -> None:
-        self._notice.content = notice(line)
 
     def _obey(self, words: Words) -> None:
         match words:
@@ -203,7 +190,7 @@ class Refiner:
         else:
             self._take(self._scenes[0])
             self._session.step(1)
-            self._say("Every object is decided." if self._rows() else "No opinions differ.")
+            self._notice.say("Every object is decided." if self._rows() else "No opinions differ.")
         self._read_opinions()
         self._draw()
 
@@ -226,7 +213,7 @@ class Refiner:
         if is_end and len(self._scenes) > 1:
             self._take(self._scenes[(self._scenes.index(self._scene) + by) % len(self._scenes)])
             self._session.leave()
-        self._session.step(by, self._search.value)
+        self._session.step(by, self._list.words)
         self._draw()
 
     def _changed(self) -> None:
@@ -248,7 +235,7 @@ class Refiner:
         self._read_opinions()
         state = next((row.state for row in self._rows() if row.id == number), "")
         self._step(1)
-        self._say(f"{line.rstrip('.')}: {state}.")
+        self._notice.say(f"{line.rstrip('.')}: {state}.")
 
     def _keep(self) -> None:
         if self._session.selected is not None:
@@ -272,7 +259,7 @@ class Refiner:
 
     def _undo(self) -> None:
         try:
-            self._say(self._session.undo())
+            self._notice.say(self._session.undo())
         finally:
             self._read_opinions()
             self._draw()
@@ -288,7 +275,7 @@ class Refiner:
     def _rows(self) -> list[Row]:
         """The objects of the scene, with what was decided on each."""
         rows = []
-        for row in self._session.rows(self._search.value):
+        for row in self._session.rows(self._list.words):
             saved = self._session.saved(row.id)
             is_decided = saved is not None and row.state != "unsaved"
             state = decision_of(self._edition.asked[self._scene][row.id], saved) if is_decided and saved else row.state
@@ -310,9 +297,7 @@ class Refiner:
         self._draw_list()
 
     def _draw_list(self) -> None:
-        rows = self._rows()
-        total = len(self._session.rows())
-        self._list.content = list_html(rows, here=self._session.selected, total=total)
+        self._list.show(self._rows(), here=self._session.selected, total=len(self._session.rows()))
 
     def _draw_pictures(self, turn: int) -> None:
         number: Any = self._session.selected

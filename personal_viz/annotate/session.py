@@ -19,11 +19,14 @@ from sim.mesh import SceneObject
 from sim.words.places import ROOM_KINDS
 
 Point = tuple[float, float, float]
+Side = Literal["bottom", "top"]
 State = Literal["new", "begun", "complete", "kept", "changed", "flagged", "unsaved"]
 CLEAR_OF_FLOOR = 0.03
 """A new box begins this far above the clicked floor, because the floor must not be in it (metres)."""
 FIRST_HEIGHT = 0.8
 """Height of a new box until somebody changes it, metres."""
+LEAST_HEIGHT, TALLEST = 0.02, 3.0
+"""Heights of boxes, metres."""
 _LEAST_SIDE = 0.05
 """Two corners nearer than this along an axis are a slip of the hand (metres)."""
 _NEAR_BOX = 0.05
@@ -174,7 +177,7 @@ class Session:
             if box is None:
                 return f"That is less than {100 * _LEAST_SIDE:.0f} cm from the first corner. Click the opposite one."
             self._start_box(box, point)
-            return "Set the bottom and the height, then describe the object."
+            return "Drag the arrows to its bottom and top, then describe the object."
         number = self._at(point) or (instance_id if instance_id in self._things else 0)
         if not number:
             return "No object is known here. Draw a new box around it (B)."
@@ -365,6 +368,17 @@ def with_height(box: Box, bottom: float, height: float) -> Box:
     x, _, z = box.centre
     centre = (x, round(bottom + height / 2, 3), z)
     return Box(centre=centre, size=(box.size[0], round(height, 3), box.size[2]))
+
+
+def with_side(box: Box, side: Side, y: float) -> Box:
+    """The same box with its bottom or top at another height (world metres); the other one stays where it is.
+
+    The height is a whole number of centimetres from LEAST_HEIGHT to TALLEST.
+    """
+    bottom, top = box.centre[1] - box.size[1] / 2, box.centre[1] + box.size[1] / 2
+    wanted = y - bottom if side == "top" else top - y
+    height = round(min(max(wanted, LEAST_HEIGHT), TALLEST), 2)
+    return with_height(box, bottom if side == "top" else top - height, height)
 
 
 def object_of(number: int, form: Form) -> AnnotatedObject:

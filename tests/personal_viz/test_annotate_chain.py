@@ -1,19 +1,23 @@
 """From a scan to episodes that an agent wins: look, annotate, generate, validate, run; and what changed in between."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import BrowserContext, expect
 
 from human_study.design.study import StudyPog
 from personal_viz.annotate.app import Workplace
-from personal_viz.annotate.session import Form, Session, form_of, with_height
+from personal_viz.annotate.session import CLEAR_OF_FLOOR, FIRST_HEIGHT, Form, Session, form_of
 from personal_viz.bots.crowd import run_bots
 from personal_viz.bots.server import Server
 from personal_viz.bots.site import make_pilot
-from personal_viz.view.shown import open_shown
-from sim.authoring.annotations import annotation_path
+from personal_viz.browse.app import loopback_app
+from personal_viz.view.shown import Point, ShownScan, open_shown
+from personal_viz.view.visit import Visit
+from sim.authoring.annotations import annotation_path, fold, read_edits
 from sim.authoring.change_list import read_changes
 from sim.authoring.edition import edits_before
 from sim.authoring.refinement import asked_objects, opinion_path
@@ -24,36 +28,31 @@ from sim.tasks.metrics import metric_rows
 from sim.tasks.run_files import read_run
 
 from ..conftest import SHARED
+from .annotating import annotated, describe, field
 from .program import assert_one_line, personal_viz
 from .test_generate_command import defects, small_objects
 
 POLYROOM = SHARED / "scans" / "Polyroom.glb"
-CORNERS = {"shelf": (1.1, 0.8), "box": (0.5, -1.6), "lamp": (-1.0, -1.6), "chair": (0.8, 1.1)}
-"""x and z of things at the walls of a room of 2.7 x 3.7 m."""
+THINGS = {
+    "speaker": ((-0.85, -0.55), (-1.2, -0.8)),
+    "plant": ((-0.8, -1.4), (-1.3, -1.5)),
+    "television": ((-0.45, -1.2), (0.0, -1.5)),
+    "stereo": ((0.1, -1.1), (0.2, -1.5)),
+}
+"""x and z of a corner on the floor and of the opposite one, of things at one end of a room of 2.7 x 3.7 m."""
+TALL = ("speaker", "plant")
 
 
 @pytest.mark.slow
+@pytest.mark.browser
 @pytest.mark.filterwarnings("ignore:.*read as y-up")
-def test_boxes_drawn_in_a_real_scan_become_episodes_that_can_be_won(tmp_path: Path) -> None:
+def test_boxes_drawn_in_a_real_scan_become_episodes_that_can_be_won(tmp_path: Path, browser: BrowserContext) -> None:
     if not POLYROOM.is_file():
         pytest.skip(f"the scan is not at {POLYROOM}")
     data = tmp_path / "data"
-    place = Workplace(open_shown(POLYROOM), data, who="ada")
-    floor = place.shown.hit(0, (0.0, -0.5, 0.0), (0.0, -1.0, 0.0))
-    assert floor is not None
-    session = place.session()
-    for category, (x, z) in CORNERS.items():
-        session.draw_box()
-        for side in (-0.15, 0.15):
-            session.click((x + side, floor[1], z + side), 0)
-        box = session.form.box
-        assert box is not None
-        caption = (f"{category} in a corner of the room",)
-        session.keep(Form(category, caption, "studio", box=with_height(box, floor[1] + 0.1, 0.4)))
-        session.save()
-        item = session.place(session.selected or 0)
-        assert item is not None
-        assert place.pictures(item).count("<img") in range(1, 5)
+    shown = open_shown(POLYROOM)
+    assert_scan_is_shown(shown, browser)
+    annotate_things(Workplace(shown, data, who="ada"), browser)
     easy = ["--easy", 3, "--medium", 0, "--hard", 0]
     done = personal_viz("generate", data, "--scenes-dir", POLYROOM.parent, *easy)
     assert done.returncode == 0, done.stderr
@@ -63,6 +62,50 @@ def test_boxes_drawn_in_a_real_scan_become_episodes_that_can_be_won(tmp_path: Pa
     assert personal_viz("run", *run, "--run-id", "r").returncode == 0
     assert [row.k for row in metric_rows([read_run(tmp_path / "r")]) if row.split == "easy"] == [3]
     assert_people_take_part(tmp_path / "study", data)
+
+
+def assert_scan_is_shown(shown: ShownScan, browser: BrowserContext) -> None:
+    """`view` opens the scan, and a click in the middle of its picture meets it."""
+    with loopback_app(lambda client: Visit(client, shown)) as address:
+        page = browser.new_page()
+        page.goto(f"{address}?fixedDpr=0.1")
+        expect(page.locator("h2", has_text="Polyroom")).to_be_visible(timeout=120_000)
+        expect(page.locator(".robot")).to_contain_text("step 0")
+        box = page.locator("canvas").first.bounding_box()
+        assert box is not None
+        page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        expect(page.locator("table.points tr")).to_have_count(2)
+        page.close()
+
+
+def annotate_things(place: Workplace, browser: BrowserContext) -> None:
+    """Draws and describes THINGS on the page: two clicks each, then a drag of the top, or a number."""
+    with annotated(place, browser) as shown:
+        page = shown.page
+        for category, corners in THINGS.items():
+            first, second = (top_of(place.shown, xz) for xz in corners)
+            shown.draw_box(first, second)
+            if category in TALL:
+                top_y = first[1] + CLEAR_OF_FLOOR + FIRST_HEIGHT
+                shown.drag_up(((first[0] + second[0]) / 2, top_y, (first[2] + second[2]) / 2), 0.4)
+                expect(field(page, "Height (m)")).to_have_value(re.compile(r"1\.[12]\d?"))
+            else:
+                field(page, "Height (m)").fill("0.6")
+            field(page, "Category").fill(category)
+            expect(page.locator(".row.here")).to_contain_text(category)
+            page.keyboard.press("Escape")
+            describe(page, f"{category} at the end of the room", "studio")
+            assert page.locator(".grid img").count() in range(1, 5)
+        items = fold(read_edits(place.path)).values()
+    assert [item.category for item in items] == list(THINGS)
+    assert [round(item.box.size[1], 1) for item in items if item.box is not None] == [1.2, 1.2, 0.6, 0.6]
+
+
+def top_of(shown: ShownScan, xz: tuple[float, float]) -> Point:
+    """The highest place below the ceiling there."""
+    top = shown.hit(0, (xz[0], 0.4, xz[1]), (0.0, -1.0, 0.0))
+    assert top is not None
+    return top
 
 
 def assert_people_take_part(folder: Path, data: Path) -> None:
@@ -181,8 +224,11 @@ def test_pictures_outline_the_object_and_say_where_no_place_sees_it(small_home_r
         pictures = pictures_of(one, poses, renderer=shown.caster)
         assert len(pictures) == 4
         for rgb in pictures:
-            assert rgb.shape == (240, 320, 3)
-            near = np.abs(rgb.astype(int) - OUTLINE).max(axis=2) < 60
-            assert 50 < near.sum() < 10_000
+            assert rgb.shape == (300, 400, 3)
+            rows, cols = np.nonzero(np.abs(rgb.astype(int) - OUTLINE).max(axis=2) < 60)
+            share = max(np.ptp(rows) / 300, np.ptp(cols) / 400)
+            assert 0.33 < share < 0.55  # of the picture, with what stands around it
+            assert abs((rows.min() + rows.max()) / 2 - 150) < 30
+            assert abs((cols.min() + cols.max()) / 2 - 200) < 40
     nowhere = SceneObject(0, "x", "x", (100.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     assert "No place where a robot can stand sees it" in place.pictures(nowhere)

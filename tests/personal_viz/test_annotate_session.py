@@ -6,7 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from personal_viz.annotate.session import Form, Session, box_between, last_not_undone, suggestions, with_height
+from personal_viz.annotate.session import (
+    Form,
+    Session,
+    box_between,
+    last_not_undone,
+    suggestions,
+    with_height,
+    with_side,
+)
 from sim.authoring.annotations import annotation_path, fold, read_edits
 from sim.errors import DatasetError, PersonalVizError
 from sim.mesh import SceneObject
@@ -133,7 +141,7 @@ def test_a_box_is_drawn_by_two_clicks_and_stands_above_the_floor(path: Path) -> 
     ada.draw_box()
     assert ada.click((4.0, 3.01, 5.0), 7).startswith("Now click the opposite corner")
     assert ada.click((4.0, 3.01, 5.5), 0).startswith("That is less than 5 cm")
-    assert ada.click((4.6, 3.0, 5.5), 0).startswith("Set the bottom")
+    assert ada.click((4.6, 3.0, 5.5), 0).startswith("Drag the arrows")
     box = ada.form.box
     assert box is not None
     assert (box.centre, box.size) == ((4.3, 3.43, 5.25), (0.6, 0.8, 0.5))
@@ -189,3 +197,14 @@ def test_words_of_the_scan_and_of_the_lexicon_are_suggested(path: Path) -> None:
     assert suggestions("cha", ["desk chair", "chair", "char", ""]) == ["chair", "char", "desk chair"]
     assert ada.rooms("bed") == ["bedroom"]
     assert box_between((0, 0, 0), (0.01, 0, 1)) is None
+
+
+def test_a_dragged_side_moves_alone_and_never_past_the_other() -> None:
+    box = box_between((0, 0, 0), (1, 0, 1))
+    assert box is not None
+    higher = with_side(box, "top", 1.234)
+    assert (higher.centre, higher.size) == ((0.5, 0.63, 0.5), (1, 1.2, 1))
+    lower = with_side(higher, "bottom", 0.829)
+    assert (lower.centre, lower.size) == ((0.5, 1.03, 0.5), (1, 0.4, 1))
+    assert with_side(lower, "bottom", 9.0).size[1] == 0.02
+    assert with_side(lower, "top", 9.0).size[1] == 3.0

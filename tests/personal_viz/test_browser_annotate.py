@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -10,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import BrowserContext, Locator, Page, expect
+from playwright.sync_api import BrowserContext, Page, expect
 
 from personal_viz.annotate.app import Annotator, Workplace
 from personal_viz.annotate.refine_app import Edition, Refinement, Refiner
@@ -20,9 +21,13 @@ from sim.authoring.annotations import annotation_path, fold, read_edits
 from sim.authoring.refinement import asked_objects, read_opinions
 from sim.episodes.dataset import PersonalDataset
 
+from .annotating import annotated, describe, field, opened
+
 pytestmark = pytest.mark.browser
 SINK = 4
 """Number of the sink of the home Small."""
+FREE_XZ = (2.0, 7.0)
+"""A place on its floor that can be seen from above."""
 
 
 @pytest.fixture
@@ -33,35 +38,11 @@ def address(small_home_root: Path, tmp_path: Path) -> Iterator[str]:
         yield address
 
 
-def opened(browser: BrowserContext, address: str) -> Page:
-    page = browser.new_page()
-    page.goto(f"{address}?fixedDpr=0.1")  # Chromium draws without a graphics card here
-    expect(page.get_by_text("Click an object, or draw a new box")).to_be_visible(timeout=120_000)
-    return page
-
-
-def field(page: Page, label: str) -> Locator:
-    """The text field with a label; viser does not join the two."""
-    return page.locator(f"xpath=//label[normalize-space()='{label}']/following::input[1]")
-
-
 def click_canvas(page: Page, right: float, down: float) -> None:
     """Clicks the 3-D view at shares of its width and height."""
     box = page.locator("canvas").first.bounding_box()
     assert box is not None
     page.mouse.click(box["x"] + right * box["width"], box["y"] + down * box["height"])
-
-
-def describe(page: Page, caption: str, room: str) -> None:
-    """Types by keys alone, and saves."""
-    page.keyboard.press("e")
-    page.keyboard.type(caption)
-    expect(page.locator(".row.here")).to_contain_text(caption)  # viser sends what is typed 50 ms later
-    page.keyboard.press("Escape")
-    page.keyboard.press("r")
-    page.keyboard.type(room)
-    page.keyboard.press("Enter")
-    expect(page.locator(".notice")).to_contain_text("Saved object")
 
 
 def test_an_object_is_clicked_described_saved_undone_and_seen_by_others(
@@ -96,25 +77,37 @@ def test_a_box_is_drawn_where_the_scan_has_no_semantics(
     for name in ("Small.glb", "Small.stage_config.json"):
         shutil.copy(small_home_root / "scenes" / name, tmp_path)
     place = Workplace(open_shown(tmp_path / "Small.glb"), tmp_path / "out")
-    with loopback_app(lambda client: Annotator(client, place)) as address:
-        page = opened(browser, address)
+    floor = place.shown.hit(0, (FREE_XZ[0], 2.0, FREE_XZ[1]), (0.0, -1.0, 0.0))
+    assert floor is not None
+    x, y, z = floor
+    with annotated(place, browser) as shown:
+        page = shown.page
         expect(page.locator(".count")).to_contain_text("0 objects")
         field(page, "Your name").fill("bo")
-        page.get_by_role("button", name="New box").click()
-        click_canvas(page, 0.5, 0.5)
-        expect(page.locator(".notice")).to_contain_text("opposite corner")
-        click_canvas(page, 0.56, 0.58)
-        expect(page.locator(".notice")).to_contain_text("Set the bottom")
+        shown.draw_box((x - 0.3, y, z - 0.2), (x + 0.3, y, z + 0.2))
         expect(page.locator(".row.here .tag")).to_have_text("unsaved")
-        page.get_by_role("slider").last.press("ArrowRight")
+        shown.drag_up((x, y + 0.83, z), 0.4)
+        expect(field(page, "Height (m)")).to_have_value(re.compile(r"1\.(1[5-9]|2[0-5]?)"))
+        expect(field(page, "Bottom (m)")).to_have_value("0.03")
         field(page, "Category").fill("ch")
         page.locator("[data-click^='category chair']").first.click()
         expect(field(page, "Category")).to_have_value("chair")
         describe(page, "wooden chair by the wall", "hall")
         (item,) = fold(read_edits(place.path)).values()
         assert item.box is not None
-        assert (item.category, item.room, round(item.box.size[1], 2)) == ("chair", "hall", 0.81)
+        assert (item.category, item.room) == ("chair", "hall")
+        assert item.box.size == pytest.approx((0.6, 1.2, 0.4), abs=0.05)
+        assert item.box.centre[1] - item.box.size[1] / 2 == pytest.approx(y + 0.03, abs=0.005)
         assert read_edits(place.path)[0].who == "bo"
+        field(page, "Height (m)").fill("0.5")
+        expect(page.locator(".row.here .tag")).to_have_text("unsaved")
+        page.get_by_role("button", name="Save").click()
+        expect(page.locator(".row.here .tag")).to_have_text("complete")
+        (item,) = fold(read_edits(place.path)).values()
+        assert item.box is not None
+        assert item.box.size[1] == 0.5
+        page.get_by_role("button", name="Undo").click()
+        expect(field(page, "Height (m)")).not_to_have_value("0.5")
         page.get_by_role("button", name="Undo").click()
         expect(page.locator(".count")).to_contain_text("0 objects")
 

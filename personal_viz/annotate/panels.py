@@ -1,18 +1,24 @@
-"""The parts of the annotators' panels as HTML; what can be clicked has `data-click`, of which `open_channel` tells."""
+"""Parts of the annotators' panels, and their HTML; what can be clicked has `data-click`, which `ObjectList` hears."""
 
 import base64
 import html
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
+import viser
 from numpy.typing import NDArray
 
 from sim.render.renderer import jpeg_bytes
 from sim.words.english import how_many
 
-from ..view.stage import panel_html
+from ..browse.messages import Words
+from ..browse.panels import open_channel
+from ..view.stage import WorkQueue, panel_html
 from .session import Row
 
+LIST_WIDTH = 340
+"""Pixels of the left panel."""
 MOST_ROWS = 200
 """A longer list is cut; the search finds the rest."""
 _STYLE = (
@@ -26,9 +32,51 @@ _STYLE = (
 """Sent with the list, which every app has."""
 
 
-def notice(text: str, *, is_warning: bool = False) -> str:
+class Notice:
     """A line on what was done, or what is wrong."""
-    return panel_html(f'<p class="{"warn" if is_warning else "said"} notice">{html.escape(text)}</p>') if text else ""
+
+    def __init__(self, gui: viser.GuiApi, line: str = "") -> None:
+        """Puts the line where the panel is now."""
+        self._html = gui.add_html("")
+        self.say(line)
+
+    def say(self, line: str) -> None:
+        """What was done, or what to do next; empty = nothing."""
+        self._show(line, "said")
+
+    def warn(self, line: str) -> None:
+        """What is wrong."""
+        self._show(line, "warn")
+
+    def _show(self, line: str, kind: str) -> None:
+        self._html.content = panel_html(f'<p class="{kind} notice">{html.escape(line)}</p>') if line else ""
+
+
+class ObjectList:
+    """The left panel: a search over the list of objects."""
+
+    def __init__(self, client: viser.ClientHandle, work: WorkQueue, obey: Callable[[Words], None]) -> None:
+        """Builds the panel, empty; `obey` hears what is clicked in our HTML: a row says `object ID`."""
+        open_channel(client, lambda words: work.put(partial(obey, words)))
+        panel = client.gui.add_panel()
+        with panel.add_tab("Objects"):
+            self._search = client.gui.add_text("Search", "", hint="Number, category, caption, room or state.")
+            self._list = client.gui.add_html("")
+        panel.dock_left()
+        panel.set_width(LIST_WIDTH)
+
+    @property
+    def words(self) -> str:
+        """What a person searches for."""
+        return self._search.value
+
+    def listen_to_search(self, work: WorkQueue, obey: Callable[[], None]) -> None:
+        """Calls `obey` when a person searches."""
+        work.listen_to_change(self._search, obey)
+
+    def show(self, rows: Sequence[Row], *, here: int | None, total: int) -> None:
+        """Lists the objects that were found; `here` is the selected one."""
+        self._list.content = list_html(rows, here=here, total=total)
 
 
 def list_html(rows: Sequence[Row], *, here: int | None, total: int) -> str:
