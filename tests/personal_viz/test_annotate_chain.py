@@ -6,12 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from human_study.design.study import StudyPog
 from personal_viz.annotate.app import Workplace
 from personal_viz.annotate.session import Form, Session, form_of, with_height
-from personal_viz.bots.crowd import run_bots
-from personal_viz.bots.server import Server
-from personal_viz.bots.site import make_pilot
 from personal_viz.view.shown import open_shown
 from sim.authoring.annotations import annotation_path
 from sim.authoring.change_list import read_changes
@@ -24,6 +20,7 @@ from sim.tasks.metrics import metric_rows
 from sim.tasks.run_files import read_run
 
 from ..conftest import SHARED
+from .flow_studies import assert_people_take_part
 from .program import assert_one_line, personal_viz
 from .test_generate_command import defects, small_objects
 
@@ -62,29 +59,7 @@ def test_boxes_drawn_in_a_real_scan_become_episodes_that_can_be_won(tmp_path: Pa
     run = ["--agent", "shortest-path", "--dataset", data, "--scenes-dir", POLYROOM.parent, "--out", tmp_path]
     assert personal_viz("run", *run, "--run-id", "r").returncode == 0
     assert [row.k for row in metric_rows([read_run(tmp_path / "r")]) if row.split == "easy"] == [3]
-    assert_people_take_part(tmp_path / "study", data)
-
-
-def assert_people_take_part(folder: Path, data: Path) -> None:
-    """Bots walk and point on the scan in a study whose homes the server draws; every stored step is verified."""
-    make_pilot(
-        folder,
-        data,
-        participants=1,
-        scenes_dir=POLYROOM.parent,
-        task=("pan", "pog"),
-        splits={"easy": 3},
-        pog=StudyPog(conditions=("map_open",)),
-        pog_view="server",
-    )
-    with Server(folder, data, scenes_dir=POLYROOM.parent) as server:
-        figures = run_bots(
-            server.start(), participants=2, seconds=120, rate=10, kinds=["shortest"], seed=1, tasks=("pan", "pog")
-        )
-    assert (figures.finished, figures.problems) == (2, ())
-    assert (figures.lost, figures.duplicated, figures.unknown) == (0, 0, 0)
-    done = personal_viz("study", "verify", folder, "--dataset", data, "--scenes-dir", POLYROOM.parent)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert_people_take_part(tmp_path / "study", data, POLYROOM.parent)
 
 
 @pytest.mark.slow
