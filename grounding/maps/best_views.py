@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,15 @@ class PosedView(Protocol):
         ...
 
 
+@runtime_checkable
+class DepthFirstView(PosedView, Protocol):
+    """A picture whose depth can be loaded without its colours, which are slow to find in a video."""
+
+    def load_depth(self) -> NDArray[np.float32] | None:
+        """(H, W) the depth of `load`; None if it cannot be read."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Sight:
     """A picture that sees a point."""
@@ -53,7 +62,7 @@ def best_views(views: Sequence[PosedView], point: Vector3, *, count: int = 3) ->
     """At most `count` pictures that see a point (map frame), best first, from different places where there are any.
 
     A picture is better the nearer the point is to its middle and to 2 m of depth. Where a surface stands before the
-    point, the picture does not see it.
+    point, the picture does not see it. Where depth can be loaded alone, colours are loaded for chosen pictures only.
     """
     found: list[Sight] = []
     ranks = [_rank(view, point) for view in views]
@@ -63,9 +72,8 @@ def best_views(views: Sequence[PosedView], point: Vector3, *, count: int = 3) ->
             break
         if any(_are_alike(views[index].T_map_camera, sight.frame.T_world_camera) for sight in found):
             continue
-        frame = views[index].load()
-        if frame is not None and (uv := _seen_at(frame, point)) is not None:
-            found.append(Sight(frame, uv))
+        if (sight := _sight(views[index], point)) is not None:
+            found.append(sight)
     return found
 
 
@@ -79,14 +87,24 @@ def _rank(view: PosedView, point: Vector3) -> float:
     return (1 - 0.8 * aside) * min(depth / _BEST, _BEST / depth)
 
 
-def _seen_at(frame: Frame, point: Vector3) -> tuple[float, float] | None:
-    """The point's pixel; None if a surface hides it."""
-    u, v, depth = _pixel(frame.T_world_camera, frame.camera, point)
-    col, row = int(u), int(v)
-    near = frame.depth_m[max(0, row - _AROUND) : row + _AROUND + 1, max(0, col - _AROUND) : col + _AROUND + 1]
+def _sight(view: PosedView, point: Vector3) -> Sight | None:
+    """The picture with the point's pixel; None if a surface hides the point, or the picture cannot be read."""
+    u, v, depth = _pixel(view.T_map_camera, view.camera, point)
+    if isinstance(view, DepthFirstView):
+        depth_m = view.load_depth()
+        if depth_m is None or _is_hidden(depth_m, int(u), int(v), depth):
+            return None
+        frame = view.load()
+        return None if frame is None else Sight(frame, (u, v))
+    frame = view.load()
+    return None if frame is None or _is_hidden(frame.depth_m, int(u), int(v), depth) else Sight(frame, (u, v))
+
+
+def _is_hidden(depth_m: NDArray[np.float32], col: int, row: int, depth: float) -> bool:
+    """Whether a surface stands before a point at this pixel and planar depth."""
+    near = depth_m[max(0, row - _AROUND) : row + _AROUND + 1, max(0, col - _AROUND) : col + _AROUND + 1]
     known = near[near > 0]
-    is_hidden = len(known) > 0 and float(np.median(known)) < depth - _HIDDEN
-    return None if is_hidden else (u, v)
+    return len(known) > 0 and float(np.median(known)) < depth - _HIDDEN
 
 
 def _pixel(T_map_camera: NDArray[np.float64], camera: Camera, point: Vector3) -> tuple[float, float, float]:

@@ -149,19 +149,27 @@ def _header(path: Path, archive: zipfile.ZipFile) -> MapHeader:
         require_few_values(data, MAX_JSON_VALUES)
     except TooLargeError as error:
         raise RunFileError(f"{path}: {_HEADER} {error}; expected {_EXPECTED}. {_AGAIN}") from None
-    try:
-        version = json.loads(data)["schema_version"]
-    except (ValueError, KeyError, TypeError, RecursionError):
-        version = None
-    if version is not None and version != SCHEMA_VERSION:
-        raise RunFileError(
-            f"{path}: schema_version is {version!r}; expected {SCHEMA_VERSION}. Open it with the version of "
-            "personal-viz that wrote it, or build the map again."
-        )
+    data = _of_this_version(path, data)
     try:
         return MapHeader.model_validate_json(data)
     except ValidationError as error:
         raise RunFileError(line_from_validation_error(f"{path}: {_HEADER}", error, advice=_AGAIN)) from None
+
+
+def _of_this_version(path: Path, data: bytes) -> bytes:
+    """The header in the present version; what is no header stays as it is, for the model to name its fault."""
+    try:
+        document = json.loads(data)
+        version = document["schema_version"]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return data
+    if version == 1 and isinstance(version, int):
+        return json.dumps({**document, "schema_version": SCHEMA_VERSION}).encode()
+    if version != SCHEMA_VERSION:
+        is_newer = isinstance(version, int) and version > SCHEMA_VERSION
+        advice = "It was made by a newer version of personal-viz; update." if is_newer else _AGAIN
+        raise RunFileError(f"{path}: schema_version is {version!r}; expected 1 to {SCHEMA_VERSION}. {advice}")
+    return data
 
 
 def _array(path: Path, archive: zipfile.ZipFile, name: str) -> NDArray[np.generic]:

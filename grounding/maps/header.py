@@ -10,7 +10,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from sim.frames import CameraAxes
 from sim.types import GridSpec, SceneKind
 
-SCHEMA_VERSION: Literal[1] = 1
+SCHEMA_VERSION: Literal[2] = 2
+"""Version 1 knew neither the encoder that an option names nor a robot's recording; everything else is the same."""
 _MOST_ROWS = 1 << 15
 """Cells are stored as int16."""
 
@@ -88,7 +89,7 @@ class StoreyHeader(_Frozen):
 class MapHeader(_Frozen):
     """Everything in a map file except its arrays."""
 
-    schema_version: Literal[1] = SCHEMA_VERSION
+    schema_version: Literal[2] = SCHEMA_VERSION
     source: MapSource
     layout: Literal["grid", "objects"]
     encoder: str

@@ -53,7 +53,7 @@ _READERS = (
 
 
 class PlacedEntry(NamedTuple):
-    """An entry in the map's frame; a `PosedView` (grounding/maps/best_views.py)."""
+    """An entry in the map's frame; a `DepthFirstView` (grounding/maps/best_views.py)."""
 
     entry: Entry
     T_map_camera: NDArray[np.float64]
@@ -68,6 +68,11 @@ class PlacedEntry(NamedTuple):
         """The frame; None if a picture cannot be used."""
         frame = _frame(self, colour=True)
         return frame if isinstance(frame, Frame) else None
+
+    def load_depth(self) -> NDArray[np.float32] | None:
+        """(H, W) its depth in metres without reading colours; None if it cannot be used."""
+        depth_m = _depth(self.entry)
+        return None if isinstance(depth_m, str) else depth_m
 
 
 class RobotFrames:

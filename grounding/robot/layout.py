@@ -5,12 +5,14 @@ It knows our own names and those of ScanNet's exporter, Replica as NICE-SLAM ren
 
 import re
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from sim.errors import SceneError
+from sim.exchange.pose_readers import text_rows
 
 from .poses import MAX_APART
 
@@ -21,6 +23,8 @@ _DEPTHS = (".png", ".tif", ".tiff", ".npy")
 _COLOUR = ("color", "colour", "rgb", "images", "results/frame", "*.color")
 _DEPTH = ("depth", "results/depth", "*.depth")
 _POSES = ("poses", "pose", "*.pose")
+_COLOUR_LIST, _DEPTH_LIST = "rgb.txt", "depth.txt"
+"""TUM's lists of pictures with their times, which go before the times in the pictures' names."""
 _TRAJECTORIES = ("poses.txt", "trajectory.txt", "groundtruth.txt", "traj.txt", "pose.txt")
 _INTRINSICS = (
     "intrinsics.json",
@@ -59,16 +63,17 @@ def find_files(folder: Path) -> RobotFiles:
     """All files of a recording.
 
     Raises:
-        SceneError: Colour, depth, poses or intrinsics are missing, or two pictures have the same number.
+        SceneError: Colour, depth, poses or intrinsics are missing, a list of pictures is damaged, or two pictures have
+            the same number.
     """
-    colour, depth, poses = (
-        _first(folder, places, suffixes)
-        for places, suffixes in ((_COLOUR, _PICTURES), (_DEPTH, _DEPTHS), (_POSES, (".txt",)))
-    )
+    colour = _timed(folder / _COLOUR_LIST) or _first(folder, _COLOUR, _PICTURES)
+    depth = _timed(folder / _DEPTH_LIST) or _first(folder, _DEPTH, _DEPTHS)
+    poses = _first(folder, _POSES, (".txt",))
     trajectory = next((folder / name for name in _TRAJECTORIES if (folder / name).is_file()), None)
     intrinsics = next((folder / name for name in _INTRINSICS if (folder / name).is_file()), None)
     public_set: PublicSet | None = None
-    if not poses and trajectory == folder / "groundtruth.txt" and (folder / "rgb").is_dir():
+    has_tum_names = (folder / "rgb").is_dir() or (folder / _COLOUR_LIST).is_file()
+    if not poses and trajectory == folder / "groundtruth.txt" and has_tum_names:
         public_set = "TUM"
     elif colour and next(iter(colour.values())).stem.endswith(".color"):
         public_set = "7-Scenes"
@@ -96,6 +101,26 @@ def matching(key: str, files: dict[str, Path]) -> Path | None:
         return None
     apart = np.abs(np.array([float(other) for other in stamps]) - float(key))
     return files[stamps[int(apart.argmin())]] if apart.min() <= MAX_APART else None
+
+
+def _timed(path: Path) -> dict[str, Path]:
+    """The pictures of a list with lines `time file`, by time in seconds, in order; empty if there is no list."""
+    if not path.is_file():
+        return {}
+    timed: dict[float, Path] = {}
+    for number, cells in text_rows(path.read_text(errors="replace").splitlines()):
+        try:
+            time, name = cells
+            is_new = isfinite(float(time)) and float(time) not in timed
+            timed[float(time)] = path.parent / name
+        except ValueError:
+            is_new = False
+        if not is_new:
+            raise SceneError(
+                f"{path}:{number}: found {' '.join(cells)[:60]!r}; expected a time in seconds and a file in every "
+                "line, each time once. Correct the line, or remove the list if the files are named by their times."
+            )
+    return {f"{time:.6f}": timed[time] for time in sorted(timed)}
 
 
 def _first(folder: Path, places: tuple[str, ...], suffixes: tuple[str, ...]) -> dict[str, Path]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from sim.errors import SceneError
 from sim.extras import require
+from sim.types import Camera
 
 from .intrinsics import Size, camera_of
 from .pictures import DAMAGED
@@ -32,6 +33,8 @@ _TYPES = {"colour": (IMAGE, COMPRESSED), "depth": (IMAGE, COMPRESSED), "info": (
 _BASES = ("base_link", "base_footprint")
 """Frames that move with the robot (REP 105): a tree of tf that ends there does not say where the robot was."""
 _NO_COLOUR = ("depth", "infra", "/ir/", "confidence", "disparity", "mask", "theora")
+_RECTIFIED = "rect"
+"""In the name of a topic whose pictures have no distortion left, as image_proc and RealSense name them."""
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _AGAIN = "Check it with: rosbag info, or ros2 bag info."
 
@@ -142,7 +145,7 @@ def read_ros_bag(path: Path, options: ReadingOptions, counts: FrameCounts) -> Re
     first = bag.picture(usable[0][0][1])
     kind = bag.types[topics.depth]
     try:
-        camera = _camera(bag, topics, depth_size=size_of(first, kind))
+        camera, distorted = _camera(bag, topics, depth_size=size_of(first, kind))
     except DAMAGED as error:
         raise bag.damaged(error) from None
     per_metre = options.depth_per_metre
@@ -151,7 +154,7 @@ def read_ros_bag(path: Path, options: ReadingOptions, counts: FrameCounts) -> Re
         for (colour, depth), T in usable
     )
     units = units_of(np.dtype(np.float32 if is_float_depth(first, kind) else np.uint16), given=per_metre)
-    return Recording(entries, units, _unregistered(usable[0][0]))
+    return Recording(entries, units, (*_unregistered(usable[0][0]), *distorted))
 
 
 def _topics(bag: _Bag, named: Mapping[str, str]) -> _Topics:
@@ -274,15 +277,30 @@ def _transforms(bag: _Bag, odom: str | None) -> tuple[TransformTree, Track | Non
     return tree, odometry, base
 
 
-def _camera(bag: _Bag, topics: _Topics, *, depth_size: Size) -> Any:
-    """The camera of the first camera info, for pictures of the depth's size."""
+def _camera(bag: _Bag, topics: _Topics, *, depth_size: Size) -> tuple[Camera, tuple[str, ...]]:
+    """The camera of the first camera info, for pictures of the depth's size, and a warning if its lens distorts."""
     where = f"{bag.path}: {topics.info}"
     for _, _, message in bag.messages([topics.info]):
-        K = np.asarray(message.K if hasattr(message, "K") else message.k, np.float64)  # ROS 1, ROS 2
+        K, D = (
+            np.asarray(getattr(message, name if hasattr(message, name) else name.lower()), np.float64)
+            for name in ("K", "D")  # ROS 1; lower case in ROS 2
+        )
         of_size = (message.width, message.height) if message.width and message.height else depth_size
         lens = (float(K[0]), float(K[4]), float(K[2]), float(K[5]))
-        return camera_of(where, lens, of_size=of_size, to_size=depth_size)
+        warnings = () if _RECTIFIED in topics.depth else _distorted(topics.info, message.distortion_model, D)
+        return camera_of(where, lens, of_size=of_size, to_size=depth_size), warnings
     raise SceneError(f"{where} holds no message; expected the camera's intrinsics. Name another with --topics info=.")
+
+
+def _distorted(topic: str, model: str, D: NDArray[np.float64]) -> tuple[str, ...]:
+    """A warning if a camera info says that its lens distorts, by coefficients (N,) of a model."""
+    if not D.any():
+        return ()
+    found = " ".join(f"{number:.3g}" for number in D)
+    return (
+        f"{topic} says that the lens distorts ({model}: {found}), and distortion is not removed, so that places near "
+        "the pictures' edges are off: record rectified pictures (image_rect)",
+    )
 
 
 def _unregistered(pair: tuple[_Place, _Place]) -> tuple[str, ...]:

@@ -93,12 +93,26 @@ class BagWriter:
         )
         self.write(topic, message, time)
 
-    def info(self, topic: str, frame: Frame, time: float, frame_id: str, *, factor: float = 1.0) -> None:
+    def info(
+        self,
+        topic: str,
+        frame: Frame,
+        time: float,
+        frame_id: str,
+        *,
+        factor: float = 1.0,
+        distortion: Sequence[float] = (0.0,) * 5,
+    ) -> None:
         """Writes the camera's intrinsics, for pictures `factor` times as large as the frame's."""
         fx, fy, cx, cy = (factor * value for value in frame.camera.lens)
         K = np.array([fx, 0, cx - 0.5, 0, fy, cy - 0.5, 0, 0, 1])
         letter = str if self.ros1 else str.lower
-        matrices = {letter("D"): np.zeros(5), letter("K"): K, letter("R"): np.eye(3).ravel(), letter("P"): np.zeros(12)}
+        matrices = {
+            letter("D"): np.array(distortion),
+            letter("K"): K,
+            letter("R"): np.eye(3).ravel(),
+            letter("P"): np.zeros(12),
+        }
         roi = self.make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
         message = self.make(
             "sensor_msgs/msg/CameraInfo",

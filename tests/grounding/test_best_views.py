@@ -1,6 +1,6 @@
 """The pictures that see a point best: near, in the middle, with nothing before it, from different places."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -62,3 +62,35 @@ def test_walls_damage_and_distance_leave_pictures_out() -> None:
 def test_a_point_inside_a_thing_and_a_gap_in_depth_are_seen() -> None:
     assert places([View(wall=2.8)]) == [(0, 0)]
     assert places([View(wall=0.0)]) == [(0, 0)]
+
+
+@dataclass
+class RecordedView(View):
+    """A view whose depth is read apart from its colours, as those of a recording are."""
+
+    loaded: list[str] = field(default_factory=list)
+    has_colours: bool = True
+
+    def load_depth(self) -> NDArray[np.float32] | None:
+        self.loaded.append("depth")
+        frame = super().load()
+        return None if frame is None else frame.depth_m
+
+    def load(self) -> Frame | None:
+        self.loaded.append("colours")
+        return super().load() if self.has_colours else None
+
+
+def test_colours_are_loaded_only_of_pictures_whose_depth_shows_the_point() -> None:
+    views = [
+        RecordedView(wall=1.5),
+        RecordedView(x=0.6, is_damaged=True),
+        RecordedView(x=-0.6, has_colours=False),
+        RecordedView(x=1.0),
+        RecordedView(x=1.1),
+        RecordedView(x=-2.0),
+        RecordedView(x=9.0),
+    ]
+    assert places(list(views), count=2) == [(1, 0), (-2, 0)]
+    both = ["depth", "colours"]
+    assert [view.loaded for view in views] == [["depth"], ["depth"], both, both, [], both, []]

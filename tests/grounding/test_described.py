@@ -101,6 +101,24 @@ def test_after_wrong_answers_templates_describe_and_both_are_counted(stub: ChatS
     assert last[-1]["content"].startswith("That was refused: it ")
 
 
+@pytest.mark.parametrize(
+    ("content", "body"),
+    [("", None), (" \n", None), (None, None), (None, b"{}"), (None, b'{"choices": []}')],
+    ids=["empty", "blank", "no text", "no answer", "no choices"],
+)
+def test_an_empty_answer_is_counted_as_refused_and_asked_for_again_later(
+    stub: ChatStub, content: str | None, body: bytes | None
+) -> None:
+    stub.content, stub.body = content, body
+    describe = describer(stub)
+    assert describe(ITEMS, floor="ground floor", rng=rng()) == Describer()(ITEMS, floor="ground floor", rng=rng())
+    assert describe.counts == {"llm refused": ANSWERS, "templates": 1}
+    stub.content, stub.body = RIGHT, None
+    later = describer(stub)
+    assert later(ITEMS, floor="ground floor", rng=rng()) == RIGHT
+    assert later.counts == {"llm": 1}
+
+
 @pytest.mark.parametrize(("status", "part"), [(500, "gave no answer (HTTP 500)"), (404, "refused the request")])
 def test_an_endpoint_without_answers_ends_the_work(stub: ChatStub, status: int, part: str) -> None:
     stub.status = status

@@ -153,8 +153,8 @@ def with_header(value: object, *path: str | int):
         (lambda part, data: None if part.endswith("0/rc.npy") else data, r"no storey0/rc.npy; expected a map"),
         (lambda part, data: data[:90] if part.endswith("0/rows.npy") else data, r"storey0/rows is no plain array"),
         (lambda part, data: b"{" if part == "header.json" else data, r"header.json: .*expected: whole JSON"),
-        (with_header(0, "schema_version"), r"schema_version is 0; expected 1. Open it with the version"),
-        (with_header(9, "schema_version"), r"schema_version is 9; expected 1."),
+        (with_header(0, "schema_version"), r"schema_version is 0; expected 1 to 2. Build the map again"),
+        (with_header(9, "schema_version"), r"is 9; expected 1 to 2. It was made by a newer version of .*; update."),
         (with_header(3, "dim"), r"storey0/rows is float32 of shape \(3, 768\); expected float32 of shape \('any', 3\)"),
         (with_header("objects", "layout"), r"header.json: storey0 is without merge_m or captions"),
         (with_header(1, "secret"), r"header.json: secret is 1; expected: Extra inputs"),
@@ -182,6 +182,25 @@ def test_a_damaged_map_is_refused_with_its_fault(edit, message: str, tmp_path: P
     with pytest.raises(RunFileError, match=message) as caught:
         load_memory(path)
     assert str(path) in str(caught.value)
+
+
+def test_a_map_of_version_1_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "map.npz"
+    save_memory(path, grid_memory(), SOURCE)
+
+    def as_version_1(part: str, data: bytes) -> bytes | str:
+        if part != "header.json":
+            return data
+        header = json.loads(data)
+        assert header["schema_version"] == 2
+        del header["source"]["encoder"], header["source"]["recording"]
+        return json.dumps({**header, "schema_version": 1})
+
+    rewritten(path, as_version_1)
+    assert_same(load_memory(path), grid_memory())
+    assert read_map_header(path).source == SOURCE
+    with zipfile.ZipFile(path) as archive:  # what version 1 wrote
+        assert set(json.loads(archive.read("header.json"))["source"]) == {"scene", "kind", "digest", "builder"}
 
 
 def test_pickled_arrays_are_never_loaded(tmp_path: Path) -> None:

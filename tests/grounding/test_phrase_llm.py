@@ -100,7 +100,8 @@ def test_rules_read_the_text_if_the_server_does_not_answer_in_time(stub: ChatStu
 
 
 @pytest.mark.parametrize(
-    "content", ["I cannot say.", '{"ownership": "Ada"}', '{"owners": []}', '{"ownership": [', None]
+    "content",
+    ["I cannot say.", "", "<think>Ada?</think>", '{"ownership": "Ada"}', '{"owners": []}', '{"ownership": [', None],
 )
 def test_rules_read_the_text_if_the_answer_is_not_the_requested_json_and_it_is_not_cached(
     stub: ChatStub, content: str | None

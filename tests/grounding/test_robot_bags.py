@@ -234,6 +234,59 @@ def test_depth_in_another_frame_than_colour_is_told(tmp_path: Path) -> None:
     assert "depth is in the frame 'camera_depth_optical_frame' and colour in 'camera_color_optical_frame'" in warning
 
 
+DEPTH_OPTICAL = "camera_depth_optical_frame"
+T_colour_depth = pose(0.1, 0.0, 0.0)
+
+
+def write_two_cameras(bag: BagWriter, *, topic: str = "/camera/depth/image_raw", late: float = 0.008) -> None:
+    """Depth of a camera 10 cm beside the colour camera, whose pictures are black and twice as large."""
+    for frame, time in zip(FRAMES, TIMES, strict=True):
+        bag.image(COLOUR, np.zeros((240, 320, 3), np.uint8), "rgb8", time, OPTICAL)
+        bag.info(INFO, frame, time, OPTICAL, factor=3.0)
+        bag.image(topic, frame.depth_m.astype(np.float32), "32FC1", time + late, DEPTH_OPTICAL)
+        bag.info("/camera/depth/camera_info", frame, time, DEPTH_OPTICAL, distortion=(0.1, -0.25, 0.0, 0.0, 0.0))
+    bag.transforms("/tf_static", [(OPTICAL, DEPTH_OPTICAL, T_colour_depth)], START - 1)
+    write_tf(bag)
+
+
+def test_geometry_is_the_depth_camera_s_where_there_are_two_cameras(tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "run")
+    write_two_cameras(bag)
+    bag.close()
+    frames, counts = read_robot_frames(tmp_path / "run", up="z")
+    loaded = list(frames)
+    assert len(loaded) == 8
+    for found, frame in zip(loaded, FRAMES, strict=True):
+        assert np.allclose(found.T_world_camera, frame.T_world_camera @ T_colour_depth, atol=1e-5)
+        assert found.camera.lens == pytest.approx(frame.camera.lens)  # not three times as long
+        assert np.abs(found.depth_m - frame.depth_m).max() < 1e-6
+    assert f"depth is in the frame {DEPTH_OPTICAL!r} and colour in {OPTICAL!r}" in counts.warning
+
+
+def test_pairs_that_are_too_far_apart_in_time_are_named_with_their_topics(tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "run")
+    write_two_cameras(bag, late=0.05)
+    bag.close()
+    line = (
+        rf"run: none of 8 pictures of {COLOUR} can be used: {{'no depth picture': 8}}; expected depth "
+        r"\(/camera/depth/image_raw\) within 0.02 s and a pose at their stamps. Name other topics with --topics."
+    )
+    with pytest.raises(SceneError, match=line):
+        read_robot_frames(tmp_path / "run", up="z")
+
+
+@pytest.mark.parametrize(
+    ("topic", "is_told"), [("/camera/depth/image_raw", True), ("/camera/depth/image_rect_raw", False)]
+)
+def test_a_lens_that_distorts_is_told_unless_pictures_are_rectified(topic: str, is_told: bool, tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "run.bag")
+    write_two_cameras(bag, topic=topic)
+    bag.close()
+    _, counts = read_robot_frames(tmp_path / "run.bag", up="z")
+    line = "/camera/depth/camera_info says that the lens distorts (plumb_bob: 0.1 -0.25 0 0 0), and distortion is not"
+    assert (line in counts.warning) == is_told
+
+
 def test_a_damaged_picture_is_counted_and_a_damaged_bag_is_named(tmp_path: Path) -> None:
     bag = BagWriter(tmp_path / "run.bag")
     write_pictures(bag, colour="rgb8")

@@ -55,6 +55,26 @@ def test_each_camera_of_tum_is_known(name: str, lens, warning: str, tmp_path: Pa
     assert bool(warning) == ("Kinect" in counts.warning)
 
 
+def test_lists_of_pictures_say_their_times(tmp_path: Path) -> None:
+    write_kinect_like(tmp_path / "office", tum=True, per_metre=5000)
+    for name in ("rgb", "depth"):
+        (picture,) = (tmp_path / "office" / name).iterdir()
+        picture.rename(picture.with_name("first.png"))
+    colours, depths = tmp_path / "office/rgb.txt", tmp_path / "office/depth.txt"
+    colours.write_text("# timestamp filename\n1305031102.175304 rgb/first.png\n1305031103.0 rgb/lost.png\n")
+    depths.write_text("# timestamp filename\n1305031102.160738 depth/first.png\n")
+    frames, counts = read_robot_frames(tmp_path / "office", up="y")
+    assert [entry.T_world_camera[:3, 3].tolist() for entry in frames] == [[1.0, 2.0, 3.0]]
+    assert (counts.num_found, counts.by_reason) == (2, {"no depth picture": 1})
+    depths.write_text("1305031102.150000 depth/first.png\n")  # 25 ms from the colours
+    with pytest.raises(SceneError, match=r"none of 2 colour pictures can be used: {'no depth picture': 2}"):
+        read_robot_frames(tmp_path / "office", up="y")
+    for line in ("soon depth/first.png", "1305031102.15", "nan depth/first.png"):
+        depths.write_text(f"1305031102.0 depth/first.png\n{line}\n")
+        with pytest.raises(SceneError, match=rf"depth.txt:2: found '{line}'; expected a time in seconds and a file"):
+            read_robot_frames(tmp_path / "office", up="y")
+
+
 def test_the_camera_of_seven_scenes_is_known_and_its_offset_is_told(tmp_path: Path) -> None:
     write_kinect_like(tmp_path / "seq-01", tum=False, per_metre=1000)
     frames, counts = read_robot_frames(tmp_path / "seq-01", up="y")

@@ -19,10 +19,14 @@ from human_study.design.study import (
     StudyConfig,
     StudyDataset,
     StudyDesign,
+    StudyPog,
     StudyPractice,
     load_study,
     save_study,
 )
+from personal_viz.bots.crowd import run_bots
+from personal_viz.bots.server import Server
+from personal_viz.bots.site import make_pilot
 from personal_viz.study_app.operator.served import serve_command
 from personal_viz.study_app.operator.served import served as served_by
 from personal_viz.study_app.study_files import PRACTICE_HOME, plan_study
@@ -30,6 +34,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.types import TaskKind
 
 from .invented import invented_dataset
+from .program import personal_viz
 
 HOME = "FlowHome"
 
@@ -166,3 +171,25 @@ def _pass_on(here: socket.socket, there: socket.socket) -> None:
     for end in (here, there):
         with contextlib.suppress(OSError):
             end.shutdown(socket.SHUT_RDWR)
+
+
+def assert_people_take_part(folder: Path, data: Path, scans: Path) -> None:
+    """Bots walk and point on a scan in a study whose homes the server draws; every stored step is verified."""
+    make_pilot(
+        folder,
+        data,
+        participants=1,
+        scenes_dir=scans,
+        task=("pan", "pog"),
+        splits={"easy": 3},
+        pog=StudyPog(conditions=("map_open",)),
+        pog_view="server",
+    )
+    with Server(folder, data, scenes_dir=scans) as server:
+        figures = run_bots(
+            server.start(), participants=2, seconds=120, rate=10, kinds=["shortest"], seed=1, tasks=("pan", "pog")
+        )
+    assert (figures.finished, figures.problems) == (2, ())
+    assert (figures.lost, figures.duplicated, figures.unknown) == (0, 0, 0)
+    done = personal_viz("study", "verify", folder, "--dataset", data, "--scenes-dir", scans)
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -1,5 +1,6 @@
 """From a scan to episodes that an agent wins: look, annotate, generate, validate, run; and what changed in between."""
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -8,12 +9,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import BrowserContext, expect
 
-from human_study.design.study import StudyPog
 from personal_viz.annotate.app import Workplace
 from personal_viz.annotate.session import CLEAR_OF_FLOOR, FIRST_HEIGHT, Form, Session, form_of
-from personal_viz.bots.crowd import run_bots
-from personal_viz.bots.server import Server
-from personal_viz.bots.site import make_pilot
 from personal_viz.browse.app import loopback_app
 from personal_viz.view.shown import Point, ShownScan, open_shown
 from personal_viz.view.visit import Visit
@@ -29,6 +26,7 @@ from sim.tasks.run_files import read_run
 
 from ..conftest import SHARED
 from .annotating import annotated, describe, field
+from .flow_studies import assert_people_take_part
 from .program import assert_one_line, personal_viz
 from .test_generate_command import defects, small_objects
 
@@ -43,8 +41,9 @@ THINGS = {
 TALL = ("speaker", "plant")
 
 
-@pytest.mark.slow
+@pytest.mark.release
 @pytest.mark.browser
+@pytest.mark.timeout(900)
 @pytest.mark.filterwarnings("ignore:.*read as y-up")
 def test_boxes_drawn_in_a_real_scan_become_episodes_that_can_be_won(tmp_path: Path, browser: BrowserContext) -> None:
     if not POLYROOM.is_file():
@@ -61,7 +60,8 @@ def test_boxes_drawn_in_a_real_scan_become_episodes_that_can_be_won(tmp_path: Pa
     run = ["--agent", "shortest-path", "--dataset", data, "--scenes-dir", POLYROOM.parent, "--out", tmp_path]
     assert personal_viz("run", *run, "--run-id", "r").returncode == 0
     assert [row.k for row in metric_rows([read_run(tmp_path / "r")]) if row.split == "easy"] == [3]
-    assert_people_take_part(tmp_path / "study", data)
+    assert_people_take_part(tmp_path / "study", data, POLYROOM.parent)
+    assert_it_is_asked(data, tmp_path)
 
 
 def assert_scan_is_shown(shown: ShownScan, browser: BrowserContext) -> None:
@@ -108,26 +108,16 @@ def top_of(shown: ShownScan, xz: tuple[float, float]) -> Point:
     return top
 
 
-def assert_people_take_part(folder: Path, data: Path) -> None:
-    """Bots walk and point on the scan in a study whose homes the server draws; every stored step is verified."""
-    make_pilot(
-        folder,
-        data,
-        participants=1,
-        scenes_dir=POLYROOM.parent,
-        task=("pan", "pog"),
-        splits={"easy": 3},
-        pog=StudyPog(conditions=("map_open",)),
-        pog_view="server",
+def assert_it_is_asked(data: Path, folder: Path) -> None:
+    """`ask` finds an annotated thing where it was drawn."""
+    asked = ("--description", "Mira owns the plant at the end of the room.", "--query", "Mira's plant", "--json")
+    done = personal_viz(
+        "ask", POLYROOM, "--dataset", data, *asked, "--maps", folder / "maps", "--out", folder / "answer"
     )
-    with Server(folder, data, scenes_dir=POLYROOM.parent) as server:
-        figures = run_bots(
-            server.start(), participants=2, seconds=120, rate=10, kinds=["shortest"], seed=1, tasks=("pan", "pog")
-        )
-    assert (figures.finished, figures.problems) == (2, ())
-    assert (figures.lost, figures.duplicated, figures.unknown) == (0, 0, 0)
-    done = personal_viz("study", "verify", folder, "--dataset", data, "--scenes-dir", POLYROOM.parent)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.returncode == 0, done.stderr
+    x, _, z = json.loads(done.stdout)["points"][0]["map"]
+    (x0, z0), (x1, z1) = THINGS["plant"]
+    assert np.hypot(x - (x0 + x1) / 2, z - (z0 + z1) / 2) < 0.4
 
 
 @pytest.mark.slow

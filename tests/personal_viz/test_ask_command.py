@@ -86,6 +86,19 @@ def test_true_points_score_the_answers(map_file: Path) -> None:
     assert "75.0" in printed
 
 
+def test_a_picture_holds_twenty_questions_and_says_how_many_there_are(map_file: Path) -> None:
+    asked = [part for number in range(21) for part in ("--query", f"sofa {number}")]
+    done, png = ask(map_file, *asked[:-2]), map_file.with_name("answer.png")
+    drawn = png.read_bytes()
+    assert "questions are drawn" not in done.stdout
+    done = ask(map_file, *asked)
+    assert f"Written to {png} (20 of 21 questions are drawn) and " in done.stdout
+    assert "sofa 20: " in done.stdout
+    assert png.read_bytes() == drawn
+    found = tables(map_file.with_name("answer.rrd"))
+    assert any(entity.endswith("/asked_20/places") for entity, _ in found)
+
+
 def test_questions_may_be_typed(map_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO("the blue glass vase\n\nthe sofa\n"))
     done = ask(map_file, "--interactive")

@@ -237,6 +237,25 @@ def test_a_request_that_cannot_be_met_names_the_split_and_the_rule(
     assert not list(tmp_path.rglob("*.gz"))
 
 
+@pytest.mark.parametrize(
+    "half",
+    [
+        ("--describe", "llm", "--llm-url", "http://127.0.0.1:1/v1"),
+        ("--describe", "llm", "--llm-model", "small"),
+        ("--describe", "llm", "--llm-url", "http://127.0.0.1:1/v1", "--llm-key-env", "KEY"),
+        ("--llm-url", "http://127.0.0.1:1/v1", "--llm-model", "small"),
+        ("--llm-key-env", "KEY"),
+    ],
+    ids=["no model", "no address", "a key for a model", "templates", "templates with a key"],
+)
+def test_half_of_a_language_model_s_options_is_refused_in_one_line(
+    half: tuple[str, ...], annotated: Path, scans: Path, tmp_path: Path
+) -> None:
+    done = generate(annotated, scans, "--out", tmp_path / "x", *half)
+    assert_one_line(done, "--describe is '", "expected both for llm, and none for templates. Add or leave them out.")
+    assert not (tmp_path / "x").exists()
+
+
 @pytest.mark.slow
 def test_a_language_model_describes_or_templates_do_and_the_summary_says_which(
     annotated: Path, scans: Path, tmp_path: Path

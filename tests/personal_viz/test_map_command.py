@@ -193,6 +193,24 @@ def test_an_interrupted_run_continues_and_makes_the_same_map(recording: Path, tm
     assert out.read_bytes() == (tmp_path / "whole.npz").read_bytes()
 
 
+def test_a_mesh_that_cannot_be_written_loses_neither_the_map_nor_what_is_encoded(
+    recording: Path, tmp_path: Path, capsys
+) -> None:
+    out, mesh = tmp_path / "map.npz", tmp_path / "room.glb"
+    mesh.mkdir()
+    with pytest.raises(PersonalVizError, match=r"room.glb: cannot be written"):
+        run(recording, "--out", str(out), "--mesh", str(mesh))
+    mapped = out.read_bytes()
+    assert list((tmp_path / "map.npz.encoded").iterdir())
+    mesh.rmdir()
+    assert run(recording, "--out", str(out), "--mesh", str(mesh)) == 0
+    printed = capsys.readouterr().out
+    assert "encoded by an interrupted run: 10" in printed
+    assert f"triangles written to {mesh}" in printed
+    assert out.read_bytes() == mapped
+    assert not list(tmp_path.glob("*.encoded"))
+
+
 def test_a_folder_that_cannot_keep_what_is_encoded_is_named(recording: Path, tmp_path: Path) -> None:
     (tmp_path / "map.npz.encoded").write_bytes(b"a file")
     with pytest.raises(RunFileError, match=r"map.npz.encoded/.*.npy: cannot be written \(.*\); .* Give another --out"):
