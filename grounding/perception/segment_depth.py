@@ -24,7 +24,7 @@ _JUMP, _JUMP_SHARE = 0.05, 0.03
 """Largest depth difference between neighbouring pixels of one surface: metres, plus a share of the depth."""
 _DENT = 0.25
 """A joint is a dent if its normals turn towards each other by more than this (cosine units)."""
-_LOW, _HIGH = 0.08, 2.3
+LOW, _HIGH = 0.08, 2.3
 """Things are searched between these heights above the floor, metres."""
 _LEAST_PIXELS, _LARGEST = 40, 3.0
 """Least number of used pixels of a thing; greatest length of its longest side, metres."""
@@ -51,7 +51,7 @@ class DepthRegions:
         floor = self._floors[max(0, int(np.searchsorted(self._floors, eye[1], side="right")) - 1)]
         above = points[..., 1] - floor
         with np.errstate(invalid="ignore"):
-            is_thing = (above > _LOW) & (above < _HIGH) & (depth <= self._max_depth)
+            is_thing = (above > LOW) & (above < _HIGH) & (depth <= self._max_depth)
         regions = ndimage.label(is_thing & ~_edges(points, depth, eye))
         labels: NDArray[np.int32] = regions[0]  # type: ignore[index]  # scipy's stubs know the other form only
         kept = [
@@ -64,13 +64,18 @@ class DepthRegions:
         return Segments(masks)
 
 
+def depth_jump(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Largest difference of depth, metres, from pixels of this depth to neighbours on the same surface."""
+    return _JUMP + _JUMP_SHARE * depth
+
+
 def _size(points: NDArray[np.float64]) -> float:
     return float(np.ptp(points, axis=0).max())
 
 
 def _edges(points: NDArray[np.float64], depth: NDArray[np.float32], eye: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(h, w) where a surface ends, or meets another one in a dent."""
-    jump = _JUMP + _JUMP_SHARE * depth
+    jump = depth_jump(depth)
     normals = _normals(points, eye)
     edges = np.zeros(depth.shape, bool)
     for axis in (0, 1):
