@@ -24,7 +24,7 @@ _JUMP, _JUMP_SHARE = 0.05, 0.03
 """Largest depth difference between neighbouring pixels of one surface: metres, plus a share of the depth."""
 _DENT = 0.25
 """A joint is a dent if its normals turn towards each other by more than this (cosine units)."""
-LOW, _HIGH = 0.08, 2.3
+_LOW, _HIGH = 0.08, 2.3
 """Things are searched between these heights above the floor, metres."""
 _LEAST_PIXELS, _LARGEST = 40, 3.0
 """Least number of used pixels of a thing; greatest length of its longest side, metres."""
@@ -51,7 +51,7 @@ class DepthRegions:
         floor = self._floors[max(0, int(np.searchsorted(self._floors, eye[1], side="right")) - 1)]
         above = points[..., 1] - floor
         with np.errstate(invalid="ignore"):
-            is_thing = (above > LOW) & (above < _HIGH) & (depth <= self._max_depth)
+            is_thing = (above > _LOW) & (above < _HIGH) & (depth <= self._max_depth)
         regions = ndimage.label(is_thing & ~_edges(points, depth, eye))
         labels: NDArray[np.int32] = regions[0]  # type: ignore[index]  # scipy's stubs know the other form only
         kept = [

@@ -13,10 +13,12 @@ from sim.types import Frame
 from ..maps.storeys import points_at
 from .boxes import boxes_of_ids, overlap, pixels_in_box
 from .oracle_perception import ids_of
-from .segment_depth import LOW, depth_jump
+from .segment_depth import depth_jump
 
 _SAME_BOX = 0.3
 """Least overlap of a detection with the box of an instance for its pixels to be meant; faults jitter boxes."""
+_FLOOR = 0.05
+"""Pixels up to this height above the robot's feet show the floor, metres."""
 _MIDDLE = 0.5
 """Share of the box's sides, around its centre, in which the thing is looked for."""
 
@@ -71,7 +73,7 @@ def _above_floor(frame: Frame, rows: slice, cols: slice) -> NDArray[np.bool_]:
     heights = points_at(frame, np.column_stack([row.ravel(), col.ravel()]))[:, 1].reshape(row.shape)
     feet = frame.T_world_camera[1, 3] - frame.camera.mount_height
     with np.errstate(invalid="ignore"):
-        return heights > feet + LOW
+        return heights > feet + _FLOOR
 
 
 def _middle(shape: tuple[int, int]) -> NDArray[np.bool_]:
