@@ -12,7 +12,6 @@ from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.errors import AgentError
 from sim.tasks.observers import Detection
@@ -202,10 +201,10 @@ class OracleDetector:
             AgentError: There is no query yet, or the frame has no instance ids.
         """
         require_query(self._query, self.name)
-        ids = ids_of(frame)
-        boxes = boxes_of_ids(ids) if self._matches else {}
-        found = [self._seen(frame, ids, number, boxes[number]) for number in self._matches if number in boxes]
-        found = [item for item in found if item is not None] + self._false(frame)
+        boxes = boxes_of_ids(ids_of(frame))
+        key = view_key(frame)
+        seen = [self._seen(frame, key, number, boxes[number]) for number in self._matches if number in boxes]
+        found = [item for item in seen if item is not None] + self._false(frame, key)
         table = np.array([[*box, score] for box, score in found], float).reshape(-1, 5)
         return detections_from_boxes(table[:, :4], table[:, 4], frame, label=self._query)
 
@@ -221,12 +220,11 @@ class OracleDetector:
                 found[number] = min(1.0, cosine)
         return found
 
-    def _seen(self, frame: Frame, ids: NDArray[np.int32], number: int, box: Box) -> tuple[Box, float] | None:
+    def _seen(self, frame: Frame, key: tuple[int, int], number: int, box: Box) -> tuple[Box, float] | None:
         """The box and score of an object in view; None where the view misses it."""
-        faults, key = self.faults, view_key(frame)
-        clearness = 1.0
+        faults, clearness = self.faults, 1.0
         if faults.far or faults.small or faults.hidden:
-            pixels = ids == number
+            pixels = frame.instance_ids == number
             seen = self._seen_share(frame, number) if self._seen_share and faults.hidden else 1.0
             distance, side = float(np.median(frame.depth_m[pixels])), math.sqrt(np.count_nonzero(pixels))
             clearness = faults.clearness(distance=distance, side=side, seen=seen)
@@ -243,11 +241,11 @@ class OracleDetector:
             score += noise.normal(0, faults.score_noise * spread)
         return box, score
 
-    def _false(self, frame: Frame) -> list[tuple[Box, float]]:
+    def _false(self, frame: Frame, key: tuple[int, int]) -> list[tuple[Box, float]]:
         """Boxes and scores of nothing, scores evenly from the least similarity to 1."""
         if not self.faults.false_rate:
             return []
-        rng = self._perception.rng(FALSE, *view_key(frame), zlib.crc32(self._query.encode()))
+        rng = self._perception.rng(FALSE, *key, zlib.crc32(self._query.encode()))
         height, width = frame.depth_m.shape
         found = []
         for _ in range(rng.poisson(self.faults.false_rate)):
