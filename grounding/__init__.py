@@ -14,9 +14,11 @@ if TYPE_CHECKING:
     from .evaluation.home_maps import build_map as build_map
     from .maps.home_map import HomeMemory as Map
     from .methods.free_text import ground as ground
+    from .perception.protocol import Detector as Detector
     from .phrases.sources import PhraseSource as Phrases
 
 _PLACES = {
+    "Detector": ("grounding.perception.protocol", "Detector"),
     "Encoder": ("grounding.encoders.protocol", "TextEncoder"),
     "Map": ("grounding.maps.home_map", "HomeMemory"),
     "Phrases": ("grounding.phrases.sources", "PhraseSource"),
@@ -27,6 +29,7 @@ _PLACES = {
 }
 """Module of each public name, and its name there."""
 __all__ = [
+    "Detector",
     "Encoder",
     "Map",
     "Phrases",

@@ -9,7 +9,7 @@ import pytest
 
 SURFACE = {
     "sim": "Dataset open_home Home Camera PanEnv PanGymEnv Agent Action play metrics import_runs",
-    "grounding": "explore build_map ground Map Phrases Encoder check_encoder",
+    "grounding": "explore build_map ground Map Phrases Encoder Detector check_encoder",
     "human_study": "Study load_study make_plan open_store read_records study_report",
     "recordings": "RerunObserver log_comparison read_rrd",
 }

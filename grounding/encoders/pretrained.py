@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import torch
@@ -36,44 +36,10 @@ class PretrainedEncoder(ABC):
     """E, the length of the vectors."""
 
     def __init__(self, source: str, classes: Mapping[str, str], options: ModelOptions | None) -> None:
-        """Loads model, tokenizer and image processor.
-
-        Args:
-            source: A model id, or a folder as `save_pretrained` writes it.
-            classes: Which `transformers` class loads which `model_type`.
-
-        Raises:
-            MissingDependencyError: Extra `models` is not installed.
-            AgentError: There is no such model, it has another type, weights are missing, an option's value is not
-                known, or the device is absent or full.
-        """
-        transformers = require("transformers", extra="models")
-        SafetensorError = require("safetensors", extra="models").SafetensorError
-        self._options = options = options or ModelOptions()
-        _require_options(options)
-        local = _is_folder(source)
-        only_here = {"local_files_only": local or not options.download}
-        with quiet(transformers):
-            try:
-                config = transformers.AutoConfig.from_pretrained(source, **only_here)
-                _require_type(source, config.model_type, classes)
-                model, report = getattr(transformers, classes[config.model_type]).from_pretrained(
-                    source,
-                    config=config,
-                    dtype=torch.float32,
-                    output_loading_info=True,
-                    ignore_mismatched_sizes=True,  # reported with the missing ones, below
-                    **only_here,
-                )
-                self._tokenizer = transformers.AutoTokenizer.from_pretrained(source, **only_here)
-                # gives the same pictures with and without torchvision
-                self._processor = transformers.AutoImageProcessor.from_pretrained(source, backend="pil", **only_here)
-            except (OSError, ValueError, RuntimeError, SafetensorError) as error:
-                raise AgentError(_not_loaded(source, error, local=local, options=options)) from error
-        _require_whole(source, classes[config.model_type], report)
-        with _enough_memory(options):
-            self._model: Any = model.eval().to(options.device)
-        self._digest = weights_digest(model)
+        """Loads the model as `load_model` does, and raises like it."""
+        self._options = options or ModelOptions()
+        self._model, self._tokenizer, self._processor = load_model(source, classes, self._options)
+        self._digest = weights_digest(self._model)
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
         """(N, E) unit rows; texts are cut at the model's longest."""
@@ -125,13 +91,67 @@ class PretrainedEncoder(ABC):
         self, items: Sequence, encode: Callable[[Sequence], Any], *, shape: tuple[int, ...]
     ) -> NDArray[np.float32]:
         """(N, ..., E) vectors of length 1 of all items, a batch at a time; without items (0, *shape)."""
-        autocast, parts = self._options.autocast, [np.empty((0, *shape), np.float32)] * (not items)
-        mixed = torch.autocast(self._options.device, _DTYPES.get(autocast), enabled=autocast != "off")
-        with _enough_memory(self._options), torch.inference_mode(), mixed:
+        parts = [np.empty((0, *shape), np.float32)] * (not items)
+        with inference(self._options):
             for start in range(0, len(items), self._options.batch_size):
                 batch = items[start : start + self._options.batch_size]
                 parts.append(torch.nn.functional.normalize(encode(batch).float(), dim=-1).cpu().numpy())
         return np.concatenate(parts)
+
+
+class LoadedModel(NamedTuple):
+    """A model of `transformers` on its device, and the makers of its inputs."""
+
+    model: Any
+    tokenizer: Any
+    processor: Any
+    """Gives the same pictures with and without torchvision."""
+
+
+def load_model(source: str, classes: Mapping[str, str], options: ModelOptions) -> LoadedModel:
+    """A model in float32 with its tokenizer and image processor.
+
+    Args:
+        source: A model id, or a folder as `save_pretrained` writes it.
+        classes: Which `transformers` class loads which `model_type`.
+
+    Raises:
+        MissingDependencyError: Extra `models` is not installed.
+        AgentError: There is no such model, it has another type, weights are missing, an option's value is not known, or
+            the device is absent or full.
+    """
+    transformers = require("transformers", extra="models")
+    SafetensorError = require("safetensors", extra="models").SafetensorError
+    _require_options(options)
+    local = _is_folder(source)
+    only_here = {"local_files_only": local or not options.download}
+    with quiet(transformers):
+        try:
+            config = transformers.AutoConfig.from_pretrained(source, **only_here)
+            _require_type(source, config.model_type, classes)
+            model, report = getattr(transformers, classes[config.model_type]).from_pretrained(
+                source,
+                config=config,
+                dtype=torch.float32,
+                output_loading_info=True,
+                ignore_mismatched_sizes=True,  # reported with the missing ones, below
+                **only_here,
+            )
+            tokenizer = transformers.AutoTokenizer.from_pretrained(source, **only_here)
+            processor = transformers.AutoImageProcessor.from_pretrained(source, backend="pil", **only_here)
+        except (OSError, ValueError, RuntimeError, SafetensorError) as error:
+            raise AgentError(_not_loaded(source, error, local=local, options=options)) from error
+    _require_whole(source, classes[config.model_type], report)
+    with _enough_memory(options):
+        return LoadedModel(model.eval().to(options.device), tokenizer, processor)
+
+
+@contextmanager
+def inference(options: ModelOptions) -> Iterator[None]:
+    """Runs a model without gradients, in the arithmetic of `options`; raises AgentError where the GPU is full."""
+    mixed = torch.autocast(options.device, _DTYPES.get(options.autocast), enabled=options.autocast != "off")
+    with _enough_memory(options), torch.inference_mode(), mixed:
+        yield
 
 
 def features(output: Any) -> Any:

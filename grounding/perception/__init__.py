@@ -1,1 +1,1 @@
-"""Segmenters that cut views into things, and oracle perception with adjustable errors."""
+"""Scores, boxes and masks of pictures: real models, and oracle perception with adjustable errors."""

@@ -29,8 +29,9 @@ CLUTTER_TEXTS = (
 """Texts for places without a captioned object, with background `clutter`."""
 _PLACE = 1.0
 """Background without an instance keeps its text within cubes of this size (metres)."""
-_VIEW, _OBJECT, _CONFUSION, _BACKGROUND = range(4)
-"""Streams of random numbers: raising one option does not change the draws of the others."""
+_VIEW, _OBJECT, _CONFUSION, _BACKGROUND, MISS, FALSE, BOX, SCORE = range(8)
+"""Streams of random numbers: raising one option does not change the draws of the others. The public ones are those of
+the oracle detector."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,10 +91,12 @@ class OraclePerception:
         self._home = zlib.crc32(home.encode())
         self._clutter = text_encoder.encode_texts(CLUTTER_TEXTS if self.options.background == "clutter" else [])
         self._places: dict[tuple[int, ...], int] = {}
-        self._texts = self._confused(dict(sorted(captions.items())))
+        self.captions = dict(sorted(captions.items()))
+        """Instance id to its true text."""
+        self._texts = self._confused(self.captions)
         vectors = text_encoder.encode_texts(list(self._texts.values()))
         self._rows = {
-            instance: _disturbed(row[None], self.options.object_noise, self._rng(_OBJECT, instance))[0]
+            instance: _disturbed(row[None], self.options.object_noise, self.rng(_OBJECT, instance))[0]
             for instance, row in zip(self._texts, vectors, strict=True)
         }
 
@@ -120,7 +123,7 @@ class OraclePerception:
         """(N, E) unit mean of the visible captioned objects, weighted by pixels; zero where none is in view."""
         rows = np.zeros((len(frames), self.dim), np.float32)
         for row, frame in zip(rows, frames, strict=True):
-            ids, counts = np.unique(_ids(frame), return_counts=True)
+            ids, counts = np.unique(ids_of(frame), return_counts=True)
             seen = [(self._row(int(i)), n) for i, n in zip(ids, counts, strict=True) if i > 0]
             total = np.sum([vector * n for vector, n in seen], axis=0) if seen else np.zeros(self.dim)
             row[:] = _disturbed(_unit(total[None]), self.options.view_noise, self._view_rng(frame, 0))[0]
@@ -143,7 +146,7 @@ class OraclePerception:
         return np.stack([self._patches(frame) for frame in frames])
 
     def _patches(self, frame: Frame) -> NDArray[np.float32]:
-        winners = winning_ids(_ids(frame), patch=self.options.patch)
+        winners = winning_ids(ids_of(frame), patch=self.options.patch)
         ids, where = np.unique(winners, return_inverse=True)
         rows = np.array([self._row(int(instance)) for instance in ids])[where.reshape(winners.shape)]
         if self.options.background == "clutter":
@@ -157,7 +160,7 @@ class OraclePerception:
         if known is None:  # 0 means no instance; other ids are things without a caption
             known = np.zeros(self.dim, np.float32)
             if instance > 0 and self.options.background == "clutter":
-                known = self._clutter[self._rng(_BACKGROUND, instance).integers(len(self._clutter))]
+                known = self._clutter[self.rng(_BACKGROUND, instance).integers(len(self._clutter))]
             self._rows[instance] = known
         return known
 
@@ -175,25 +178,35 @@ class OraclePerception:
 
     def _clutter_at(self, place: tuple[int, ...]) -> int:
         if place not in self._places:
-            rng = self._rng(_BACKGROUND, 0, *(value % 2**32 for value in place))
+            rng = self.rng(_BACKGROUND, 0, *(value % 2**32 for value in place))
             self._places[place] = int(rng.integers(len(self._clutter)))
         return self._places[place]
 
     def _confused(self, captions: dict[int, str]) -> dict[int, str]:
         texts = {}
         for instance, text in captions.items():
-            rng = self._rng(_CONFUSION, instance)
+            rng = self.rng(_CONFUSION, instance)
             others = [other for other in captions.values() if other != text]
             is_confused = rng.random() < self.options.confusion and others
             texts[instance] = others[int(rng.integers(len(others)))] if is_confused else text
         return texts
 
-    def _rng(self, stream: int, *what: int) -> np.random.Generator:
+    def rng(self, stream: int, *what: int) -> np.random.Generator:
+        """Random numbers that depend on the seed, the home, the stream and `what` they are for, and on nothing else."""
         return np.random.default_rng([self.options.seed, self._home, stream, *what])
 
     def _view_rng(self, frame: Frame, kind: int) -> np.random.Generator:
-        pose = np.ascontiguousarray(frame.T_world_camera, np.float64).tobytes()
-        return self._rng(_VIEW, kind, zlib.crc32(pose), zlib.crc32(np.ascontiguousarray(_ids(frame)).tobytes()))
+        return self.rng(_VIEW, kind, *view_key(frame))
+
+
+def view_key(frame: Frame) -> tuple[int, int]:
+    """Two numbers that stand for a picture's pose and instance ids in the seeds of random numbers.
+
+    Raises:
+        AgentError: The frame has no instance ids.
+    """
+    pose = np.ascontiguousarray(frame.T_world_camera, np.float64).tobytes()
+    return zlib.crc32(pose), zlib.crc32(np.ascontiguousarray(ids_of(frame)).tobytes())
 
 
 def winning_ids(ids: NDArray[np.integer], *, patch: int) -> NDArray[np.int64]:
@@ -212,7 +225,12 @@ def winning_ids(ids: NDArray[np.integer], *, patch: int) -> NDArray[np.int64]:
     return present[counts.reshape(rows, cols, len(present)).argmax(axis=2)].astype(np.int64)
 
 
-def _ids(frame: Frame) -> NDArray[np.int32]:
+def ids_of(frame: Frame) -> NDArray[np.int32]:
+    """(H, W) the simulator's instance ids.
+
+    Raises:
+        AgentError: The frame has none.
+    """
     if frame.ids is None:
         raise AgentError(
             "oracle perception: a frame has no instance ids; expected those of the simulator. Use a real encoder "

@@ -64,13 +64,18 @@ class DepthRegions:
         return Segments(masks)
 
 
+def depth_jump(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Largest difference of depth, metres, from pixels of this depth to neighbours on the same surface."""
+    return _JUMP + _JUMP_SHARE * depth
+
+
 def _size(points: NDArray[np.float64]) -> float:
     return float(np.ptp(points, axis=0).max())
 
 
 def _edges(points: NDArray[np.float64], depth: NDArray[np.float32], eye: NDArray[np.float64]) -> NDArray[np.bool_]:
     """(h, w) where a surface ends, or meets another one in a dent."""
-    jump = _JUMP + _JUMP_SHARE * depth
+    jump = depth_jump(depth)
     normals = _normals(points, eye)
     edges = np.zeros(depth.shape, bool)
     for axis in (0, 1):

@@ -71,6 +71,52 @@ def save_blip2(folder: Path, *, seed: int = 0) -> Path:
     return _save(folder, transformers.Blip2ForImageTextRetrieval, config, processor, seed=seed)
 
 
+def save_owlv2(folder: Path, *, seed: int = 0) -> Path:
+    text = {**TEXT, "vocab_size": 40, "max_position_embeddings": 16, **ENDS}
+    vision = {**VISION, "image_size": 64, "patch_size": 16}
+    config = transformers.Owlv2Config(text_config=text, vision_config=vision, projection_dim=32)
+    processor = transformers.Owlv2ImageProcessorPil(size={"height": 64, "width": 64})
+    return _save(folder, transformers.Owlv2ForObjectDetection, config, processor, seed=seed)
+
+
+def save_grounding_dino(folder: Path, *, seed: int = 0) -> Path:
+    bert = {**TEXT, "model_type": "bert", "vocab_size": 1100, "max_position_embeddings": 64}
+    swin = {
+        "model_type": "swin",
+        "image_size": 64,
+        "embed_dim": 16,
+        "depths": [1, 1, 1, 1],
+        "num_heads": [2, 2, 2, 2],
+        "window_size": 4,
+        "out_indices": [2, 3, 4],
+    }
+    config = transformers.GroundingDinoConfig(
+        backbone_config=swin,
+        text_config=bert,
+        num_queries=12,
+        encoder_layers=1,
+        decoder_layers=2,
+        encoder_ffn_dim=32,
+        decoder_ffn_dim=32,
+        encoder_attention_heads=4,
+        decoder_attention_heads=4,
+        d_model=32,
+        max_text_len=32,
+        disable_custom_kernels=True,
+    )
+    processor = transformers.GroundingDinoImageProcessorPil(size={"shortest_edge": 64, "longest_edge": 96})
+    _save(folder, transformers.GroundingDinoForObjectDetection, config, processor, seed=seed)
+    # the model knows the ids of BERT's own marks: it parts the text at the start, the end and the full stop
+    places = {"[PAD]": 0, "[UNK]": 100, "[CLS]": 101, "[SEP]": 102, "[MASK]": 103, ".": 1012, "?": 1029}
+    used = {number: word for word, number in places.items()} | dict(enumerate(WORDS, start=200))
+    words = [used.get(number, f"[unused{number}]") for number in range(1100)]
+    (folder / "vocab.txt").write_text("\n".join(words) + "\n")
+    for name in ("tokenizer.json", "tokenizer_config.json", "special_tokens_map.json"):
+        (folder / name).unlink(missing_ok=True)
+    transformers.BertTokenizer(str(folder / "vocab.txt")).save_pretrained(folder)
+    return folder
+
+
 def picture(left: int, right: int, *, width: int = 96, height: int = 64, seed: int = 0) -> Frame:
     """A picture whose left and right halves are noise around two grey levels."""
     rng = np.random.default_rng(seed)

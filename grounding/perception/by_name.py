@@ -1,0 +1,194 @@
+"""The perception known by name: oracle perception with a level of errors, real models, or a user's own.
+
+oracle | oracle:mild | oracle:strong,encoder=minilm
+encoder=clip:ID,detector=owlv2:ID          also grounding-dino:ID, yolox:FILE, or package.module:factory
+package.module:factory                     your own, which returns a `Perception`
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sim.errors import AgentError
+from sim.mesh import Scene
+from sim.plugins import build_plugin, is_plugin, own_name
+from sim.types import Frame, Observation, Pose
+
+from ..encoders.by_name import encoder_called, make_encoder, make_image_encoder
+from ..encoders.protocol import ModelOptions
+from .encoder_scorer import EncoderScorer
+from .oracle_detector import oracle_level
+from .protocol import Detector, Perception, Segmenter
+from .segmenters import DepthRegion
+
+PerceptionName = str
+DETECTOR_FAMILIES = ("owlv2", "grounding-dino", "yolox")
+_ORACLE = "oracle"
+_PARTS = ("encoder", "detector", "segmenter")
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeTruth:
+    """What oracle perception knows of an episode. Ground truth: made on the researcher's side, never for an agent."""
+
+    scene: Scene
+    start: Pose
+    captions: Mapping[int, str]
+    """Instance id to text, as `grounding.maps.oracle_map.object_texts` gives them."""
+
+
+def make_perception(
+    name: PerceptionName,
+    *,
+    truth: EpisodeTruth | None = None,
+    options: ModelOptions | None = None,
+    seed: int = 0,
+) -> Perception:
+    """The perception of this name.
+
+    Args:
+        name: As the module says.
+        truth: The episode's home, start and captions; needed for oracle perception, unused by models.
+        options: Device and arithmetic of real models.
+        seed: Of the errors of oracle perception.
+
+    Raises:
+        AgentError: The name is unknown, a model cannot be loaded, or oracle perception got no truth.
+        MissingDependencyError: The extra of a model is not installed.
+    """
+    if is_oracle(name):
+        return _oracle(name, truth, options, seed)
+    if is_plugin(name):
+        made = build_plugin(name, option="--perception")
+        if not isinstance(made, Perception):
+            raise AgentError(
+                f"--perception {name}: made {type(made).__name__}; expected grounding.perception.protocol.Perception. "
+                "Return one from the factory."
+            )
+        return made
+    return _models(_parts(name, needed=("encoder", "detector")), options)
+
+
+def is_oracle(name: PerceptionName) -> bool:
+    """Whether the name is that of oracle perception, which needs an `EpisodeTruth`."""
+    return name.partition(",")[0].partition(":")[0] == _ORACLE
+
+
+def check_perception_name(name: PerceptionName) -> None:
+    """Refuses a name that no perception has, without loading models.
+
+    Raises:
+        AgentError: The name is unknown.
+    """
+    if is_oracle(name):
+        oracle_level(_level(name))
+        _parts(name.partition(",")[2], needed=())
+    elif not is_plugin(name):
+        family = _parts(name, needed=("encoder", "detector"))["detector"].partition(":")[0]
+        _require_detector(_parts(name, needed=())["detector"], family)
+
+
+def make_detector(name: str, *, options: ModelOptions | None = None) -> Detector:
+    """The detector `owlv2:ID`, `grounding-dino:ID`, `yolox:FILE`, or a user's own as package.module:factory.
+
+    Raises:
+        AgentError: The name is unknown, or the model cannot be loaded.
+        MissingDependencyError: The extra of the model is not installed.
+    """
+    family, _, source = name.partition(":")
+    _require_detector(name, family)
+    match family:
+        case "owlv2":
+            from .owlv2 import Owlv2  # torch
+
+            return Owlv2(source, options=options)
+        case "grounding-dino":
+            from .grounding_dino import GroundingDino
+
+            return GroundingDino(source, options=options)
+        case "yolox":
+            from .yolox import Yolox
+
+            return Yolox(source)
+        case _:
+            return build_plugin(name, option="detector", methods=("set_query", "detect"))
+
+
+def frame_of_observation(observation: Observation) -> Frame:
+    """The picture of an observation in the start frame, without ids; depth 0 where the robot has none.
+
+    Raises:
+        AgentError: The observation has no colours or no depth.
+    """
+    rgb, depth_m = observation.rgb, observation.depth_m
+    if rgb is None or depth_m is None:
+        raise AgentError(
+            "perception: an observation has no picture; expected colours and depth. Run the agent with pictures."
+        )
+    return Frame(rgb, depth_m, observation.T_start_camera, observation.camera)
+
+
+def _oracle(name: str, truth: EpisodeTruth | None, options: ModelOptions | None, seed: int) -> Perception:
+    from .oracle_view import oracle_perception_of
+
+    level = _level(name)
+    oracle_level(level)
+    parts = _parts(name.partition(",")[2], needed=())
+    if set(parts) - {"encoder"}:
+        raise AgentError(f"--perception {name!r}: found {sorted(parts)}; expected encoder= alone. Leave the rest out.")
+    if truth is None:
+        raise AgentError(
+            f"--perception {name!r}: got no home and no start; expected them, because it reads the simulator's ids. "
+            "Use models for pictures of a robot."
+        )
+    encoder = make_encoder(parts.get("encoder", "hashed"), options=options)
+    return oracle_perception_of(truth.scene, truth.start, truth.captions, text_encoder=encoder, level=level, seed=seed)
+
+
+def _level(name: str) -> Any:
+    """The level in an oracle's name, not yet checked."""
+    return name.partition(",")[0].partition(":")[2] or "clean"
+
+
+def _models(parts: dict[str, str], options: ModelOptions | None) -> Perception:
+    encoder = make_image_encoder(parts["encoder"], options=options)
+    detector = make_detector(parts["detector"], options=options)
+    segmenter: Segmenter = DepthRegion()
+    if "segmenter" in parts:
+        segmenter = build_plugin(parts["segmenter"], option="segmenter", methods=("mask",))
+    names = [encoder_called(parts["encoder"]), own_name(detector, parts["detector"]), own_name(segmenter, "own")]
+    return Perception(
+        name=" + ".join(names),
+        frame_of=frame_of_observation,
+        scorer=EncoderScorer(encoder),
+        encoder=encoder,
+        detector=detector,
+        segmenter=segmenter,
+    )
+
+
+def _parts(name: str, *, needed: tuple[str, ...]) -> dict[str, str]:
+    """The values of `part=value,part=value`.
+
+    Raises:
+        AgentError: A part is unknown, stands twice, or a needed one is missing.
+    """
+    pairs = [item.strip().partition("=") for item in name.split(",") if item.strip()]
+    parts = {key: value for key, _, value in pairs}
+    if set(parts) <= set(_PARTS) and len(parts) == len(pairs) and all(parts.values()) and set(needed) <= set(parts):
+        return parts
+    raise AgentError(
+        f"--perception is {name!r}; expected oracle, oracle:mild, oracle:strong, your own as package.module:factory, "
+        "or encoder=NAME,detector=NAME with segmenter=package.module:factory if you have one. Example: "
+        "encoder=clip:openai/clip-vit-large-patch14,detector=owlv2:google/owlv2-base-patch16-ensemble."
+    )
+
+
+def _require_detector(name: str, family: str) -> None:
+    is_known = bool(name.partition(":")[2]) if family in DETECTOR_FAMILIES else is_plugin(name)
+    if not is_known:
+        families = ", ".join(f"{known}:" for known in DETECTOR_FAMILIES)
+        raise AgentError(
+            f"detector {name!r}: is not known; expected {families} and a model id, folder or file, or your own as "
+            "package.module:factory. Example: owlv2:google/owlv2-base-patch16-ensemble."
+        )
