@@ -131,7 +131,7 @@ class FeatureGrid:
 
     def is_navigable(self, part: tuple[slice, slice]) -> NDArray[np.bool_]:
         """(rows, cols) of a part: cells without an obstacle in them or beside them; unseen ones are navigable."""
-        return ~np.asarray(ndimage.binary_dilation(self.is_occupied(part), structure=np.ones((3, 3))), bool)
+        return ndimage.maximum_filter(self.is_occupied(part).view(np.uint8), 3, mode="constant") == 0
 
     def is_explored(self, part: tuple[slice, slice]) -> NDArray[np.bool_]:
         """(rows, cols) of a part: cells that were seen well enough."""

@@ -32,6 +32,7 @@ configuration: percentile_exploitation 99, and a 7 x 7 square)."""
 _TIE = 1e-6
 """Similarities closer than this are equal."""
 _EIGHT = np.ones((3, 3))
+_CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
 
 
 class MapGoal(NamedTuple):
@@ -72,8 +73,8 @@ def frontiers(
     A frontier is a connected run of the region's border cells without an obstacle beside them. Its goal is the cell of
     the run nearest to the run's middle.
     """
-    is_beside = np.asarray(ndimage.binary_dilation(~region), bool)
-    border = region & is_beside & np.asarray(ndimage.binary_erosion(is_navigable, structure=_EIGHT), bool)
+    is_clear = ndimage.minimum_filter(is_navigable.view(np.uint8), 3, mode="constant") > 0
+    border = region & is_clear & (ndimage.minimum_filter(region.view(np.uint8), footprint=_CROSS) == 0)
     runs = _labelled(border, _EIGHT)
     found = []
     for index, part in enumerate(ndimage.find_objects(runs), start=1):
@@ -109,16 +110,11 @@ def points_of_interest(
     peaks = np.argwhere(is_peak)
     peaks = peaks[np.argsort(-scaled[peaks[:, 0], peaks[:, 1]], kind="stable")]
     sizes = _grown(scaled.astype(np.float32), is_seen, peaks, PEAK_SHARE)
-    is_near = is_explored.copy()
-    if region.any():
-        inside = np.asarray(ndimage.binary_fill_holes(region), bool)
-        is_near |= np.asarray(ndimage.distance_transform_edt(~inside)) < POINT_REACH
-    else:
-        is_near[:] = True
+    inside = np.argwhere(region)
     return [
         MapGoal("point", (row, col), float(similarity[row, col]) + 1)
         for (row, col), size in zip(peaks.tolist(), sizes, strict=True)
-        if size >= LEAST_REGION and is_near[row, col] and not is_checked[row, col]
+        if size >= LEAST_REGION and not is_checked[row, col] and (is_explored[row, col] or _is_near(inside, row, col))
     ]
 
 
@@ -146,8 +142,14 @@ def hot_cells(similarity: NDArray[np.float32], is_seen: NDArray[np.bool_]) -> ND
     if not len(values) or float(np.ptp(values)) < _TIE:
         return np.zeros(similarity.shape, bool)
     limit = min(float(np.percentile(values, HOT_PERCENT)), float(values.max()) - _TIE)
-    side = 2 * HOT_REACH + 1
-    return np.asarray(ndimage.binary_dilation(is_seen & (similarity > limit), structure=np.ones((side, side))), bool)
+    is_best = is_seen & (similarity > limit)
+    return ndimage.maximum_filter(is_best.view(np.uint8), 2 * HOT_REACH + 1, mode="constant") > 0
+
+
+def _is_near(inside: NDArray[np.int64], row: int, col: int) -> bool:
+    """Whether a cell lies less than POINT_REACH from the nearest of those inside, or there are none."""
+    away = (inside[:, 0] - row) ** 2 + (inside[:, 1] - col) ** 2
+    return not len(inside) or int(away.min()) < POINT_REACH**2
 
 
 def _labelled(mask: NDArray[np.bool_], structure: NDArray | None) -> NDArray[np.int32]:
