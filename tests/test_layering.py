@@ -30,7 +30,7 @@ ROOMS = {
     "grounding": """
         types
         encoders.protocol encoders phrases perception.segments perception.paraphrase maps perception encoders.by_name
-        perception.by_name methods agents robot evaluation report checks
+        perception.by_name methods agents agents.onemap agents.vlfm robot evaluation report checks
     """,
     "recordings": """
         paths traces read scene maps episode insight divergence texts layers memory blueprints
@@ -53,6 +53,7 @@ ENTRANCES = {
     "personal_viz.bench.page",
     "personal_viz.screenshots.make",
     "personal_viz.study_app.server",
+    "grounding.agents.onemap.agent",
     "grounding.agents.random_frontier",
     "grounding.perception.by_name",
     "recordings.habitat_golden",

@@ -99,6 +99,7 @@ class FloorMemory:
         self._bumps: tuple[Bump, ...] = ()
         self._step = 0
         self._clearance = CLEARANCE
+        self._is_elsewhere = False
         self.xz = (0.0, 0.0)
         """The robot's middle, metres, start frame."""
         self.yaw = 0.0
@@ -122,7 +123,8 @@ class FloorMemory:
         self.yaw = observation.compass
         T = observation.T_start_camera
         self.is_tilted = abs(float(T[1, 2])) > 0.01
-        self._follow(self._stood[-1] if self._stood else self.xz, self.xz)
+        self._follow(self._stood[-1] if self._stood and not self._is_elsewhere else self.xz, self.xz)
+        self._is_elsewhere = False
         self._stood.append(self.xz)
         view = _thinned(observation.depth_m, T, observation.camera)
         if len(self._frames) < _FLOOR_FRAMES:
@@ -135,6 +137,10 @@ class FloorMemory:
             ahead = np.array(self.xz) + _BUMP_FORE * forward_from_yaw(self.yaw)[[0, 2]]
             self.avoid((float(ahead[0]), float(ahead[1])))
         self._step = observation.step
+
+    def carry(self) -> None:
+        """Says that the robot does not walk to the place of its next observation, so it leaves no trail to there."""
+        self._is_elsewhere = True
 
     @property
     def bumps(self) -> tuple[Bump, ...]:

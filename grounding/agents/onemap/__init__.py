@@ -1,0 +1,1 @@
+"""OneMap: a map of picture features in which an agent looks for a described thing."""

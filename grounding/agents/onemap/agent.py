@@ -1,0 +1,297 @@
+"""OneMap as an agent: it maps what pictures look like, and goes where the map resembles the described thing.
+
+Observation -> `FeatureGrid` and `Seeker` -> target, frontier or point of interest -> next action. docs/agents.md lists
+the differences from the published code.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grounding.perception.protocol import Perception
+from sim.errors import AgentError
+from sim.frames import wrap_angle, yaw_towards
+from sim.tasks.observers import Detection, Insight
+from sim.types import STOREY_GAP, TURN_STEP, Action, Camera, Frame, Observation, Task
+
+from ..frontiers import Frontier, costs_from
+from ..seeking import FOR_EVER, Seeker
+from .feature_grid import FeatureGrid
+from .goals import STICK_CELLS, MapGoal, chosen, explored_region, frontiers, hot_cells, points_of_interest
+from .target import Target, believed, placed_detections, replaced
+
+FULL_TURN = round(2 * math.pi / TURN_STEP)
+STOP_DISTANCE = 0.8
+"""The agent stops this near to the target's cell, metres (OneMap's code)."""
+RANGES = {"frontier": 0.2, "point": 0.4, "target": 0.7}
+"""A way may end this far from a goal (metres), and at twice that distance if it cannot otherwise (OneMap's code)."""
+_MOST_WAITS = 10
+"""Steps at a goal after which it is given up (OneMap's code)."""
+_MOST_STEPS = 150
+"""Steps towards a goal after which it is given up; OneMap has no such limit, a drifting goal would last for ever."""
+_OUT_OF_REACH_STEPS = 40
+"""Steps for which a goal is left out that no way leads to."""
+_REPLAN_STEPS = 4
+"""Steps between two plans of the way to the same goal."""
+
+
+class _Ban(NamedTuple):
+    """Targets, or other goals, near a cell that are left out for a while."""
+
+    rc: tuple[int, int]
+    until: int
+    """Step from which they count again."""
+    is_target: bool
+
+
+class OneMapAgent:
+    """An `Agent` that looks for one described thing on the storey where it starts."""
+
+    def __init__(self, perception: Perception | Callable[[], Perception], goal_text: Callable[[Task], str]) -> None:
+        """Makes an agent.
+
+        Args:
+            perception: What it sees with, or a function that makes it when the first episode begins.
+            goal_text: What to look for, such as "red backpack", from the task; never from the goal.
+        """
+        self._perception, self._goal_text = perception, goal_text
+        self._T_map_start: NDArray[np.float64] | None = None
+        self._next_T: NDArray[np.float64] | None = None
+
+    def carry(self, T_map_start: NDArray[np.float64]) -> None:
+        """Says where the next episode starts (4, 4) in the map, the frame of the first start, to keep the memory.
+
+        Each episode has its own start frame and no observation tells how they lie to each other. Who runs a sequence of
+        episodes in one home calls this before `reset(..., keep_memory=True)`.
+        """
+        self._next_T = np.array(T_map_start, np.float64)
+
+    def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
+        """Starts a new episode.
+
+        With `keep_memory`, after `carry`, the map stays, and there is no look around; the target, goals, similarities
+        and which cells were checked are forgotten. Without `carry`, or on another storey, the map is forgotten too.
+        `seed` changes nothing: nothing is drawn.
+        """
+        if not isinstance(self._perception, Perception):
+            self._perception = self._perception()
+        T, self._next_T = self._next_T, None
+        is_kept = keep_memory and T is not None and self._T_map_start is not None and abs(T[1, 3]) < STOREY_GAP
+        if is_kept:
+            self._T_map_start = T
+            self._steps_before = self._step + 1
+            self._seeker.choose(None)
+            self._seeker.memory.carry()
+        else:
+            self._T_map_start, self._steps_before = np.eye(4), 0
+            self._seeker, self._map = Seeker(camera, can_look=False), FeatureGrid()
+        text = self._goal_text(task)
+        self._map.set_query(self._perception.encoder.encode_texts([f"a {text}"])[0])
+        self._perception.detector.set_query(text)
+        self._turns_left = 0 if is_kept else FULL_TURN
+        self._target: Target | None = None
+        self._goal: MapGoal | None = None
+        self._goal_since, self._waits, self._planned_at = 0, 0, 0
+        self._walks_to: tuple[int, int] | None = None
+        self._bans: list[_Ban] = []
+        self._goals: list[MapGoal] = []
+        self._detections: tuple[Detection, ...] = ()
+        self._note = ""
+
+    def act(self, observation: Observation) -> Action:
+        """The next action; STOP near a believed detection, never otherwise.
+
+        Raises:
+            AgentError: The observation has no colours or no depth.
+        """
+        if observation.rgb is None or observation.depth_m is None:
+            raise AgentError(
+                f"step {observation.step}: the observation has no picture; expected colours and depth, from which the "
+                "map is made. Run this agent with a renderer."
+            )
+        self._step = observation.step + self._steps_before
+        self._seeker.see(self._in_map(observation))
+        assert isinstance(self._perception, Perception)
+        self._look(self._perception.frame_of(observation))
+        if self._turns_left:
+            self._turns_left -= 1
+            self._note = "looking around at the start"
+            return Action.LEFT
+        return self._towards_target() or self._explore()
+
+    def insight(self) -> Insight:
+        """The map, its similarity to the text, frontiers, points of interest, detections, the goal and the reason.
+
+        Cells are shown only while the map's frame is the episode's start frame: a grid cannot be turned.
+        """
+        points = sorted((goal for goal in self._goals if goal.kind == "point"), key=lambda goal: -goal.score)
+        edges = [goal for goal in self._goals if goal.kind == "frontier"]
+        goal = self._target or self._goal
+        is_home = np.array_equal(self._T_start_map, np.eye(4))
+        seen = self._map.confidence > 0
+        return Insight(
+            grid=self._map.grid if is_home else None,
+            occupancy=self._map.occupancy() if is_home else None,
+            similarity=np.where(seen, self._map.similarity, np.float32(np.nan)) if is_home else None,
+            frontiers=np.array([self._place_of(each.rc) for each in edges], float).reshape(-1, 3)[:, [0, 2]],
+            detections=self._detections,
+            candidates=np.array([self._place_of(each.rc) for each in points], float).reshape(-1, 3),
+            candidate_scores=tuple(each.score for each in points),
+            goal=None if goal is None else self._place_of(goal.rc),
+            note=self._note,
+        )
+
+    def _look(self, frame: Frame) -> None:
+        """Adds a view to the map, and looks for the target in it."""
+        assert isinstance(self._perception, Perception)
+        assert self._T_map_start is not None
+        patches = self._perception.encoder.encode_patches([frame])[0]
+        cells = self._map.add(frame.depth_m, self._T_map_start @ frame.T_world_camera, frame.camera, patches)
+        part = self._map.box
+        is_hot = np.zeros(self._map.grid.shape, bool)
+        is_hot[part] = hot_cells(self._map.similarity[part], self._map.confidence[part] > 0)
+        placed = placed_detections(frame, self._perception.detector, self._perception.segmenter)
+        self._detections = tuple(detection for detection, _ in placed)
+        found = [
+            believed(mask, frame.depth_m, cells, is_hot=is_hot, similarity=self._map.similarity) for _, mask in placed
+        ]
+        candidates = [each for each in found if each is not None and not self._is_banned(each.rc, is_target=True)]
+        self._target = replaced(self._target, candidates, is_hot)
+
+    def _towards_target(self) -> Action | None:
+        """The next action towards the target, STOP near it; None without a target, or if no way leads to it."""
+        target = self._target
+        if target is None:
+            return None
+        if math.dist(self._seeker.memory.xz, self._xz_of(target.rc)) <= STOP_DISTANCE:
+            self._note = f"the target is within {STOP_DISTANCE} m"
+            return Action.STOP
+        self._goal = None
+        if self._plan(target.rc, RANGES["target"]):
+            action = self._seeker.walk()
+            if action is not None or self._seeker.goal is not None:
+                self._note = f"to a detection that the map agrees with, score {target.score:.2f}"
+                return action or Action.STOP  # as near as a way leads
+        self._ban(target.rc, _OUT_OF_REACH_STEPS, is_target=True)
+        self._target = None
+        return None
+
+    def _explore(self) -> Action:
+        """The next action towards the best frontier or point of interest; a turn if there is none."""
+        for is_again in (False, True):
+            self._goals = self._found_goals()
+            left = [goal for goal in self._goals if not self._is_banned(goal.rc)]
+            while left:
+                goal = chosen(left, self._goal)
+                action = self._towards(goal)
+                if action is not None:
+                    return action
+                self._goal = None
+                left = [each for each in left if not self._is_banned(each.rc)]
+            if not is_again:
+                self._map.checked[:] = 0  # look at all points of interest once more
+        self._note = "no goal is left: turning"
+        return Action.LEFT
+
+    def _found_goals(self) -> list[MapGoal]:
+        """Frontiers and points of interest, on the whole grid."""
+        part = self._map.box
+        similarity, is_seen = self._map.similarity[part], self._map.confidence[part] > 0
+        is_navigable, is_explored = self._map.is_navigable(part), self._map.is_explored(part)
+        region = explored_region(is_explored, is_navigable)
+        found = [
+            *frontiers(region, is_navigable, similarity, is_seen),
+            *points_of_interest(
+                similarity, is_seen, region=region, is_explored=is_explored, is_checked=self._map.is_checked(part)
+            ),
+        ]
+        row, col = part[0].start, part[1].start
+        return [goal._replace(rc=(goal.rc[0] + row, goal.rc[1] + col)) for goal in found]
+
+    def _towards(self, goal: MapGoal) -> Action | None:
+        """The next action towards a goal, or turns at it; None, and it is left out from now on, if it has failed."""
+        if self._goal is None or math.dist(goal.rc, self._goal.rc) > STICK_CELLS:
+            self._goal_since, self._waits = self._step, 0
+        if self._step - self._goal_since > _MOST_STEPS:
+            self._ban(goal.rc, _OUT_OF_REACH_STEPS)
+            return None
+        if not self._plan(goal.rc, RANGES[goal.kind]):
+            self._ban(goal.rc, _OUT_OF_REACH_STEPS)
+            return None
+        self._goal = goal
+        self._note = f"to a {'frontier' if goal.kind == 'frontier' else 'point of interest'}, score {goal.score:.2f}"
+        action = self._seeker.walk()
+        if action is not None:
+            return action
+        self._waits += 1
+        if self._seeker.goal is None or self._waits > _MOST_WAITS:
+            self._ban(goal.rc, FOR_EVER if self._seeker.goal is not None else _OUT_OF_REACH_STEPS)
+            return None
+        away = wrap_angle(yaw_towards(self._seeker.memory.xz, self._xz_of(goal.rc)) - self._seeker.memory.yaw)
+        return Action.RIGHT if away < -TURN_STEP / 2 else Action.LEFT
+
+    def _plan(self, rc: tuple[int, int], reach: float) -> bool:
+        """Makes the cheapest place near a cell the seeker's goal, if it is another cell; False if there is no way."""
+        if self._seeker.goal is not None and (rc == self._walks_to or self._seeker.is_turning):
+            if self._step - self._planned_at >= _REPLAN_STEPS and not self._seeker.is_turning:
+                self._seeker.replan()
+                self._planned_at = self._step
+            return True
+        ground, xz = self._seeker.memory.ground(), self._xz_of(rc)
+        costs = costs_from(ground, self._seeker.memory.xz)
+        cells = np.argwhere(np.isfinite(costs))
+        places = ground.grid.xz_from_rc(cells)
+        away = np.hypot(*(places - np.array(xz)).T)
+        for limit in (reach, 2 * reach):
+            near = np.flatnonzero(away <= limit)
+            if len(near):
+                best = near[costs[tuple(cells[near].T)].argmin()]
+                x, z = places[best].tolist()
+                cost = float(costs[tuple(cells[best])])
+                self._seeker.choose(Frontier(np.zeros((0, 2), np.int64), xz, cost, (x, z), xz))
+                self._walks_to, self._planned_at = rc, self._step
+                return True
+        return False
+
+    def _ban(self, rc: tuple[int, int], steps: int, *, is_target: bool = False) -> None:
+        """Leaves out goals near a cell from now on, and ends the walk."""
+        self._bans = [each for each in self._bans if each.until > self._step]
+        self._bans.append(_Ban(rc, min(self._step + steps, FOR_EVER), is_target))
+        self._seeker.choose(None)
+
+    def _is_banned(self, rc: tuple[int, int], *, is_target: bool = False) -> bool:
+        bans = (each for each in self._bans if each.is_target == is_target and each.until > self._step)
+        return any(math.dist(each.rc, rc) <= STICK_CELLS for each in bans)
+
+    def _in_map(self, observation: Observation) -> Observation:
+        """The observation with its pose in the map, and its step counted since the map began."""
+        T = self._T_map_start
+        assert T is not None
+        x, _, z, _ = (T @ np.array([observation.gps[1], 0.0, -observation.gps[0], 1.0])).tolist()
+        return dataclasses.replace(
+            observation,
+            gps=(-z, x),
+            compass=wrap_angle(observation.compass + math.atan2(T[0, 2], T[2, 2])),
+            T_start_camera=T @ observation.T_start_camera,
+            step=self._step,
+        )
+
+    @property
+    def _T_start_map(self) -> NDArray[np.float64]:
+        assert self._T_map_start is not None
+        return np.linalg.inv(self._T_map_start).astype(np.float64)
+
+    def _xz_of(self, rc: tuple[int, int]) -> tuple[float, float]:
+        """Middle of a cell in the map, metres."""
+        x, z = self._map.grid.xz_from_rc(np.array(rc)).tolist()
+        return x, z
+
+    def _place_of(self, rc: tuple[int, int]) -> tuple[float, float, float]:
+        """Middle of a cell on the floor, start frame, metres."""
+        x, z = self._xz_of(rc)
+        place = self._T_start_map @ np.array([x, self._seeker.memory.floor_y, z, 1.0])
+        return float(place[0]), float(place[1]), float(place[2])

@@ -1,0 +1,153 @@
+"""OneMap walks an invented home with a perception that knows the captions of what it sees."""
+
+import dataclasses
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from grounding.agents.onemap.agent import FULL_TURN, OneMapAgent
+from grounding.encoders.hashed import HashedWords
+from grounding.maps.oracle_map import object_texts
+from grounding.perception.oracle_perception import OraclePerception
+from grounding.perception.protocol import Perception
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.errors import AgentError
+from sim.frames import T_world_agent
+from sim.homes.open_home import open_scene
+from sim.homes.renderers import renderer_of
+from sim.mesh import Scene
+from sim.tasks.agents import next_action
+from sim.tasks.observers import Detection
+from sim.tasks.pan import PanEnv
+from sim.tasks.run_files import EpisodeRun
+from sim.tasks.runner import run_from_env
+from sim.types import PAPER6, Action, Camera, Frame, Observation, Pose
+
+CAMERA = Camera(96, 72)
+
+
+class Sight:
+    """Detector, segmenter and scorer of the objects in view by caption."""
+
+    def __init__(self, home: Scene, start: Pose, captions: dict[int, str]) -> None:
+        self._renderer, self._T_world_start, self._captions = renderer_of(home), T_world_agent(start), captions
+        self._query = ""
+
+    def frame_of(self, observation: Observation) -> Frame:
+        T = observation.T_start_camera
+        frame = self._renderer.render(self._T_world_start @ T, observation.camera)
+        return dataclasses.replace(frame, T_world_camera=T)
+
+    def set_query(self, text: str) -> None:
+        self._query = text
+
+    def detect(self, frame: Frame) -> list[Detection]:
+        found = []
+        for instance in np.unique(frame.instance_ids).tolist():
+            if self._captions.get(instance) == self._query:
+                rows, cols = np.nonzero(frame.instance_ids == instance)
+                box = (float(cols.min()), float(rows.min()), float(cols.max()) + 1, float(rows.max()) + 1)
+                found.append(Detection(self._captions[instance], box, 1.0))
+        return found
+
+    def mask(self, frame: Frame, detection: Detection) -> NDArray[np.bool_]:
+        own = [instance for instance, caption in self._captions.items() if caption == detection.label]
+        return np.isin(frame.instance_ids, own)
+
+    def score(self, frame: Frame, texts: Sequence[str]) -> NDArray[np.float32]:
+        return np.zeros(len(texts), np.float32)
+
+
+@lru_cache(maxsize=1)
+def home_at(root: Path) -> tuple[Scene, dict[int, str], tuple[Episode, ...]]:
+    dataset = PersonalDataset(root)
+    scene = open_scene(dataset, "Small")
+    return scene, object_texts(dataset, scene), tuple(dataset.episodes(splits=("easy",)))
+
+
+def caption_of(episode: Episode) -> str:
+    return episode.record.captions_per_object[0][0]
+
+
+def episode_at(root: Path) -> Episode:
+    """The search for a table lamp, small enough for 0.8 m from it to be 1 m from its middle."""
+    (found,) = (each for each in home_at(root)[2] if caption_of(each).startswith("table lamp"))
+    return found
+
+
+def agent_in(root: Path, *, text: str) -> OneMapAgent:
+    scene, captions, _ = home_at(root)
+    sight = Sight(scene, episode_at(root).start, captions)
+    encoder = OraclePerception(HashedWords(), captions)
+    return OneMapAgent(lambda: Perception("by id", sight.frame_of, sight, encoder, sight, sight), lambda task: text)
+
+
+def played(
+    root: Path, agent: OneMapAgent, *, max_steps: int = 500, camera: Camera = CAMERA, keep_memory: bool = False
+) -> EpisodeRun:
+    """One run of the episode, which begins at the start that `Sight` knows."""
+    scene, episode = home_at(root)[0], episode_at(root)
+    env = PanEnv(episode.start, scene.navigation, renderer=renderer_of(scene), camera=camera, max_steps=max_steps)
+    task, observation = episode.task("pan", actions=PAPER6), env.reset()
+    agent.reset(task, camera, seed=1, keep_memory=keep_memory)
+    while not env.is_over:
+        observation = env.step(next_action(agent, task, observation))
+    return run_from_env(episode, env, scene_digest=scene.digest, navigation=scene.navigation)
+
+
+def actions_of(run: EpisodeRun) -> list[Action]:
+    return [step.action for step in run.steps]
+
+
+def test_it_looks_around_then_walks_to_the_described_thing_and_stops_within_a_metre(small_home_root: Path) -> None:
+    agent = agent_in(small_home_root, text=caption_of(episode_at(small_home_root)))
+    run = played(small_home_root, agent)
+    assert run.end.reason == "stop"
+    assert run.end.measures is not None
+    assert run.end.measures.centre_distance < 1.0
+    assert actions_of(run)[:FULL_TURN] == [Action.LEFT] * FULL_TURN
+    assert actions_of(run).count(Action.FORWARD) > 5
+    insight = agent.insight()
+    assert insight.goal is not None
+    assert insight.grid is not None
+    assert insight.similarity is not None
+    row, col = insight.grid.rc_from_xz(np.array(insight.goal)[[0, 2]])
+    assert insight.similarity[row, col] > 0.2
+    assert [detection.score for detection in insight.detections] == [1.0]
+    assert played(small_home_root, agent).steps == run.steps, "the same again after a reset"
+
+
+def test_a_thing_seen_in_an_earlier_episode_is_walked_to_at_once(small_home_root: Path) -> None:
+    agent = agent_in(small_home_root, text=caption_of(episode_at(small_home_root)))
+    first = played(small_home_root, agent)
+    agent.carry(np.eye(4))
+    second = played(small_home_root, agent, keep_memory=True)
+    assert second.end.measures is not None
+    paper = second.end.measures.rules["paper"]
+    assert paper is not None
+    assert paper.spl > 0.75, "3.3 m to walk in forwards of 0.25 m along 12 headings"
+    assert len(second.steps) < len(first.steps)
+    assert Action.FORWARD in actions_of(second)[:FULL_TURN], "it does not look around first"
+    third = played(small_home_root, agent, keep_memory=True)
+    assert third.steps == first.steps, "nobody said where the episode starts in the map"
+
+
+@pytest.mark.slow
+def test_for_a_text_that_nothing_matches_it_explores_until_its_steps_end(small_home_root: Path) -> None:
+    run = played(small_home_root, agent_in(small_home_root, text="zebra xylophone"), camera=Camera(64, 48))
+    assert run.end.reason == "steps"
+    assert len(run.steps) == 500
+    assert len({(round(x), round(z)) for x, _, z in (step.pose.position for step in run.steps)}) > 15
+
+
+def test_without_pictures_it_says_what_it_needs(small_home_root: Path) -> None:
+    agent, camera = agent_in(small_home_root, text="lamp"), CAMERA
+    agent.reset(episode_at(small_home_root).task("pan"), camera, seed=0)
+    blind = Observation(None, None, (0.0, 0.0), 0.0, np.eye(4), camera, collided=False, step=0)
+    with pytest.raises(AgentError, match="has no picture; expected colours and depth"):
+        agent.act(blind)
