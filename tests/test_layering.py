@@ -30,7 +30,7 @@ ROOMS = {
     "grounding": """
         types
         encoders.protocol encoders phrases perception.segments perception.paraphrase maps perception encoders.by_name
-        methods agents robot evaluation report checks
+        methods agents agents.vlfm robot evaluation report checks
     """,
     "recordings": """
         paths traces read scene maps episode insight divergence texts layers memory blueprints
@@ -54,6 +54,7 @@ ENTRANCES = {
     "personal_viz.screenshots.make",
     "personal_viz.study_app.server",
     "grounding.agents.random_frontier",
+    "grounding.agents.vlfm.agent",
     "recordings.habitat_golden",
     "recordings.habitat_writer",
     "sim.checks",

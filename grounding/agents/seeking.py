@@ -213,19 +213,32 @@ class Seeker:
             self._dull_goals += 1
             self._leave(goal, for_steps=_BAN_STEPS)
             return None
-        if self._begun:
-            action = self._begun.pop()
-            if action is not Action.FORWARD or self._is_open_ahead():
-                return self._counted(action)
-        to_go = self._to_go()
-        if to_go < self._best_to_go - _PROGRESS:
-            self._best_to_go, self._nearer_at = to_go, self._step
-        if to_go < _ARRIVED:
+        action = self._begun_before()
+        if action is not None:
+            return action
+        if self._has_arrived():
             return self._look(goal)
-        action = self._walk() if math.isfinite(to_go) else None
-        if action is None or self._bumps >= _MOST_BUMPS or self._step - self._nearer_at > _PATIENCE:
+        action = self._walk_on()
+        if action is None:
             self._leave(goal, for_steps=_DETOUR_STEPS)
+        return action
+
+    def walk(self) -> Action | None:
+        """The next action towards the goal's place, whatever is known of its target.
+
+        Returns:
+            None when the robot has arrived, when there is no goal, and when the place is out of reach; then the ways
+            near the robot cost more from now on and there is no goal any more.
+        """
+        if self.goal is None:
             return None
+        action = self._begun_before()
+        if action is not None or self._has_arrived():
+            return action
+        action = self._walk_on()
+        if action is None:
+            self.memory.avoid(self.memory.xz)
+            self.choose(None)
         return action
 
     def insight(self, frontiers: Sequence[Frontier], *, note: str) -> Insight:
@@ -238,6 +251,28 @@ class Seeker:
             goal=None if goal is None else (goal.place_xz[0], memory.floor_y, goal.place_xz[1]),
             note=note,
         )
+
+    def _begun_before(self) -> Action | None:
+        """The next action of a turn or forward that was begun; None if there is none or the map closed its way."""
+        if self._begun:
+            action = self._begun.pop()
+            if action is not Action.FORWARD or self._is_open_ahead():
+                return self._counted(action)
+        return None
+
+    def _has_arrived(self) -> bool:
+        """Whether a forward would pass the goal's place; remembers when the robot last came nearer to it."""
+        to_go = self._to_go()
+        if to_go < self._best_to_go - _PROGRESS:
+            self._best_to_go, self._nearer_at = to_go, self._step
+        return to_go < _ARRIVED
+
+    def _walk_on(self) -> Action | None:
+        """The next action along the way; None if there is none or the robot comes no nearer."""
+        action = self._walk() if math.isfinite(self._to_go()) else None
+        if self._bumps >= _MOST_BUMPS or self._step - self._nearer_at > _PATIENCE:
+            return None
+        return action
 
     def _look(self, goal: Frontier) -> Action | None:
         """Faces the target, then looks down if it is near; if it stays unknown, the goal has failed."""
