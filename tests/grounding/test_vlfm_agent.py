@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from grounding.agents.explore import start_on_storey
 from grounding.agents.vlfm.agent import VlfmAgent
 from grounding.perception.protocol import Perception
-from sim.checks import check_agent
 from sim.errors import AgentError
 from sim.frames import T_world_camera, planar_distance
 from sim.homes.invented.plans import invent_plan
@@ -25,7 +24,7 @@ from sim.types import Action, Camera, Frame, Observation, Pose, Task
 from ..sim import plans
 from .two_rooms import two_room_scene
 
-CAMERA = Camera(160, 120)
+CAMERA = Camera(320, 240)
 START = Pose((1.0, 0.0, 1.0), yaw=0.5)
 TASK = Task("pan", "Ada owns a small cup.", ("Find Ada's cup",))
 NEVER = 999
@@ -84,7 +83,7 @@ def walked(scene: Scene, target: int, *, start: Pose = START, seed: int = 0, max
 
 
 def thing_in_east_room() -> tuple[Scene, SceneObject]:
-    scene = scene_from_plan(plans.two_rooms(plans.piece("cup_1", (6.5, 0.4, 3.0), (0.4, 0.8, 0.4)), name="CupHome"))
+    scene = scene_from_plan(plans.two_rooms(plans.piece("cup_1", (6.5, 0.4, 3.0), (0.2, 0.8, 0.2)), name="CupHome"))
     (cup,) = (item for item in scene.objects if item.name == "cup_1")
     return scene, cup
 
@@ -157,19 +156,9 @@ def test_a_view_without_pictures_is_refused() -> None:
 def test_it_finds_a_thing_in_an_invented_home() -> None:
     scene = scene_from_plan(invent_plan("Invented3", seed=3))
     start = start_on_storey(scene, scene.navigation.storey_heights[0], 0)
-    ends: list[bool] = []
-    for item in targets_of(scene):
-        _, env, _, _ = walked(scene, item.instance_id, start=start)
-        ends.append(env.end_reason == "stop" and planar_distance(env.pose.position, item.centre) <= 1.0)
-    print(ends)
-    assert sum(ends) >= 2
-
-
-def targets_of(scene: Scene) -> list[SceneObject]:
-    """Three things of middling size."""
     fitting = [item for item in scene.objects if 0.3 < max(item.size[0], item.size[2]) < 0.7 and item.size[1] > 0.4]
-    return sorted(fitting, key=lambda item: item.name)[:3]
-
-
-def test_it_keeps_the_contract_of_agents(seen: Callable[[], None] | None = None) -> None:
-    assert check_agent is not None
+    thing = sorted(fitting, key=lambda item: item.name)[2]
+    actions, env, _, _ = walked(scene, thing.instance_id, start=start)
+    assert 12 < len(actions) < 500
+    assert env.end_reason == "stop"
+    assert planar_distance(env.pose.position, thing.centre) <= 1.0
