@@ -20,7 +20,7 @@ def whole_grid_add(
     values: NDArray, confidence: NDArray, depth: NDArray, pose: Pose, camera: Camera, score: float
 ) -> tuple[NDArray, NDArray]:
     """The literal form: every cell of the grid is computed in numpy, none is left out."""
-    xz = GRID.xz_from_rc(np.stack(np.mgrid[:1000, :1000], axis=-1))
+    xz = GRID.xz_from_rc(np.moveaxis(np.mgrid[:1000, :1000], 0, -1))
     dx, dz = xz[..., 0] - pose.position[0], xz[..., 1] - pose.position[2]
     forward = -dx * math.sin(pose.yaw) - dz * math.cos(pose.yaw)
     aside = dx * math.cos(pose.yaw) - dz * math.sin(pose.yaw)
