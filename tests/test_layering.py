@@ -56,6 +56,7 @@ ENTRANCES = {
     "grounding.agents.onemap.agent",
     "grounding.agents.random_frontier",
     "grounding.perception.by_name",
+    "grounding.agents.vlfm.agent",
     "recordings.habitat_golden",
     "recordings.habitat_writer",
     "sim.checks",
