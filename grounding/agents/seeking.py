@@ -47,6 +47,8 @@ _PATIENCE = 15
 """Steps without coming nearer after which a goal counts as out of reach."""
 _MOST_BUMPS = 8
 """Collisions on the way to one goal after which it counts as out of reach."""
+_HEADING_STEPS = 4
+"""Steps between two plans of the way to the same place."""
 _DETOUR_STEPS = 40
 """Steps for which a frontier is ignored after it could not be reached."""
 _LOOK_STEPS, _BAN_STEPS = 30, 150
@@ -97,6 +99,7 @@ class Seeker:
         self._free_worth, self._worth_at, self._has_retried = 0, 0, False
         self._tried: Counter[tuple[int, int, int]] = Counter()
         self._begun: list[Action] = []
+        self._headed_at = 0
 
     def see(self, observation: Observation) -> None:
         """Adds an observation.
@@ -222,6 +225,36 @@ class Seeker:
         if action is None:
             self._leave(goal, for_steps=_DETOUR_STEPS)
         return action
+
+    def head_for(self, xz: tuple[float, float], *, reaches: Sequence[float], same: float) -> bool:
+        """Makes the cheapest place near a point the goal of `walk`, unless the robot already goes there.
+
+        Args:
+            xz: The point, start frame, metres.
+            reaches: Distances from it (metres) at which the way may end; a later one counts if the earlier ones fail.
+            same: A goal for a point nearer to it than this (metres) is kept, and its way planned anew every few steps.
+
+        Returns:
+            False if no way leads there.
+        """
+        if self.goal is not None and (self.is_turning or math.dist(xz, self.goal.target_xz) < same):
+            if self._step - self._headed_at >= _HEADING_STEPS and not self.is_turning:
+                self.replan()
+                self._headed_at = self._step
+            return True
+        ground = self.memory.ground()
+        costs = costs_from(ground, self.memory.xz)
+        cells = np.argwhere(np.isfinite(costs))
+        away = np.hypot(*(ground.grid.xz_from_rc(cells) - np.array(xz)).T)
+        for reach in reaches:
+            near = cells[away <= reach]
+            if len(near):
+                best = near[costs[tuple(near.T)].argmin()]
+                x, z = ground.grid.xz_from_rc(best).tolist()
+                self.choose(Frontier(np.zeros((0, 2), np.int64), xz, float(costs[tuple(best)]), (x, z), xz))
+                self._headed_at = self._step
+                return True
+        return False
 
     def walk(self) -> Action | None:
         """The next action towards the goal's place, whatever is known of its target.

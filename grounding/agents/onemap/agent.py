@@ -18,7 +18,6 @@ from sim.frames import wrap_angle, yaw_towards
 from sim.tasks.observers import Detection, Insight
 from sim.types import STOREY_GAP, TURN_STEP, Action, Camera, Frame, Observation, Task
 
-from ..frontiers import Frontier, costs_from
 from ..seeking import FOR_EVER, Seeker
 from .feature_grid import FeatureGrid
 from .goals import STICK_CELLS, MapGoal, chosen, explored_region, frontiers, hot_cells, points_of_interest
@@ -35,8 +34,6 @@ _MOST_STEPS = 150
 """Steps towards a goal after which it is given up; OneMap has no such limit, a drifting goal would last for ever."""
 _OUT_OF_REACH_STEPS = 40
 """Steps for which a goal is left out that no way leads to."""
-_REPLAN_STEPS = 4
-"""Steps between two plans of the way to the same goal."""
 
 
 class _Ban(NamedTuple):
@@ -95,8 +92,7 @@ class OneMapAgent:
         self._turns_left = 0 if is_kept else FULL_TURN
         self._target: Target | None = None
         self._goal: MapGoal | None = None
-        self._goal_since, self._waits, self._planned_at = 0, 0, 0
-        self._walks_to: tuple[int, int] | None = None
+        self._goal_since, self._waits = 0, 0
         self._bans: list[_Ban] = []
         self._goals: list[MapGoal] = []
         self._detections: tuple[Detection, ...] = ()
@@ -236,26 +232,7 @@ class OneMapAgent:
 
     def _plan(self, rc: tuple[int, int], reach: float) -> bool:
         """Makes the cheapest place near a cell the seeker's goal, if it is another cell; False if there is no way."""
-        if self._seeker.goal is not None and (rc == self._walks_to or self._seeker.is_turning):
-            if self._step - self._planned_at >= _REPLAN_STEPS and not self._seeker.is_turning:
-                self._seeker.replan()
-                self._planned_at = self._step
-            return True
-        ground, xz = self._seeker.memory.ground(), self._xz_of(rc)
-        costs = costs_from(ground, self._seeker.memory.xz)
-        cells = np.argwhere(np.isfinite(costs))
-        places = ground.grid.xz_from_rc(cells)
-        away = np.hypot(*(places - np.array(xz)).T)
-        for limit in (reach, 2 * reach):
-            near = np.flatnonzero(away <= limit)
-            if len(near):
-                best = near[costs[tuple(cells[near].T)].argmin()]
-                x, z = places[best].tolist()
-                cost = float(costs[tuple(cells[best])])
-                self._seeker.choose(Frontier(np.zeros((0, 2), np.int64), xz, cost, (x, z), xz))
-                self._walks_to, self._planned_at = rc, self._step
-                return True
-        return False
+        return self._seeker.head_for(self._xz_of(rc), reaches=(reach, 2 * reach), same=self._map.grid.cell / 2)
 
     def _ban(self, rc: tuple[int, int], steps: int, *, is_target: bool = False) -> None:
         """Leaves out goals near a cell from now on, and ends the walk."""

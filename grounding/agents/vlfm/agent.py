@@ -16,7 +16,6 @@ from sim.errors import AgentError
 from sim.tasks.observers import Detection, Insight
 from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
 
-from ..frontiers import Frontier, costs_from
 from ..seeking import FOR_EVER, Seeker
 from .explored import ExploredArea
 from .object_cloud import SAME_GOAL, ObjectCloud
@@ -38,8 +37,6 @@ _MOST_STEPS = 150
 """Steps towards one frontier after which it is given up; VLFM has no such limit and may stay for ever."""
 _SECOND_TRIES = 3
 """Frontiers that are left out come back this many times when no other is left."""
-_REPLAN_STEPS = 4
-"""Steps between two plans of the way to the same goal."""
 _MOST_CANDIDATES = 100
 
 
@@ -94,8 +91,7 @@ class VlfmAgent:
         self._goal: tuple[float, float, float] | None = None
         self._frontier: tuple[float, float] | None = None
         self._value, self._since, self._waits = -math.inf, 0, 0
-        self._walks_to: tuple[float, float] | None = None
-        self._planned_at, self._target_from = 0, 0
+        self._target_from = 0
         self._bans: list[_Ban] = []
         self._tries_left = _SECOND_TRIES
         self._note = ""
@@ -209,26 +205,7 @@ class VlfmAgent:
 
     def _plan(self, xz: tuple[float, float]) -> bool:
         """Makes the cheapest place near `xz` the seeker's goal unless it already is; False if no way leads there."""
-        seeker = self._seeker
-        is_same = self._walks_to is not None and math.dist(xz, self._walks_to) < SAME_GOAL
-        if seeker.goal is not None and (seeker.is_turning or is_same):
-            if self._step - self._planned_at >= _REPLAN_STEPS and not seeker.is_turning:
-                seeker.replan()
-                self._planned_at = self._step
-            return True
-        ground = seeker.memory.ground()
-        costs = costs_from(ground, seeker.memory.xz)
-        cells = np.argwhere(np.isfinite(costs))
-        away = np.hypot(*(ground.grid.xz_from_rc(cells) - np.array(xz)).T)
-        for limit in _REACHES:
-            near = cells[away <= limit]
-            if len(near):
-                best = near[costs[tuple(near.T)].argmin()]
-                x, z = ground.grid.xz_from_rc(best).tolist()
-                seeker.choose(Frontier(np.zeros((0, 2), np.int64), xz, float(costs[tuple(best)]), (x, z), xz))
-                self._walks_to, self._planned_at = xz, self._step
-                return True
-        return False
+        return self._seeker.head_for(xz, reaches=_REACHES, same=SAME_GOAL)
 
     def _leave(self, xz: tuple[float, float], steps: int | None) -> None:
         """Leaves out frontiers near a place for some steps, for ever if None, and ends the walk."""
