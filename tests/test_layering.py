@@ -29,7 +29,7 @@ ROOMS = {
     """,
     "grounding": """
         types
-        encoders.protocol encoders phrases perception.segments perception.paraphrase maps perception encoders.by_name
+        chat.protocol encoders.protocol encoders chat phrases perception.segments perception.paraphrase maps perception encoders.by_name
         perception.by_name methods agents agents.onemap agents.vlfm robot evaluation report checks
     """,
     "recordings": """
@@ -55,6 +55,7 @@ ENTRANCES = {
     "personal_viz.study_app.server",
     "grounding.agents.onemap.agent",
     "grounding.agents.random_frontier",
+    "grounding.chat.protocol",
     "grounding.perception.by_name",
     "grounding.agents.vlfm.agent",
     "recordings.habitat_golden",
@@ -77,7 +78,7 @@ LIGHT_MODULES = (
     "human_study.export.verify",
     "human_study.report.report",
     "personal_viz.cli.verbs",
-    "personal_viz.cli.run",
+    "personal_viz.cli.runs.run",
 )
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from ..agents.explore import Exploration
     from ..encoders.protocol import DenseEncoder
     from ..maps.grid_map import MapBuilder
-    from ..perception.segments import Segmenter
+    from ..perception.segments import ViewSegmenter
     from .known_home import KnownHome
 
 MAP_VERSION = 1
@@ -269,7 +269,7 @@ def _builder(home: "KnownHome", settings: GroundSettings, model: ModelOptions) -
     return GridMapBuilder(encoder, cell=CELLS[settings.layout], features=settings.features, views=views)
 
 
-def _segmenter(home: "KnownHome", encoder: "DenseEncoder") -> "Segmenter":
+def _segmenter(home: "KnownHome", encoder: "DenseEncoder") -> "ViewSegmenter":
     """Instance ids; for a bare scan, whose faces have none, connected regions of depth."""
     from ..perception.segment_depth import DepthRegions
     from ..perception.segments import InstanceIds

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sim.types import Camera, Frame
 
 from ..encoders.protocol import DenseEncoder
-from ..perception.segments import Segmenter, Segments
+from ..perception.segments import Segments, ViewSegmenter
 from .grid_map import encoded_patches
 from .home_map import HomeMemory, ObjectInstance, ObjectMap
 from .storeys import Storeys, ViewOptions
@@ -29,7 +29,7 @@ class ObjectMapBuilder:
     def __init__(
         self,
         encoder: DenseEncoder,
-        segmenter: Segmenter,
+        segmenter: ViewSegmenter,
         *,
         views: ViewOptions = ViewOptions(),  # noqa: B008 - frozen value
     ) -> None:

@@ -31,7 +31,7 @@ _LEAST_PIXELS, _LARGEST = 40, 3.0
 
 
 class DepthRegions:
-    """A `Segmenter` for any view with depth and known floors."""
+    """A `ViewSegmenter` for any view with depth and known floors."""
 
     name = "depth regions"
 

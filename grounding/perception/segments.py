@@ -1,4 +1,4 @@
-"""The `Segmenter` protocol, which cuts a view into things, and the simulator's instance ids as one segmenter."""
+"""The `ViewSegmenter` protocol, which cuts a view into things, and the simulator's instance ids as one segmenter."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ class Segments:
                 )
 
 
-class Segmenter(Protocol):
+class ViewSegmenter(Protocol):
     """Finds the things in a view from its colours and depth."""
 
     @property

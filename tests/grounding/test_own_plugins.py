@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from personal_viz.cli.grounding.ground import Ground
-from personal_viz.cli.metrics import Metrics
-from personal_viz.cli.run import Run
+from personal_viz.cli.runs.metrics import Metrics
+from personal_viz.cli.runs.run import Run
 from sim.errors import AgentError, DatasetError, RunFileError
 from sim.tasks.run_files import read_run, read_run_info
 

@@ -19,7 +19,7 @@ from personal_viz.browse.layers import Layers, OnObject, Outlined
 from personal_viz.browse.library import Library, Wanted, open_library
 from personal_viz.cli import browse as browse_verb
 from personal_viz.cli.browse import Browse
-from personal_viz.cli.run import Run
+from personal_viz.cli.runs.run import Run
 from sim.episodes.ownership import ownership_graph
 from sim.errors import PersonalVizError
 

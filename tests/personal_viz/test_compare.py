@@ -12,7 +12,7 @@ from PIL import Image
 from playwright.sync_api import BrowserContext, Page
 from rerun.chunk import RrdReader
 
-from personal_viz.cli.compare import Compare
+from personal_viz.cli.runs.compare import Compare
 from personal_viz.compare.app import write_comparison
 from sim.errors import PersonalVizError, RecordingError, RunFileError
 from sim.tasks.run_files import Run

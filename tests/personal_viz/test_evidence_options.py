@@ -10,10 +10,10 @@ from grounding.evaluation.settings import GroundSettings
 from personal_viz.bots.homes import BotHomes
 from personal_viz.bots.site import Site, make_pilot
 from personal_viz.cli.contact_sheet import ContactSheet
-from personal_viz.cli.metrics import Metrics
 from personal_viz.cli.options import dataset_options
-from personal_viz.cli.replay import Replay
-from personal_viz.cli.run import Run
+from personal_viz.cli.runs.metrics import Metrics
+from personal_viz.cli.runs.replay import Replay
+from personal_viz.cli.runs.run import Run
 from personal_viz.cli.study.serve import StudyServe
 from personal_viz.cli.verbs import parse
 from personal_viz.compare.app import write_comparison

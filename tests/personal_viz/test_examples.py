@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grounding import check_encoder
-from personal_viz.cli.run import Run
+from personal_viz.cli.runs.run import Run
 from personal_viz.examples.example_1_look_at_an_episode import look
 from personal_viz.examples.example_2_your_own_agent import GRID, ExplainingAgent
 from personal_viz.examples.example_3_your_own_encoder import nearest

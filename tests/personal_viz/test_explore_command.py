@@ -15,7 +15,7 @@ from grounding.agents.exploration import load_exploration
 from grounding.agents.explore import EXPLORER_VERSION
 from personal_viz.__main__ import main
 from personal_viz.cli.grounding.explore import Explore
-from personal_viz.cli.run import SHORT_NAMES
+from personal_viz.cli.runs.run import SHORT_NAMES
 from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, RunFileError

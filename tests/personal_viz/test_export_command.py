@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from personal_viz.cli.export import Export
-from personal_viz.cli.import_runs import Import
+from personal_viz.cli.runs.export import Export
+from personal_viz.cli.runs.import_runs import Import
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError
 from sim.tasks.metrics import metric_rows

@@ -7,8 +7,8 @@ import pytest
 
 from human_study.design.study import StudyConfig, StudyDataset
 from personal_viz.cli.refusals import require_no_scan
-from personal_viz.cli.replay import Replay
-from personal_viz.cli.run import Run
+from personal_viz.cli.runs.replay import Replay
+from personal_viz.cli.runs.run import Run
 from personal_viz.cli.study.serve import StudyServe
 from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset

@@ -8,9 +8,9 @@ import pytest
 
 from personal_viz.cli.contact_sheet import ContactSheet
 from personal_viz.cli.homes import Homes
-from personal_viz.cli.metrics import Metrics
-from personal_viz.cli.replay import Replay
-from personal_viz.cli.run import Run
+from personal_viz.cli.runs.metrics import Metrics
+from personal_viz.cli.runs.replay import Replay
+from personal_viz.cli.runs.run import Run
 from personal_viz.cli.verbs import parse
 from sim.authoring.generation import dataset_files, write_files
 from sim.cache import VARIABLE

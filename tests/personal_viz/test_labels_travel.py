@@ -9,13 +9,13 @@ from PIL import Image
 from rerun.chunk import RrdReader
 
 from human_study.export.study_export import export_study
-from personal_viz.cli.compare import Compare
 from personal_viz.cli.contact_sheet import ContactSheet
-from personal_viz.cli.export import Export
 from personal_viz.cli.grounding.pog_report import PogReport
 from personal_viz.cli.homes import Homes
-from personal_viz.cli.metrics import Metrics
-from personal_viz.cli.replay import Replay
+from personal_viz.cli.runs.compare import Compare
+from personal_viz.cli.runs.export import Export
+from personal_viz.cli.runs.metrics import Metrics
+from personal_viz.cli.runs.replay import Replay
 from personal_viz.cli.study.report import StudyReportVerb
 from personal_viz.cli.verbs import parse
 from sim.exchange.export_runs import ExportFormat

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from rerun.chunk import RrdReader
 
-from personal_viz.cli.replay import Replay
+from personal_viz.cli.runs.replay import Replay
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
 from sim.tasks.provenance import make_run_info

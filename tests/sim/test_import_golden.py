@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from personal_viz.cli.import_runs import Import
+from personal_viz.cli.runs.import_runs import Import
 from recordings.habitat_writer import RunWriter as HabitatWriter
 from sim.episodes.dataset import PersonalDataset
 from sim.tasks.run_files import EpisodeRun, Measures, read_run

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from personal_viz.cli.run import Run
+from personal_viz.cli.runs.run import Run
 from recordings.observer import ObserveRuns
 from recordings.sinks import LiveSink
 from sim.episodes.dataset import PersonalDataset

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from personal_viz.cli.import_runs import Import
-from personal_viz.cli.run import Run
+from personal_viz.cli.runs.import_runs import Import
+from personal_viz.cli.runs.run import Run
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError, SceneError
 from sim.tasks.provenance import make_run_info

@@ -22,7 +22,7 @@ from grounding.maps.occupancy import MAX_DEPTH
 from grounding.maps.storeys import ViewOptions, points_at
 from grounding.perception.oracle_perception import OraclePerception, PerceptionOptions
 from grounding.perception.segment_depth import DepthRegions
-from grounding.perception.segments import InstanceIds, Segmenter, Segments
+from grounding.perception.segments import InstanceIds, Segments, ViewSegmenter
 from sim.mesh import SceneObject
 from sim.types import Frame
 
@@ -148,7 +148,7 @@ def things_of_walk(
 
 
 class FaultyMasks:
-    """A `Segmenter` that cuts the simulator's ids into masks with faults, without saying which ids they are."""
+    """A `ViewSegmenter` that cuts the simulator's ids into masks with faults, without saying which ids they are."""
 
     name = "oracle-perception masks with faults"
 
@@ -263,7 +263,7 @@ class Surfaces:
 class _Timed:
     """A map builder whose time is measured without that of its encoder and segmenter."""
 
-    def __init__(self, encoder: FaultyFeatures, segmenter: Segmenter, floors: Sequence[float]) -> None:
+    def __init__(self, encoder: FaultyFeatures, segmenter: ViewSegmenter, floors: Sequence[float]) -> None:
         self.name, self.dim = encoder.name, encoder.dim
         self.seconds = 0.0
         self._encoder, self._segmenter = encoder, segmenter

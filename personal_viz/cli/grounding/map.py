@@ -20,7 +20,7 @@ from grounding.maps.home_map import HomeMemory, ObjectMap, StoreyMemory
 from grounding.maps.object_map import ObjectMapBuilder
 from grounding.maps.storeys import ViewOptions, floors_of_frames
 from grounding.perception.segment_depth import DepthRegions
-from grounding.perception.segments import Segmenter
+from grounding.perception.segments import ViewSegmenter
 from grounding.robot.frames import RobotFrames, read_robot_frames
 from grounding.robot.poses import pose_of_quat
 from grounding.robot.recording import FrameCounts
@@ -273,7 +273,7 @@ def load_encoder(name: str, options: ModelOptions) -> DenseEncoder:
     return make_image_encoder(name, options=options)
 
 
-def load_segmenter(name: str, floors: tuple[float, ...]) -> Segmenter:
+def load_segmenter(name: str, floors: tuple[float, ...]) -> ViewSegmenter:
     """`depth`, or a user's own as `package.module:factory`.
 
     Raises:

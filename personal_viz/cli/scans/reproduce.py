@@ -30,7 +30,6 @@ from sim.words.english import how_many
 
 from ...progress import counted
 from ..grounding.ground import EXPLORATIONS, Ground
-from ..metrics import Metrics
 from ..options import (
     Dataset,
     Evidence,
@@ -46,7 +45,8 @@ from ..options import (
 )
 from ..output import print_json, print_table, say, write_report
 from ..refusals import check_options, require_folder, sampled
-from ..run import Run, keys_by_scene
+from ..runs.metrics import Metrics
+from ..runs.run import Run, keys_by_scene
 
 PAGE, FIGURES = "index.html", "reproduce.json"
 """Names of the files below --out."""

@@ -16,8 +16,8 @@ from sim.homes.renderers import renderer_of
 from sim.tasks.run_files import Run, read_run
 from sim.types import ClutterLevel, EpisodeKey
 
-from .options import Dataset, Evidence, OpenIt, ScenesDir, WithPixels
-from .refusals import require_same_dataset
+from ..options import Dataset, Evidence, OpenIt, ScenesDir, WithPixels
+from ..refusals import require_same_dataset
 
 
 @dataclass

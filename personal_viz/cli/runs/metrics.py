@@ -20,8 +20,8 @@ from sim.tasks.metrics import (
 )
 from sim.types import RULE_NOTES, SuccessRule
 
-from .options import Json
-from .output import print_json, print_table, say
+from ..options import Json
+from ..output import print_json, print_table, say
 
 
 @dataclass

@@ -24,8 +24,8 @@ from sim.tasks.runner import AgentJob, run_agent
 from sim.types import EpisodeKey, SceneKind, SuccessRule
 from sim.words.english import how_many
 
-from ..progress import counted
-from .options import (
+from ...progress import counted
+from ..options import (
     Clutter,
     Dataset,
     Evidence,
@@ -41,8 +41,8 @@ from .options import (
     Splits,
     WithPixels,
 )
-from .output import recorded
-from .refusals import check_options, require_no_scan, sampled
+from ..output import recorded
+from ..refusals import check_options, require_no_scan, sampled
 
 SHORT_NAMES = {"random-frontier": "grounding.agents.random_frontier:random_frontier"}
 """Our own agents that the simulator loads as plug-ins; run files hold the short name."""

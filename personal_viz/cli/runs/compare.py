@@ -8,10 +8,10 @@ from tyro.conf import Positional, arg
 
 from sim.errors import PersonalVizError
 
-from ..compare import PICTURE_WIDTH
-from ..progress import counted
-from .options import Dataset, Evidence, OpenIt, ScenesDir, WithPixels
-from .refusals import check_options
+from ...compare import PICTURE_WIDTH
+from ...progress import counted
+from ..options import Dataset, Evidence, OpenIt, ScenesDir, WithPixels
+from ..refusals import check_options
 
 
 @dataclass

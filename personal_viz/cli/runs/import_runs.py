@@ -17,8 +17,8 @@ from sim.frames import CameraAxes, PoseFrame
 from sim.tasks.run_files import REPORTED, Measures, Run, read_run
 from sim.types import MAX_STEPS, SPLITS, Split
 
-from .options import Dataset, RunId, ScenesDir
-from .refusals import check_options
+from ..options import Dataset, RunId, ScenesDir
+from ..refusals import check_options
 
 
 @dataclass
