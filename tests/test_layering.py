@@ -29,8 +29,9 @@ ROOMS = {
     """,
     "grounding": """
         types
-        chat.protocol encoders.protocol encoders chat phrases perception.segments perception.paraphrase maps perception encoders.by_name
-        perception.by_name methods agents agents.onemap agents.vlfm robot evaluation report checks
+        chat.protocol encoders.protocol encoders chat phrases perception.segments perception.paraphrase maps
+        perception encoders.by_name perception.by_name methods
+        agents agents.onemap agents.vlfm agents.by_name robot evaluation report checks
     """,
     "recordings": """
         paths traces read scene maps episode insight divergence texts layers memory blueprints
@@ -53,11 +54,8 @@ ENTRANCES = {
     "personal_viz.bench.page",
     "personal_viz.screenshots.make",
     "personal_viz.study_app.server",
-    "grounding.agents.onemap.agent",
     "grounding.agents.random_frontier",
     "grounding.chat.protocol",
-    "grounding.perception.by_name",
-    "grounding.agents.vlfm.agent",
     "recordings.habitat_golden",
     "recordings.habitat_writer",
     "sim.checks",
