@@ -20,6 +20,21 @@ def run_condition(condition: Condition) -> str:
     return _RUN_CONDITIONS.get(condition, condition)
 
 
+def study_facts(config: StudyConfig, conditions: Sequence[Condition]) -> dict[str, str | int]:
+    """The entries of `run.json` that say on which study an agent ran, and beside which of its people it stands.
+
+    Args:
+        config: The study.
+        conditions: The conditions of these people.
+    """
+    return {
+        "study": config.study,
+        "study_version": config.study_version,
+        "study_conditions": ",".join(run_condition(condition) for condition in conditions),
+        "query_index": config.query_index,
+    }
+
+
 def trial_run_info(
     config: StudyConfig,
     home: StudyScene,

@@ -30,9 +30,8 @@ class HomeLook:
     pictures: tuple[StoreyPicture, ...] = ()
     """`topdown`: every storey, lowest first."""
     views: Callable[[], Iterator[Observation]] = lambda: iter(())
-    """`glb`: renders the views of a walk on the storey of the start, in order; their frame is the walk's start frame."""
-    T_views_start: NDArray[np.float64] | None = None
-    """`glb`: (4, 4) the episode's start in the frame of the views; the same for every call of `views`."""
+    """`glb`: renders the views of a walk on the storey of the start, in order; their frame is the start frame of the
+    episode that follows, and `step` counts them."""
 
 
 @runtime_checkable

@@ -10,11 +10,11 @@ from PIL import Image
 
 from grounding.agents.exploration import Exploration
 from grounding.agents.explored_storeys import storey_explorations
-from sim.frames import T_world_agent
+from grounding.evaluation.home_maps import VIEWS_EVERY
+from sim.frames import T_start_camera, T_world_camera, gps_from_poses, wrap_angle
 from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
 from sim.tasks.looks import HomeLook, LookKind, StoreyPicture
-from sim.tasks.pan import PanEnv
 from sim.types import Action, Camera, Observation, Pose
 from sim.walk.storeys import nearest_storey
 
@@ -44,8 +44,7 @@ class StudyLook:
             return HomeLook("topdown", pictures=_pictures(scene))
         storey = int(nearest_storey(start.position[1], scene.navigation.storey_heights))
         (walk,) = storey_explorations(scene, (storey,), folder=self.explorations, seed=self.seed)
-        T_views_start = np.linalg.inv(T_world_agent(walk.start)) @ T_world_agent(start)
-        return HomeLook("glb", views=lambda: _views(scene, walk, self.camera), T_views_start=T_views_start)
+        return HomeLook("glb", views=lambda: _views(scene, walk, start, self.camera))
 
 
 def _pictures(scene: Scene) -> tuple[StoreyPicture, ...]:
@@ -57,11 +56,20 @@ def _pictures(scene: Scene) -> tuple[StoreyPicture, ...]:
     return tuple(found)
 
 
-def _views(scene: Scene, walk: Exploration, camera: Camera) -> Iterator[Observation]:
-    """The observations of a robot that repeats the walk."""
-    env = PanEnv(walk.start, scene.navigation, renderer=renderer_of(scene), camera=camera, max_steps=len(walk.steps) + 1)
-    yield env.reset()
-    for step in walk.steps:
-        if step.action is Action.STOP:
-            return
-        yield env.step(step.action)
+def _views(scene: Scene, walk: Exploration, start: Pose, camera: Camera) -> Iterator[Observation]:
+    """The views of the walk's poses from which `ground --map explore` makes its maps, seen from the episode's start."""
+    renderer = renderer_of(scene)
+    is_stopped = bool(walk.steps) and walk.steps[-1].action is Action.STOP
+    poses = walk.poses[:-1] if is_stopped else walk.poses
+    for step, pose in enumerate(poses[::VIEWS_EVERY]):
+        frame = renderer.render(T_world_camera(pose, camera), camera)
+        yield Observation(
+            rgb=frame.rgb,
+            depth_m=frame.depth_m,
+            gps=gps_from_poses(start, pose),
+            compass=wrap_angle(pose.yaw - start.yaw),
+            T_start_camera=T_start_camera(start, pose, camera),
+            camera=camera,
+            collided=False,
+            step=step,
+        )
