@@ -13,6 +13,8 @@ from ..trial.outcome import Outcome, episode_run
 
 _RUN_CONDITIONS: dict[Condition, str] = {"topdown": "memory_topdown", "glb": "memory_glb"}
 """Names in run files where they differ from the study file's."""
+NO_EXPOSURE = "no exposure"
+"""An agent that stands beside people who saw the home before, and did not see it."""
 
 
 def run_condition(condition: Condition) -> str:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import EpisodeKey, SuccessRule, TaskKind, WhoKind
 
-from ..export.runs import run_condition
+from ..export.runs import NO_EXPOSURE, run_condition
 from ..export.trial_table import NOT_A_RESULT, TrialRow
 from .measures import FAR, MEASURES, measures_of, row_figures, row_times, run_figures
 
@@ -192,7 +192,11 @@ def difference(people: TrialGroup, agent: TrialGroup) -> TrialGroup:
     apart = people.trials[people.trials["episode"].isin(theirs.index)].copy()
     apart[_ALL_MEASURES] -= theirs.loc[apart["episode"]].to_numpy()
     apart[FAR] = float("nan")
-    name = f"{people.who} - {agent.who}" + ("" if agent.condition == "none" else f" ({agent.condition})")
+    told = [] if agent.condition == "none" else [agent.condition]
+    has_seen = not agent.beside or people.task == "pog" or people.condition == "none"
+    if not has_seen and not agent.condition.startswith((people.condition, NO_EXPOSURE)):
+        told.append(NO_EXPOSURE)
+    name = f"{people.who} - {agent.who}" + (f" ({', '.join(told)})" if told else "")
     return replace(people, who=name, kind="difference", trials=apart)
 
 

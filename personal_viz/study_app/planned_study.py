@@ -1,9 +1,10 @@
 """A planned study with its dataset, opened again for agents that do what people do."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from human_study.design.plan import StudyPlan, StudyScene, load_plan
+from human_study.design.plan import AGENT_RUNS, StudyPlan, StudyScene, load_plan
 from human_study.design.study import STUDY_FILE, Condition, StudyConfig, load_study
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
@@ -62,15 +63,13 @@ def open_planned(
     plan = load_plan(folder, config)
     if dataset is None:
         places = places_of(folder)
-        base = folder.resolve()
-        dataset, evidence = base / places.dataset, tuple(base / each for each in places.evidence)
-        scenes_dir = base / places.scenes_dir if scenes_dir is None and places.scenes_dir is not None else scenes_dir
+        dataset, evidence, scenes_dir = places.dataset, places.evidence, scenes_dir or places.scenes_dir
         if not dataset.is_dir():
             raise StudyError(
-                f"{folder / PLACES_FILE}: the dataset of the plan is no longer at {dataset.resolve()}; expected it "
-                "there. Give its --dataset."
+                f"{folder / PLACES_FILE}: the dataset of the plan is no longer at {dataset}; expected it there. Give "
+                "its --dataset."
             )
-    episodes = PersonalDataset(dataset.resolve(), evidence=tuple(each.resolve() for each in evidence))
+    episodes = PersonalDataset(dataset, evidence=evidence)
     if episodes.digest() != config.dataset.sha256:
         raise StudyError(
             f"--dataset {episodes.root}: has digest {episodes.digest()[:12]}; expected {config.dataset.sha256[:12]}, "
@@ -79,3 +78,27 @@ def open_planned(
     found = PlannedStudy(folder, config, plan, episodes, scenes_dir)
     require_same_homes(plan, found.scenes(task), episodes, scenes_dir)
     return found
+
+
+def agent_runs(study: PlannedStudy, out: Path | None) -> Path:
+    """The folder of the runs of agents: `out`, or the study's own, where `study report` finds them."""
+    return out or study.folder / AGENT_RUNS
+
+
+def require_plans_choices(verb: object, names: Sequence[str]) -> None:
+    """Refuses options beside `--study` that say what the plan says.
+
+    Args:
+        verb: The verb with its options.
+        names: Fields of the options; one that is None, empty, 0 or `off` was not given.
+
+    Raises:
+        StudyError: One was given.
+    """
+    for name in names:
+        value = getattr(verb, name)
+        if value not in (None, (), 0, "off"):
+            raise StudyError(
+                f"--{name.replace('_', '-')}: found {value!r} beside --study; expected none, because the study's "
+                "plan names its episodes and homes. Leave it out."
+            )

@@ -4,6 +4,7 @@ import hashlib
 import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -42,6 +43,14 @@ class StudyPlaces(BaseModel):
     dataset: str
     evidence: tuple[str, ...] = ()
     scenes_dir: str | None = None
+
+
+class FoundPlaces(NamedTuple):
+    """The same as absolute paths."""
+
+    dataset: Path
+    evidence: tuple[Path, ...]
+    scenes_dir: Path | None
 
 
 def plan_study(
@@ -87,7 +96,7 @@ def note_places(folder: Path, dataset: Path, evidence: Sequence[Path], scenes_di
     write_private(folder / PLACES_FILE, places.model_dump_json(indent=1) + "\n")
 
 
-def places_of(folder: Path) -> StudyPlaces:
+def places_of(folder: Path) -> FoundPlaces:
     """Where the dataset of a study's plan lay.
 
     Raises:
@@ -95,13 +104,18 @@ def places_of(folder: Path) -> StudyPlaces:
     """
     path = folder / PLACES_FILE
     try:
-        return StudyPlaces.model_validate_json(bounded_json(path))
+        places, base = StudyPlaces.model_validate_json(bounded_json(path)), folder.resolve()
     except OSError as error:
         raise StudyError(
             f"{path}: cannot be read ({error.strerror}); expected the place of the study's dataset. Give --dataset."
         ) from None
     except ValidationError as error:
         raise StudyError(line_from_validation_error(path, error, advice="Give --dataset.")) from None
+    return FoundPlaces(
+        (base / places.dataset).resolve(),
+        tuple((base / each).resolve() for each in places.evidence),
+        None if places.scenes_dir is None else (base / places.scenes_dir).resolve(),
+    )
 
 
 def study_scene(config: StudyConfig, dataset: PersonalDataset, name: str, scenes_dir: Path | None) -> StudyScene:

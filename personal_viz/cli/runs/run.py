@@ -165,12 +165,11 @@ class Run:
         Raises:
             PersonalVizError: An option contradicts the plan, or the study, its dataset or a home cannot be used.
         """
-        from ...study_app.planned_study import open_planned
-        from .study_walks import agent_runs, require_plans_choices, study_walks, walk_terms
+        from ...study_app.planned_study import agent_runs, open_planned, require_plans_choices
+        from .study_walks import study_walks, walk_terms
 
         assert self.study is not None
-        named = ("scene", "split", "limit", "sample_seed", "clutter", "labels", "episode")
-        require_plans_choices({name: getattr(self, name) for name in named})
+        require_plans_choices(self, ("scene", "split", "limit", "sample_seed", "clutter", "labels", "episode"))
         study = open_planned(
             self.study, "pan", dataset=self.dataset, evidence=self.evidence, scenes_dir=self.scenes_dir
         )
@@ -180,9 +179,8 @@ class Run:
         kind = common_kind(study.dataset, {home.name for home in homes}, study.scenes_dir)
         clutter, labels = homes[0].clutter, homes[0].labels
         settings = _Settings(study.dataset, study.scenes_dir, clutter, labels, agent.maker, walk_terms(study))
-        walks = study_walks(study, agent.looks, out=out, seed=self.seed)
-        for walk in walks:
-            info = self._study_info(study, walk, kind, agent, is_one_of_many=len(walks) > 1)
+        for walk in study_walks(study, agent.looks, out=out, seed=self.seed):
+            info = self._study_info(study, walk, kind, agent)
             self._play(replace(settings, look_at=walk.look_at), walk.keys, info, out=out)
 
     def _play(self, settings: "_Settings", keys: Sequence[EpisodeKey], info: RunInfo, *, out: Path) -> None:
@@ -201,16 +199,14 @@ class Run:
                 run_agent(jobs, writer, processes=self.jobs, on_episode=progress.add)
             print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
 
-    def _study_info(
-        self, study: "PlannedStudy", walk: "StudyWalk", kind: SceneKind, agent: NamedAgent, *, is_one_of_many: bool
-    ) -> RunInfo:
+    def _study_info(self, study: "PlannedStudy", walk: "StudyWalk", kind: SceneKind, agent: NamedAgent) -> RunInfo:
         """The contents of run.json for episodes of a study."""
         from human_study.export.runs import study_facts
 
         who, home = self.label or agent.who, study.scenes("pan")[0]
         parts = [study.config.study, who, *([self.perception, self.goal_text] if self.perception else [])]
         told = [self.run_id] if self.run_id else [*parts, f"seed{self.seed}"]
-        told += [walk.condition.replace(" ", "-")] if is_one_of_many or not self.run_id else []
+        told += [] if walk.condition == "none" else [walk.condition.replace(" ", "-")]
         return make_run_info(
             fitting_run_id("-".join(told).replace(":", ".")),
             who=fitting_name(who),

@@ -4,10 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from human_study.design.plan import AGENT_RUNS
 from human_study.design.study import Condition
-from human_study.export.runs import run_condition
-from sim.errors import StudyError
+from human_study.export.runs import NO_EXPOSURE, run_condition
 from sim.tasks.looks import LookKind
 from sim.tasks.runner import WalkTerms
 from sim.types import EpisodeKey
@@ -16,8 +14,6 @@ from ...study_app.home.agent_looks import StudyLook
 from ...study_app.planned_study import PlannedStudy
 from ..grounding.ground import EXPLORATIONS
 
-NO_EXPOSURE = "no exposure"
-"""Condition of agents that stand beside people who saw the home before, and did not see it."""
 _LOOKS: Mapping[Condition, LookKind] = {"topdown": "topdown", "glb": "glb"}
 
 
@@ -33,15 +29,8 @@ class StudyWalk:
 
     @property
     def condition(self) -> str:
-        """The condition of the agent's run: as people's, or that it saw nothing where people did."""
-        if self.look_at is not None or self.conditions == ("none",):
-            return run_condition(self.conditions[0])
-        return NO_EXPOSURE
-
-
-def agent_runs(study: PlannedStudy, out: Path | None) -> Path:
-    """The folder of the runs of agents: `out`, or the study's own, where `study report` finds them."""
-    return out or study.folder / AGENT_RUNS
+        """The condition of the agent's run: as people's, or that it saw nothing where all of them did."""
+        return run_condition(self.conditions[0]) if self.look_at or "none" in self.conditions else NO_EXPOSURE
 
 
 def study_walks(study: PlannedStudy, looks: frozenset[LookKind], *, out: Path, seed: int) -> list[StudyWalk]:
@@ -79,20 +68,3 @@ def walk_terms(study: PlannedStudy) -> WalkTerms:
 
 def _none_first(condition: Condition) -> tuple[bool, str]:
     return condition != "none", condition
-
-
-def require_plans_choices(options: Mapping[str, object]) -> None:
-    """Refuses options beside `--study` that say what the plan says.
-
-    Args:
-        options: Their values by field name; what is empty, 0 or `off` was not given.
-
-    Raises:
-        StudyError: One was given.
-    """
-    for name, value in options.items():
-        if value not in (None, (), 0, "off", False):
-            raise StudyError(
-                f"--{name.replace('_', '-')}: found {value!r} beside --study; expected none, because the study's "
-                "plan names its episodes and homes. Leave it out."
-            )
