@@ -6,6 +6,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from human_study.export.runs import NO_EXPOSURE
 from human_study.report.trials import is_first_condition, row_label
 from sim.homes.kind import scene_label
 from sim.tasks.metrics import MetricRow, metric_rows, reading_notes, rule_warnings
@@ -43,6 +44,8 @@ UNITS: Mapping[TaskKind, str] = {
 }
 _KINDS = {"scan": "scans", "schematic": "schematic homes", "invented": "invented homes"}
 """Kinds of homes in the order of their sections, with the words for them."""
+
+_UNSEEN = f"Agents without {{}} in their name had {NO_EXPOSURE}: they did not see the home before."
 
 Means = Mapping[FigureName, float | None]
 """Mean of each figure over the trials that have it; None where none has."""
@@ -119,7 +122,8 @@ class Section:
     @property
     def notes(self) -> list[str]:
         """Notes on the paper's figures: the rule and its effect, and runs made for another rule."""
-        return [*reading_notes(self.metrics), *rule_warnings(self.metrics)]
+        seen = [] if self.task == "pog" or self.condition in (None, "none") else [_UNSEEN.format(self.condition)]
+        return [*seen, *reading_notes(self.metrics), *rule_warnings(self.metrics)]
 
     @property
     def kinds(self) -> dict[tuple[str, str], str]:
@@ -179,7 +183,8 @@ def _by_condition(members: Sequence[Trial]) -> dict[str | None, list[Trial]]:
     for condition in conditions:
         done = {trial.key for trial in people if trial.condition == condition}
         found[condition] = [trial for trial in members if _stands_in(trial, condition, done)]
-    left = [trial for trial in members if trial.beside and not set(trial.beside) & set(conditions)]
+    agents = (trial for trial in members if trial.who_kind != "human")
+    left = [trial for trial in agents if not set(trial.beside or conditions) & set(conditions)]
     return found | ({None: left} if left else {})
 
 
