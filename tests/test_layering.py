@@ -42,7 +42,7 @@ ROOMS = {
         printed progress browser
         study_app study_app.home study_app.gateway study_app.screens study_app.operator study_app.server
         browse contact_sheet compare pog_report bots bench scan_check reproduce view annotate
-        cli screenshots examples __main__
+        cli bench.search screenshots examples __main__
     """,
 }
 """Rooms of each package from the bottom up; some parts of a room stand lower or higher than the rest of it.
@@ -52,6 +52,8 @@ ENTRANCES = {
     "personal_viz.__main__",
     "personal_viz.bench.homes.recast_lab",
     "personal_viz.bench.page",
+    "personal_viz.bench.search.compare",
+    "personal_viz.bench.search.page",
     "personal_viz.screenshots.make",
     "personal_viz.study_app.server",
     "grounding.agents.random_frontier",
