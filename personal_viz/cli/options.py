@@ -8,6 +8,19 @@ from tyro.conf import arg
 from sim.types import ClutterLevel, Split
 
 Dataset = Annotated[Path, arg(help="Folder with easy/, medium/, hard/ (data/split in the authors' repository).")]
+StudyFolder = Annotated[
+    Path | None,
+    arg(
+        help="Folder of a planned study: its people's episodes, limits, homes and looks at them; results go to its "
+        "folder runs, where study report finds them."
+    ),
+]
+DatasetOrStudy = Annotated[
+    Path | None,
+    arg(
+        help="Folder with easy/, medium/, hard/ (data/split in the authors' repository); with --study only if it moved."
+    ),
+]
 Evidence = Annotated[
     tuple[Path, ...],
     arg(help="Further editions of the dataset: their places and objects also make the homes without a scan."),
@@ -34,6 +47,7 @@ ModelAutocast = Annotated[
     Literal["off", "bfloat16", "float16"], arg(help="A real model's arithmetic; float16 on cuda only.")
 ]
 ModelBatch = Annotated[int, arg(help="Pictures or texts that a real model encodes together.")]
+Out = Annotated[Path | None, arg(help="Folder of run folders: runs by default, with --study the study's own runs.")]
 Jobs = Annotated[int, arg(help="Worker processes; results do not depend on their number.")]
 Label = Annotated[
     str | None,
