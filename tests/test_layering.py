@@ -55,7 +55,6 @@ ENTRANCES = {
     "personal_viz.study_app.server",
     "grounding.agents.onemap.agent",
     "grounding.agents.random_frontier",
-    "grounding.chat.protocol",
     "grounding.perception.by_name",
     "grounding.agents.vlfm.agent",
     "recordings.habitat_golden",

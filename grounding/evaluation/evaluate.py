@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
+from sim.tasks.chat_turns import NO_CHAT, Transcript
 from sim.tasks.rules import scene_storeys, score_answer
 from sim.tasks.run_files import Answer
 from sim.tasks.run_writer import RunWriter
@@ -13,6 +14,8 @@ from sim.tasks.workers import SceneJob, results, without
 from sim.types import SPLITS, EpisodeKey, Split
 
 from ..agents.progress_notes import scene_note
+from ..chat.budget import Budget
+from ..chat.transcript import RecordedChat
 from ..encoders.by_name import make_encoder
 from ..encoders.protocol import ModelOptions
 from ..maps.home_map import Memory
@@ -38,7 +41,17 @@ class GroundJob(SceneJob):
     folders: MapFolders | None = None
     """Folders of maps and explorations; None for oracle maps, which are made from the episode files alone."""
     model: ModelOptions | None = None
+    budget: Budget | None = None
     """Options for `SceneGrounder`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """One episode's result from a worker."""
+
+    answer: Answer
+    chat: Transcript
+    """What was asked of a chat model for it."""
 
 
 class SceneGrounder:
@@ -52,12 +65,14 @@ class SceneGrounder:
         *,
         folders: MapFolders | None = None,
         model: ModelOptions | None = None,
+        budget: Budget | None = None,
     ) -> None:
         """Reads the scene's episode files; the home is explored and mapped when the first answer is needed.
 
         Args:
             folders: Folders of the maps; needed unless they are oracle maps.
             model: How a real encoder runs, with the autocast of the settings; None = its defaults.
+            budget: Limits of a chat model, and the run folder that counts; None = neither.
 
         Raises:
             DatasetError: The scene is unknown or a file is damaged.
@@ -73,8 +88,10 @@ class SceneGrounder:
             assert folders is not None, "maps that are no oracle maps lie in a folder"
             self._map_of = home_maps(dataset, scene, settings, folders, encoder=encoder, model=options)
         self._settings = settings
+        endpoint = settings.endpoint(budget)
+        self._chat = None if endpoint is None else RecordedChat(endpoint)
         self._grounder = make_grounder(settings.method, encoder, seed=settings.seed)
-        self._phrases = make_phrases(settings.phrases, episodes=dataset.episodes(scenes=(scene,)), llm=settings.llm)
+        self._phrases = make_phrases(settings.phrases, episodes=dataset.episodes(scenes=(scene,)), chat=self._chat)
         self._storeys = scene_storeys(dataset.goals(scene).values())
 
     def memory(self, episode: Episode) -> Memory:
@@ -86,6 +103,11 @@ class SceneGrounder:
         task = episode.task("pog")
         phrases = self._phrases.phrases(task) if self._grounder.uses_phrases else ()
         return self._grounder.ground(self.memory(episode), task, phrases)
+
+    def answered(self, episode: Episode) -> Answered:
+        """The scored answer, and what was asked of a chat model for it."""
+        answer = self.answer(episode)
+        return Answered(answer, NO_CHAT if self._chat is None else self._chat.take(episode.key))
 
     def answer(self, episode: Episode) -> Answer:
         """The scored answer, in the form of run files."""
@@ -158,18 +180,18 @@ def evaluate(
     Raises:
         PersonalVizError: An episode could not be answered; all answers before it are on disk.
     """
-    waiting: list[Answer] = []
+    waiting: list[Answered] = []
     written_s = time.monotonic()
 
     def write() -> None:
-        writer.add_answers(waiting)
+        writer.add_answers([each.answer for each in waiting], chat=Transcript.joined(each.chat for each in waiting))
         for _ in waiting:
             on_episode()
         waiting.clear()
 
     try:
-        for answer in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
-            waiting.append(answer)
+        for answered in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
+            waiting.append(answered)
             if time.monotonic() - written_s >= _WRITE_EVERY_S:
                 write()
                 written_s = time.monotonic()
@@ -178,7 +200,7 @@ def evaluate(
             write()
 
 
-def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answer]:
+def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answered]:
     """Makes the maps of the job's scene; returns a function that answers one of its episodes.
 
     Raises:
@@ -186,6 +208,6 @@ def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answer]:
         SceneError: The home does not fit a map.
     """
     dataset = PersonalDataset(job.dataset_root, evidence=job.evidence)
-    grounder = SceneGrounder(dataset, job.scene, job.settings, folders=job.folders, model=job.model)
+    grounder = SceneGrounder(dataset, job.scene, job.settings, folders=job.folders, model=job.model, budget=job.budget)
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
-    return lambda key: grounder.answer(episodes[key])
+    return lambda key: grounder.answered(episodes[key])

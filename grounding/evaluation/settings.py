@@ -14,7 +14,8 @@ from ..perception.paraphrase import ParaphraseLevel
 from ..phrases.sources import PhraseSourceName
 
 if TYPE_CHECKING:
-    from ..phrases.llm import LlmOptions
+    from ..chat.budget import Budget
+    from ..chat.endpoint import Endpoint, LlmOptions
 
 MapName = Literal["oracle", "explore", "files"]
 """`oracle` = texts of the episode files; `explore` = our explorer walks each home first; `files` = maps made before."""
@@ -131,16 +132,32 @@ class GroundSettings:
 
     @property
     def llm(self) -> "LlmOptions | None":
-        """Options of the language model for phrases; None for other phrases.
+        """Address of the chat model; None for settings without one.
 
         Raises:
             AgentError: The address or a name is not valid.
         """
-        if self.phrases != "llm":
+        if not self.has_chat:
             return None
-        from ..phrases.llm import llm_options
+        from ..chat.endpoint import llm_options
 
         return llm_options(self.llm_url, self.llm_model, self.llm_key_env)
+
+    @property
+    def has_chat(self) -> bool:
+        """Whether the method or the phrases ask a chat model."""
+        return self.phrases == "llm"
+
+    def endpoint(self, budget: "Budget | None" = None) -> "Endpoint | None":
+        """The chat model; None for settings without one.
+
+        Raises:
+            AgentError: The key's environment variable is not set.
+            MissingDependencyError: The extra `llm` is not installed.
+        """
+        from ..chat.endpoint import Endpoint
+
+        return None if (options := self.llm) is None else Endpoint(options, budget=budget)
 
     @property
     def config(self) -> dict[str, str | int | float | bool | None]:
