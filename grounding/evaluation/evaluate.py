@@ -23,6 +23,7 @@ from ..methods.by_name import make_grounder
 from ..phrases.sources import make_phrases
 from ..types import Grounding
 from .home_maps import MapFolders, home_maps, oracle_maps
+from .seen_home import SeenHome
 from .settings import GroundSettings as GroundSettings
 
 BATCH = 200
@@ -90,7 +91,8 @@ class SceneGrounder:
         self._settings = settings
         endpoint = settings.endpoint(budget)
         self._chat = None if endpoint is None else RecordedChat(endpoint)
-        self._grounder = make_grounder(settings.method, encoder, seed=settings.seed)
+        seen = None if folders is None else SeenHome(dataset, scene, settings, folders)
+        self._grounder = make_grounder(settings.method, encoder, seed=settings.seed, chat=self._chat, seen=seen)
         self._phrases = make_phrases(settings.phrases, episodes=dataset.episodes(scenes=(scene,)), chat=self._chat)
         self._storeys = scene_storeys(dataset.goals(scene).values())
 
@@ -112,7 +114,8 @@ class SceneGrounder:
     def answer(self, episode: Episode) -> Answer:
         """The scored answer, in the form of run files."""
         fallbacks = self._phrases.num_fallbacks
-        candidates = self.ground(episode).candidates
+        grounding = self.ground(episode)
+        candidates = grounding.candidates
         points = tuple(candidate.position for candidate in candidates)
         return Answer(
             split=episode.key.split,
@@ -122,7 +125,7 @@ class SceneGrounder:
             scores=tuple(round(candidate.score, _SCORE_DECIMALS) for candidate in candidates),
             storey_given=not self._settings.all_storeys,
             reason="click" if points else "giveup",
-            phrases_fell_back=self._phrases.num_fallbacks > fallbacks,
+            fell_back=grounding.fell_back or self._phrases.num_fallbacks > fallbacks,
             measures=score_answer(episode, points, storeys=self._storeys),
         )
 
@@ -137,6 +140,7 @@ def select_jobs(
     sample_seed: int = 0,
     folders: MapFolders | None = None,
     model: ModelOptions | None = None,
+    budget: Budget | None = None,
 ) -> list[GroundJob]:
     """One job per scene, in order of scene names.
 
@@ -145,6 +149,7 @@ def select_jobs(
         limit: At most this many episodes of each split, a sample spread over the scenes; None = all.
         sample_seed: Seed of that sample.
         folders: Folders of the maps; None for oracle maps.
+        budget: As in `SceneGrounder`.
 
     Raises:
         DatasetError: A named scene is unknown, or a file is damaged.
@@ -161,6 +166,7 @@ def select_jobs(
             settings,
             folders,
             model,
+            budget,
             evidence=evidence,
         )
         for name in names
