@@ -113,6 +113,7 @@ class ChatGrounder:
         self.frame = "points on pictures of the exploration" if self.takes == "grid" else "middles of the map's objects"
         self._encoder, self._chat, self._seen = encoder, chat, seen
         self._rules = RulePhrases()
+        self._drawn: tuple[ObjectMap, list[Part]] | None = None
         self._other = (
             PhraseMatcher(encoder, name="phrase", options=MATCHERS["phrase"])
             if self.takes == "grid"
@@ -159,7 +160,7 @@ class ChatGrounder:
         if self.name == "object-list-llm":
             answer = chat.ask(LIST_PROMPT, [_asked(task), things_json(things, objects.floor_y)], is_json=True)
         else:
-            answer = chat.ask(PICTURE_PROMPT, self._picture_question(task, objects), is_json=True)
+            answer = chat.ask(PICTURE_PROMPT, [_asked(task), *self._maps(objects)], is_json=True)
         return _middles(read_answer(answer, _Ids), dict(things), objects.floor_y), objects.grid
 
     def _required_seen(self) -> Seen:
@@ -170,21 +171,26 @@ class ChatGrounder:
             )
         return self._seen
 
-    def _picture_question(self, task: Task, memory: ObjectMap) -> list[Part]:
-        """The task, then each storey's picture with its list."""
-        things = numbered_things(memory)
-        floors = self._required_seen().floors(memory)
-        heights = np.array([height for height, _ in floors])
-        parts: list[Part] = [_asked(task)]
-        for index, (_, floor) in enumerate(floors):
-            here = [(number, item) for number, item in things if _storey(item, heights) == index]
-            if not here:
-                continue
-            picture, view = numbered_map(here, floor)
-            words = "\n".join(f"{number}: {item.caption or 'unknown'}" for number, item in here)
-            storey = f"Storey {index + 1} of {len(floors)}, the lowest first. " if len(floors) > 1 else ""
-            parts += [f"{storey}Map, {view.scale:.0f} pixels for a metre:", picture, f"Objects on it:\n{words}"]
-        return parts
+    def _maps(self, memory: ObjectMap) -> list[Part]:
+        """Each storey's picture with its list; drawn once for a memory."""
+        if not self._drawn or self._drawn[0] is not memory:
+            self._drawn = (memory, map_parts(memory, self._required_seen().floors(memory)))
+        return self._drawn[1]
+
+
+def map_parts(memory: ObjectMap, floors: Sequence[tuple[float, OccupancyGrid]]) -> list[Part]:
+    """Each storey's picture with the words for its numbers; storeys without things are left out."""
+    heights = np.array([height for height, _ in floors])
+    parts: list[Part] = []
+    for index, (_, floor) in enumerate(floors):
+        here = [(number, item) for number, item in numbered_things(memory) if _storey(item, heights) == index]
+        if not here:
+            continue
+        picture, view = numbered_map(here, floor)
+        words = "\n".join(f"{number}: {item.caption or 'unknown'}" for number, item in here)
+        storey = f"Storey {index + 1} of {len(floors)}, the lowest first. " if len(floors) > 1 else ""
+        parts += [f"{storey}Map, {view.scale:.0f} pixels for a metre:", picture, f"Objects on it:\n{words}"]
+    return parts
 
 
 def numbered_things(memory: ObjectMap) -> list[tuple[int, ObjectInstance]]:
