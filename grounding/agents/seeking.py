@@ -34,6 +34,10 @@ until there is new floor, so that the robot does not go to and fro. The cost cha
 goal fails for lack of new floor."""
 _BAN_RADIUS, _LOOKED_RADIUS = 0.5, 0.3
 """Radius (metres) that is ignored around a place that could not be reached, and around one that stayed unknown."""
+STOP_DISTANCE = 0.75
+"""Agents stop this near to the middle of what they see of a thing, metres; its centre is farther."""
+_STOPS = (0.7, 1.0, 1.25, 1.5, 2.0, 2.5)
+"""Distances (metres) from there at which a way to the thing may end, the first that works."""
 FOR_EVER = int(np.iinfo(np.int32).max)
 _NEWS = 100
 """Cells of new floor that justify another round: a quarter of a square metre."""
@@ -255,6 +259,22 @@ class Seeker:
                 self._headed_at = self._step
                 return True
         return False
+
+    def stop_at(self, xz: tuple[float, float]) -> Action | None:
+        """The next action of a walk that ends with STOP at a thing, as near to its middle as a way leads.
+
+        Args:
+            xz: The thing's middle, start frame, metres.
+
+        Returns:
+            None if no way leads near it.
+        """
+        if math.dist(self.memory.xz, xz) <= STOP_DISTANCE:
+            return Action.STOP
+        if not self.head_for(xz, reaches=_STOPS, same=STOP_DISTANCE / 2):
+            return None
+        action = self.walk()
+        return Action.STOP if action is None and self.goal is not None else action
 
     def walk(self) -> Action | None:
         """The next action towards the goal's place, whatever is known of its target.

@@ -6,7 +6,7 @@ package.module:factory                     your own, which returns a `Perception
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sim.errors import AgentError
@@ -57,7 +57,7 @@ def make_perception(
         MissingDependencyError: The extra of a model is not installed.
     """
     if is_oracle(name):
-        return _oracle(name, truth, options, seed)
+        return replace(_oracle(name, truth, options, seed), name=perception_called(name))
     if is_plugin(name):
         made = build_plugin(name, option="--perception")
         if not isinstance(made, Perception):
@@ -66,7 +66,7 @@ def make_perception(
                 "Return one from the factory."
             )
         return made
-    return _models(_parts(name, needed=("encoder", "detector")), options)
+    return _models(name, options)
 
 
 def is_oracle(name: PerceptionName) -> bool:
@@ -86,6 +86,22 @@ def check_perception_name(name: PerceptionName) -> None:
     elif not is_plugin(name):
         family = _parts(name, needed=("encoder", "detector"))["detector"].partition(":")[0]
         _require_detector(_parts(name, needed=())["detector"], family)
+
+
+def perception_called(name: PerceptionName) -> str:
+    """The perception's name in runs and tables, with every setting of an oracle's faults; loads no model.
+
+    Raises:
+        AgentError: The name is unknown, or a user's own cannot be built.
+    """
+    check_perception_name(name)
+    if is_oracle(name):
+        level, encoder = _level(name), _parts(name.partition(",")[2], needed=()).get("encoder", "hashed")
+        return f"{_ORACLE}:{level} ({oracle_level(level).settings}) in {encoder_called(encoder)}"
+    if is_plugin(name):
+        return own_name(make_perception(name), name)
+    parts = _parts(name, needed=("encoder", "detector"))
+    return " + ".join([encoder_called(parts["encoder"]), *(parts[part] for part in _PARTS[1:] if part in parts)])
 
 
 def make_detector(name: str, *, options: ModelOptions | None = None) -> Detector:
@@ -150,15 +166,15 @@ def _level(name: str) -> Any:
     return name.partition(",")[0].partition(":")[2] or "clean"
 
 
-def _models(parts: dict[str, str], options: ModelOptions | None) -> Perception:
+def _models(name: str, options: ModelOptions | None) -> Perception:
+    parts = _parts(name, needed=("encoder", "detector"))
     encoder = make_image_encoder(parts["encoder"], options=options)
     detector = make_detector(parts["detector"], options=options)
     segmenter: Segmenter = DepthRegion()
     if "segmenter" in parts:
         segmenter = build_plugin(parts["segmenter"], option="segmenter", methods=("mask",))
-    names = [encoder_called(parts["encoder"]), own_name(detector, parts["detector"]), own_name(segmenter, "own")]
     return Perception(
-        name=" + ".join(names),
+        name=perception_called(name),
         frame_of=frame_of_observation,
         scorer=EncoderScorer(encoder),
         encoder=encoder,

@@ -11,10 +11,11 @@ from sim.episodes.schema import Episode
 from sim.errors import AgentError, RecordingError
 from sim.mesh import Scene
 from sim.plugins import call_plugin
-from sim.types import PAPER6, Camera, ClutterLevel, EpisodeKey, Observation, SuccessRule, Task
+from sim.types import PAPER6, Camera, ClutterLevel, EpisodeKey, Observation, Task
 from sim.walk.navigation_map import NavigationMap
 
-from .agents import Agent, RandomAgent, ShortestPathAgent, load_agent, next_action
+from .agent_makers import AgentMaker
+from .agents import Agent, next_action
 from .observers import Explains, Insight, Observer
 from .pan import PanEnv
 from .rules import score_run
@@ -31,8 +32,7 @@ class AgentJob(SceneJob):
     """Everything that a worker process needs to run an agent on some episodes of one scene."""
 
     scenes_dir: Path | None
-    agent: str
-    """`random`, `shortest-path` or `package.module:factory`."""
+    agent: AgentMaker
     seed: int
     clutter: ClutterLevel = 0
     """Amount of furniture without a caption in homes without a scan."""
@@ -40,8 +40,6 @@ class AgentJob(SceneJob):
     """Whether pictures name the category of each object in view."""
     make_observer: Callable[[Scene], Observer] | None = None
     """Makes the observer of the scene's episodes; like the whole job, it must be picklable and comparable."""
-    rule: SuccessRule = "paper"
-    """Success rule for `shortest-path`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,10 +185,10 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
     dataset = PersonalDataset(job.dataset_root, evidence=job.evidence)
     scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir, clutter=job.clutter, labels=job.labels)
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
-    plugin = load_agent(job.agent) if ":" in job.agent else None
+    agent_of = job.agent.open(dataset, scene)
     observer = job.make_observer(scene) if job.make_observer else None
     renderer = None
-    if plugin is not None or observer is not None:
+    if job.agent.looks or observer is not None:
         from sim.homes.renderers import renderer_of
 
         renderer = renderer_of(scene)
@@ -198,11 +196,10 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
     def run_episode(key: EpisodeKey) -> Played:
         episode = episodes[key]
         watch = Watch(observer, episode)
-        agent = plugin or _own_agent(job, episode, scene.navigation)
         env = PanEnv(episode.start, scene.navigation, renderer=renderer, camera=Camera())
         try:
             task = episode.task("pan", actions=PAPER6)
-            play_episode(agent, env, task, seed=episode_seed(job.seed, key), watch=watch)
+            play_episode(agent_of(episode), env, task, seed=episode_seed(job.seed, key), watch=watch)
         except AgentError as error:
             watch.break_off()
             raise AgentError(f"{key}: {error}") from error
@@ -236,12 +233,6 @@ def run_agent(
 def episode_seed(seed: int, key: EpisodeKey) -> int:
     """A seed for one episode that does not depend on which others are run."""
     return zlib.crc32(f"{seed}/{key}".encode())
-
-
-def _own_agent(job: AgentJob, episode: Episode, navigation: NavigationMap) -> Agent:
-    if job.agent == "random":
-        return RandomAgent()
-    return ShortestPathAgent(episode, navigation, rule=job.rule)
 
 
 def _insight_of(agent: Agent) -> Insight | None:

@@ -75,7 +75,7 @@ def caption_of(episode: Episode) -> str:
 
 
 def episode_at(root: Path) -> Episode:
-    """The search for a table lamp, small enough for 0.8 m from it to be 1 m from its middle."""
+    """The search for a table lamp, small enough for 0.75 m from what is seen of it to be 1 m from its middle."""
     (found,) = (each for each in home_at(root)[2] if caption_of(each).startswith("table lamp"))
     return found
 

@@ -160,6 +160,12 @@ def test_a_detection_on_cold_cells_is_not_believed_and_one_hot_cell_is_enough() 
     assert (found.rc, found.score, found.depth) == ((20, 21), pytest.approx(1.8), 2.0)
 
 
+def test_a_target_lies_in_the_middle_of_the_hot_cells_that_a_detection_shows() -> None:
+    found = believed(*detection((20, 24), (20, 22), (20, 20)), is_hot=image(np.s_[20, 20:25]), similarity=hills())
+    assert found is not None
+    assert (found.rc, found.depth) == ((20, 22), 1.0)
+
+
 def test_a_target_is_dropped_when_its_cell_is_hot_no_more_and_replaced_only_for_a_tenth_more() -> None:
     target, hot = Target((20, 20), 1.5, 2.0), image(np.s_[20, 20])
     better, best = Target((30, 30), 1.6, 1.0), Target((31, 31), 1.66, 3.0)

@@ -81,7 +81,7 @@ def points_of(frame: Frame, rows: np.ndarray, cols: np.ndarray) -> np.ndarray:
 
 def test_clean_perception_finds_the_described_thing_and_its_pixels(scene: Scene, truth: EpisodeTruth) -> None:
     eye = make_perception("oracle", truth=truth)
-    assert eye.name == "oracle:clean (no faults) in hashed-words-768"
+    assert eye.name == "oracle:clean (no faults) in hashed"
     frame = eye.frame_of(observations(scene)[0])
     eye.detector.set_query("low oak cabinet")
     (found,) = eye.detector.detect(frame)

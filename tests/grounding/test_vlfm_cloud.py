@@ -94,11 +94,21 @@ def test_trusted_points_are_never_forgotten() -> None:
 def test_trusted_points_are_goals_before_nearer_ones_that_are_not() -> None:
     cloud = ObjectCloud()
     cloud.points = np.array([[0.0, 0.5, -1.0], [0.0, 0.5, -3.0], [0.0, 0.5, -4.0]])
-    cloud.marks = np.array([0.5, TRUSTED, TRUSTED])
+    cloud.marks, cloud.middles = np.array([0.5, TRUSTED, TRUSTED]), cloud.points
     assert cloud.goal((0.0, 0.0)) == (0.0, 0.5, -3.0)
     assert cloud.nearest((0.0, 0.0), most=2)[:, 2].tolist() == [-3.0, -4.0]
-    cloud.points, cloud.marks = cloud.points[:1], cloud.marks[:1]
+    cloud.points, cloud.marks, cloud.middles = cloud.points[:1], cloud.marks[:1], cloud.middles[:1]
     assert cloud.goal((0.0, 0.0)) == (0.0, 0.5, -1.0)
+
+
+def test_the_goal_is_the_middle_of_what_one_view_showed_of_the_nearest_thing() -> None:
+    cloud = ObjectCloud()
+    wide, left = mask_of(120, 300), mask_of(0, 60)  # without 5 pixels a side, columns 125 to 294 at 2 m
+    cloud.add(frame_of(2.0), [(detection(120, 300), wide), (detection(0, 60), left)], rng=rng())
+    goal = cloud.goal((1.0, -1.0))
+    assert goal is not None
+    assert goal[0] == pytest.approx((210 - 160) / CAMERA.lens[0] * 2.0, abs=0.02)
+    assert goal[2] == pytest.approx(-2.0)
 
 
 @pytest.mark.parametrize(
@@ -106,9 +116,10 @@ def test_trusted_points_are_goals_before_nearer_ones_that_are_not() -> None:
 )
 def test_a_goal_stays_while_the_nearest_point_moves_little(z: float, moved: float, is_kept: bool) -> None:
     cloud = ObjectCloud()
-    cloud.points, cloud.marks = np.array([[0.0, 0.0, z]]), np.array([TRUSTED])
+    cloud.marks = np.array([TRUSTED])
+    cloud.points = cloud.middles = np.array([[0.0, 0.0, z]])
     first = cloud.goal((0.0, 0.0))
-    cloud.points = np.array([[moved, 0.0, z]])
+    cloud.points = cloud.middles = np.array([[moved, 0.0, z]])
     assert (cloud.goal((0.0, 0.0)) == first) == is_kept
 
 

@@ -15,7 +15,7 @@ from grounding.agents.exploration import load_exploration
 from grounding.agents.explore import EXPLORER_VERSION
 from personal_viz.__main__ import main
 from personal_viz.cli.grounding.explore import Explore
-from personal_viz.cli.runs.run import SHORT_NAMES
+from personal_viz.cli.runs.named_agents import RANDOM_FRONTIER
 from personal_viz.cli.verbs import parse
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, RunFileError
@@ -79,9 +79,11 @@ def test_every_option_of_the_verb_says_what_it_is() -> None:
 
 
 def test_random_frontier_is_a_name_of_run_and_others_are_refused() -> None:
-    assert type(load_agent(SHORT_NAMES["random-frontier"])).__name__ == "RandomFrontierAgent"
+    assert type(load_agent(RANDOM_FRONTIER.name)).__name__ == "RandomFrontierAgent"
     done = personal_viz("run", "--dataset", "none", "--agent", "frontier")
-    assert_one_line(done, "--agent is 'frontier'; expected random, random-frontier, shortest-path, or your own")
+    assert_one_line(
+        done, "--agent is 'frontier'; expected random, random-frontier, vlfm, onemap, shortest-path, or your own"
+    )
 
 
 def figures(out: Path) -> dict:

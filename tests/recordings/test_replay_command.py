@@ -8,6 +8,7 @@ from rerun.chunk import RrdReader
 from personal_viz.cli.runs.replay import Replay
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RecordingError
+from sim.tasks.agent_makers import MakesRandom, MakesShortestPath
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
@@ -22,10 +23,10 @@ def test_two_agents_on_a_released_episode_become_one_recording(
 ) -> None:
     digest = PersonalDataset(dataset_root).digest()
     folders = []
-    for agent in ("shortest-path", "random"):
+    for agent, maker in (("shortest-path", MakesShortestPath()), ("random", MakesRandom())):
         info = make_run_info(agent, who=agent, who_kind="agent", scene_kind="schematic", dataset_digest=digest)
         writer = RunWriter(tmp_path / agent, info)
-        job = AgentJob(dataset_root, KEY.scene, (KEY,), scenes_dir=None, agent=agent, seed=0)
+        job = AgentJob(dataset_root, KEY.scene, (KEY,), scenes_dir=None, agent=maker, seed=0)
         run_agent([job], writer, processes=1)
         folders.append(writer.folder)
     out = tmp_path / "both.rrd"

@@ -15,6 +15,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError, RecordingError
 from sim.mesh import Scene
+from sim.tasks.agent_makers import AgentMaker, MakesPlugin, MakesRandom, MakesShortestPath
 from sim.tasks.observers import Insight
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import EpisodeRun, Step, read_run
@@ -92,16 +93,21 @@ class Gives:
         return self.observer
 
 
+WANDERS = MakesPlugin(f"{__name__}:Wanders")
+CANNOT_EXPLAIN = MakesPlugin(f"{__name__}:CannotExplain")
+EXPLAINS_WRONGLY = MakesPlugin(f"{__name__}:ExplainsWrongly")
+
+
 @pytest.fixture(scope="module")
 def plain(small_home_root: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[EpisodeRun, ...]:
     """Two unwatched episodes of Wanders."""
     out = tmp_path_factory.mktemp("runs") / "plain"
-    run_job(small_home_root, out, agent=f"{__name__}:Wanders")
+    run_job(small_home_root, out, agent=WANDERS)
     return read_run(out).episodes
 
 
 def run_job(
-    root: Path, out: Path, *, agent: str, number: int = 2, make_observer: Callable[[Scene], Any] | None = None
+    root: Path, out: Path, *, agent: AgentMaker, number: int = 2, make_observer: Callable[[Scene], Any] | None = None
 ) -> None:
     """Runs the first `number` episodes of the home and writes them to `out`."""
     keys = tuple(episode.key for episode in PersonalDataset(root).episodes(scenes=("Small",)))[:number]
@@ -144,15 +150,23 @@ def test_a_run_watched_in_two_processes_has_the_same_bytes(small_home_root: Path
 
 def test_an_observer_gets_each_step_with_its_picture_and_reason(small_home_root: Path, tmp_path: Path) -> None:
     observer = Recorder()
-    run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:Wanders", number=1, make_observer=Gives(observer))
+    run_job(
+        small_home_root,
+        tmp_path / "a",
+        agent=WANDERS,
+        number=1,
+        make_observer=Gives(observer),
+    )
     assert observer.told[0] == "reset 0 True"
     assert [text.split()[:2] for text in observer.told[1:17]] == [["step", str(number)] for number in range(1, 17)]
     assert all("I have seen" in text for text in observer.told[1:17])
     assert observer.told[17:] == ["end 16"]
 
 
-@pytest.mark.parametrize("agent", ["random", "shortest-path"])
-def test_observers_get_pictures_even_if_the_agent_uses_none(small_home_root: Path, tmp_path: Path, agent: str) -> None:
+@pytest.mark.parametrize("agent", [MakesRandom(), MakesShortestPath()])
+def test_observers_get_pictures_even_if_the_agent_uses_none(
+    small_home_root: Path, tmp_path: Path, agent: AgentMaker
+) -> None:
     observer = Recorder()
     run_job(small_home_root, tmp_path / "a", agent=agent, number=1, make_observer=Gives(observer))
     assert observer.told[0] == "reset 0 True"
@@ -165,22 +179,32 @@ def test_an_episode_whose_observer_fails_is_still_finished_and_on_disk(
 ) -> None:
     observer = Recorder(fails_at=moment)
     with pytest.raises(RecordingError, match=f"no space at {moment}"):
-        run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:Wanders", make_observer=Gives(observer))
+        run_job(small_home_root, tmp_path / "a", agent=WANDERS, make_observer=Gives(observer))
     assert read_run(tmp_path / "a").episodes == plain[:1]
     assert observer.told[-1].startswith(moment)  # it is not called again
-    run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:Wanders")
+    run_job(small_home_root, tmp_path / "a", agent=WANDERS)
     assert read_run(tmp_path / "a").episodes == plain
 
 
 def test_an_agent_that_cannot_explain_itself_is_named(small_home_root: Path, tmp_path: Path) -> None:
     observer = Recorder()
     with pytest.raises(AgentError, match=r"CannotExplain\.insight\(\) raised ValueError: no reason"):
-        run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:CannotExplain", make_observer=Gives(observer))
+        run_job(
+            small_home_root,
+            tmp_path / "a",
+            agent=CANNOT_EXPLAIN,
+            make_observer=Gives(observer),
+        )
     assert observer.told[-1] == "close"
-    run_job(small_home_root, tmp_path / "b", agent=f"{__name__}:CannotExplain")  # unwatched, it is not asked
+    run_job(small_home_root, tmp_path / "b", agent=CANNOT_EXPLAIN)  # unwatched, it is not asked
     assert len(read_run(tmp_path / "b").episodes) == 2
     with pytest.raises(AgentError, match=r"ExplainsWrongly\.insight\(\) returned str; expected an Insight or None"):
-        run_job(small_home_root, tmp_path / "a", agent=f"{__name__}:ExplainsWrongly", make_observer=Gives(Recorder()))
+        run_job(
+            small_home_root,
+            tmp_path / "a",
+            agent=EXPLAINS_WRONGLY,
+            make_observer=Gives(Recorder()),
+        )
 
 
 def test_one_file_for_several_episodes_is_refused_before_any_runs(small_home_root: Path, tmp_path: Path) -> None:
@@ -205,7 +229,7 @@ def test_a_finished_episode_keeps_its_recording(
 
 def test_jobs_with_equal_observers_are_equal_and_hashable(tmp_path: Path) -> None:
     jobs = [
-        AgentJob(tmp_path, "Small", (), scenes_dir=None, agent="random", seed=0, make_observer=maker)
+        AgentJob(tmp_path, "Small", (), scenes_dir=None, agent=MakesRandom(), seed=0, make_observer=maker)
         for maker in (ObserveRuns(LiveSink("folder", "a"), "{}"), ObserveRuns(LiveSink("folder", "a"), "{}"), None)
     ]
     assert len(set(jobs)) == 2

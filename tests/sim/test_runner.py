@@ -9,6 +9,7 @@ from personal_viz.cli.runs.import_runs import Import
 from personal_viz.cli.runs.run import Run
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError, SceneError
+from sim.tasks.agent_makers import AgentMaker, MakesPlugin, MakesShortestPath
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import EpisodeRun, read_run
 from sim.tasks.run_writer import RunWriter
@@ -33,7 +34,7 @@ class FailsAtTheThird:
         return Action.STOP
 
 
-def job(root: Path, scene: str, *, agent: str) -> AgentJob:
+def job(root: Path, scene: str, *, agent: AgentMaker) -> AgentJob:
     """All episodes of a scene."""
     keys = tuple(episode.key for episode in PersonalDataset(root).episodes(scenes=(scene,)))
     return AgentJob(root, scene, keys, scenes_dir=None, agent=agent, seed=0)
@@ -53,7 +54,7 @@ def is_success(episode: EpisodeRun) -> bool:
 
 @pytest.mark.slow
 def test_episodes_finished_before_an_error_of_the_agent_are_on_disk(demo_root: Path, tmp_path: Path) -> None:
-    work = job(demo_root, "Demo", agent=f"{__name__}:FailsAtTheThird")
+    work = job(demo_root, "Demo", agent=MakesPlugin(f"{__name__}:FailsAtTheThird"))
     writer, on_disk = writer_in(tmp_path / "a"), []
     with pytest.raises(AgentError, match="raised ValueError: out of ideas"):
         run_agent(
@@ -65,7 +66,7 @@ def test_episodes_finished_before_an_error_of_the_agent_are_on_disk(demo_root: P
 
 @pytest.mark.slow
 def test_the_agent_that_knows_the_goal_reaches_it_in_an_invented_home(demo_root: Path, tmp_path: Path) -> None:
-    work = job(demo_root, "Demo", agent="shortest-path")
+    work = job(demo_root, "Demo", agent=MakesShortestPath())
     run_agent([work], writer_in(tmp_path / "a"), processes=1)
     runs = read_run(tmp_path / "a").episodes
     assert len(runs) == len(work.keys)
@@ -108,7 +109,7 @@ def test_the_agent_that_knows_the_goal_reaches_it_in_schematic_homes(
     names: tuple[str, ...], each: int | None, number: int, dataset_root: Path, tmp_path: Path
 ) -> None:
     # on all 31 homes it reaches 2000 of 2000
-    jobs = [job(dataset_root, name, agent="shortest-path") for name in names]
+    jobs = [job(dataset_root, name, agent=MakesShortestPath()) for name in names]
     run_agent([replace(work, keys=work.keys[:each]) for work in jobs], writer_in(tmp_path / "a"), processes=1)
     runs = read_run(tmp_path / "a").episodes
     assert len(runs) == number

@@ -6,7 +6,7 @@ the differences from the published code.
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,10 +24,8 @@ from .goals import STICK_CELLS, MapGoal, chosen, explored_region, frontiers, hot
 from .target import Target, believed, placed_detections, replaced
 
 FULL_TURN = round(2 * math.pi / TURN_STEP)
-STOP_DISTANCE = 0.8
-"""The agent stops this near to the target's cell, metres (OneMap's code)."""
-RANGES = {"frontier": 0.2, "point": 0.4, "target": 0.7}
-"""A way may end this far from a goal (metres), and at twice that distance if it cannot otherwise (OneMap's code)."""
+RANGES = {"frontier": (0.2, 0.4), "point": (0.4, 0.8)}
+"""A way may end this far from a goal (metres), or this far if it cannot otherwise (OneMap's code)."""
 _MOST_WAITS = 10
 """Steps at a goal after which it is given up (OneMap's code)."""
 _MOST_STEPS = 150
@@ -163,15 +161,11 @@ class OneMapAgent:
         target = self._target
         if target is None:
             return None
-        if math.dist(self._seeker.memory.xz, self._xz_of(target.rc)) <= STOP_DISTANCE:
-            self._note = f"the target is within {STOP_DISTANCE} m"
-            return Action.STOP
         self._goal = None
-        if self._plan(target.rc, RANGES["target"]):
-            action = self._seeker.walk()
-            if action is not None or self._seeker.goal is not None:
-                self._note = f"to a detection that the map agrees with, score {target.score:.2f}"
-                return action or Action.STOP  # as near as a way leads
+        action = self._seeker.stop_at(self._xz_of(target.rc))
+        if action is not None:
+            self._note = f"to a detection that the map agrees with, score {target.score:.2f}"
+            return action
         self._ban(target.rc, _OUT_OF_REACH_STEPS, is_target=True)
         self._target = None
         return None
@@ -230,9 +224,9 @@ class OneMapAgent:
         away = wrap_angle(yaw_towards(self._seeker.memory.xz, self._xz_of(goal.rc)) - self._seeker.memory.yaw)
         return Action.RIGHT if away < -TURN_STEP / 2 else Action.LEFT
 
-    def _plan(self, rc: tuple[int, int], reach: float) -> bool:
+    def _plan(self, rc: tuple[int, int], reaches: Sequence[float]) -> bool:
         """Makes the cheapest place near a cell the seeker's goal, if it is another cell; False if there is no way."""
-        return self._seeker.head_for(self._xz_of(rc), reaches=(reach, 2 * reach), same=self._map.grid.cell / 2)
+        return self._seeker.head_for(self._xz_of(rc), reaches=reaches, same=self._map.grid.cell / 2)
 
     def _ban(self, rc: tuple[int, int], steps: int, *, is_target: bool = False) -> None:
         """Leaves out goals near a cell from now on, and ends the walk."""

@@ -21,11 +21,11 @@ class Target(NamedTuple):
     """The detection that the agent believes."""
 
     rc: tuple[int, int]
-    """The hot cell of the detection that is nearest to the camera."""
+    """The hot cell of the detection that is nearest to the mean of its hot cells."""
     score: float
     """The greatest similarity of the detection's cells, plus 1."""
     depth: float
-    """Depth of the pixel in the cell, metres."""
+    """Least depth of a pixel in a hot cell, metres."""
 
 
 def placed_detections(
@@ -66,9 +66,9 @@ def believed(
     hot = is_hot.ravel()[own]
     if not hot.any():
         return None
-    nearest = int(np.where(hot, depth, np.inf).argmin())
-    row, col = divmod(int(own[nearest]), is_hot.shape[1])
-    return Target((row, col), float(similarity.ravel()[own].max()) + 1, float(depth[nearest]))
+    rc = np.column_stack(np.divmod(np.unique(own[hot]), is_hot.shape[1]))
+    row, col = rc[np.hypot(*(rc - rc.mean(axis=0)).T).argmin()].tolist()
+    return Target((row, col), float(similarity.ravel()[own].max()) + 1, float(depth[hot].min()))
 
 
 def replaced(target: Target | None, found: list[Target], is_hot: NDArray[np.bool_]) -> Target | None:

@@ -24,13 +24,11 @@ from .value_map import Fusion, ValueMap, most_valuable
 FULL_TURN = round(2 * math.pi / TURN_STEP)
 PROMPT = "Seems like there is a <target> ahead."
 """VLFM's text; several texts are separated by "|"."""
-STOP_DISTANCE = 0.9
-"""The agent stops this near to the target's point, seen from above, metres (VLFM's code)."""
 STICK_DISTANCE, STICK_GAIN = 0.5, 0.01
 """The last frontier, or the nearest one within this distance (metres), is kept while its value and this gain are above
 the last value (VLFM's code)."""
 _REACHES = (0.25, 0.75)
-"""A way may end this far from a goal, or this far if it cannot otherwise, metres."""
+"""A way may end this far from a frontier, or this far if it cannot otherwise, metres."""
 _BAN_RADIUS, _BAN_STEPS = 0.5, 40
 """Frontiers within this distance (metres) of one that no way leads to are left out for this many steps."""
 _MOST_STEPS = 150
@@ -150,14 +148,10 @@ class VlfmAgent:
         xz = (goal[0], goal[2])
         away = math.dist(self._seeker.memory.xz, xz)
         self._goal, self._frontier = goal, None
-        if away < STOP_DISTANCE:
-            self._note = f"the target is {away:.2f} m away"
-            return Action.STOP
-        if self._plan(xz):
-            action = self._seeker.walk()
-            if action is not None:
-                self._note = f"to a detected target, {away:.1f} m away"
-                return action
+        action = self._seeker.stop_at(xz)
+        if action is not None:
+            self._note = f"to a detected target, {away:.1f} m away"
+            return action
         self._target_from = self._step + _BAN_STEPS
         return None
 

@@ -56,7 +56,10 @@ class ObjectCloud:
         """(N, 3) metres."""
         self.marks = np.zeros(0)
         """(N,) TRUSTED, or the number of the view's untrusted points."""
+        self.middles = np.zeros((0, 3))
+        """(N, 3) the mean of the points that came with each point: the middle of what one view showed, metres."""
         self._goal: NDArray[np.float64] | None = None
+        self._middle: NDArray[np.float64] | None = None
 
     def add(
         self, frame: Frame, found: Sequence[tuple[Detection, NDArray[np.bool_]]], *, rng: np.random.Generator
@@ -73,6 +76,8 @@ class ObjectCloud:
             if seen is not None:
                 self.points = np.concatenate([self.points, seen.points])
                 self.marks = np.concatenate([self.marks, seen.marks])
+                middle = np.broadcast_to(seen.points.mean(axis=0), seen.points.shape)
+                self.middles = np.concatenate([self.middles, middle])
                 away = np.linalg.norm(seen.points - frame.T_world_camera[:3, 3], axis=1)
                 x, y, z = seen.points[away.argmin()].tolist()
                 position = (x, y, z)
@@ -90,26 +95,26 @@ class ObjectCloud:
         is_faced = (np.linalg.norm(offsets, axis=1) <= RECHECK) & (np.abs(np.arctan2(aside, forward)) <= half_fov)
         gone = np.unique(self.marks[is_faced & (self.marks != TRUSTED)])
         kept = ~np.isin(self.marks, gone)
-        self.points, self.marks = self.points[kept], self.marks[kept]
+        self.points, self.marks, self.middles = self.points[kept], self.marks[kept], self.middles[kept]
 
     def goal(self, xz: tuple[float, float]) -> tuple[float, float, float] | None:
-        """The point to walk to from here: the nearest trusted one, or the nearest if none is; None without points.
+        """The middle of the thing to walk to from here; None without points.
 
-        The last answer is kept while the nearest point is about there.
+        That is the thing with the nearest trusted point, or with the nearest one if none is trusted. The last answer is
+        kept while the nearest point is about where it was.
         """
         if not len(self.points):
-            self._goal = None
+            self._goal = self._middle = None
             return None
-        points = self.points[self.marks == TRUSTED] if (self.marks == TRUSTED).any() else self.points
-        away = np.hypot(points[:, 0] - xz[0], points[:, 2] - xz[1])
-        nearest = points[away.argmin()]
-        last = self._goal
+        counts = self.marks == TRUSTED if (self.marks == TRUSTED).any() else np.ones(len(self.marks), bool)
+        away = np.where(counts, np.hypot(self.points[:, 0] - xz[0], self.points[:, 2] - xz[1]), np.inf)
+        index = int(away.argmin())
+        nearest, last = self.points[index], self._goal
         moved = math.inf if last is None else math.hypot(nearest[0] - last[0], nearest[2] - last[2])
-        if not (moved < SAME_GOAL or (moved < SAME_FAR_GOAL and away.min() > FAR_GOAL)):
-            last = nearest
-        assert last is not None
-        self._goal = last
-        x, y, z = last.tolist()
+        if not (moved < SAME_GOAL or (moved < SAME_FAR_GOAL and away[index] > FAR_GOAL)):
+            self._goal, self._middle = nearest, self.middles[index]
+        assert self._middle is not None
+        x, y, z = self._middle.tolist()
         return x, y, z
 
     def nearest(self, xz: tuple[float, float], *, most: int) -> NDArray[np.float64]:

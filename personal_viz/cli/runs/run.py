@@ -9,13 +9,13 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from grounding.agents.goal_text import GoalText
+from grounding.encoders.protocol import ModelOptions
 from sim.episodes.dataset import PersonalDataset, key_from_text
 from sim.episodes.schema import Episode
-from sim.errors import AgentError
 from sim.homes.kind import common_kind
 from sim.mesh import Scene
-from sim.plugins import is_plugin, own_name, plugin_digest
-from sim.tasks.agents import load_agent
+from sim.tasks.agent_makers import AgentMaker
 from sim.tasks.observers import Observer
 from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
@@ -33,6 +33,8 @@ from ..options import (
     Label,
     Labels,
     Limit,
+    ModelAutocast,
+    ModelDevice,
     Rerun,
     RunId,
     SampleSeed,
@@ -43,9 +45,7 @@ from ..options import (
 )
 from ..output import recorded
 from ..refusals import check_options, require_no_scan, sampled
-
-SHORT_NAMES = {"random-frontier": "grounding.agents.random_frontier:random_frontier"}
-"""Our own agents that the simulator loads as plug-ins; run files hold the short name."""
+from .named_agents import AgentOptions, NamedAgent, named_agent
 
 
 @dataclass
@@ -54,8 +54,29 @@ class Run:
 
     dataset: Dataset
     agent: Annotated[
-        str, arg(help="random, random-frontier, shortest-path (knows the goal), or your own as package.module:factory.")
+        str,
+        arg(
+            help="random, random-frontier, vlfm or onemap (both with --perception), shortest-path (knows the goal), or "
+            "your own as package.module:factory."
+        ),
     ]
+    perception: Annotated[
+        str | None,
+        arg(
+            help="vlfm and onemap: what they see with. oracle, oracle:mild or oracle:strong (the simulator's ids, with "
+            "errors); encoder=clip:ID,detector=owlv2:ID (models by id or folder; also siglip:, blip2-itc256:, "
+            "grounding-dino:, yolox:FILE); or your own as package.module:factory."
+        ),
+    ] = None
+    goal_text: Annotated[
+        GoalText,
+        arg(
+            help="vlfm and onemap: what they look for. phrase (the thing's words in the description), query, or "
+            "caption (the authors' protocol: ground truth, named in every row)."
+        ),
+    ] = "phrase"
+    device: ModelDevice = "cpu"
+    autocast: ModelAutocast = "off"
     out: Path = Path("runs")
     evidence: Evidence = ()
     scenes_dir: ScenesDir = None
@@ -80,14 +101,14 @@ class Run:
     ] = None
 
     def run(self) -> int:
-        made_for, who, code = self._agent()
+        agent = self._agent()
         check_options(self)
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         chosen = self._chosen(episodes)
         kind = common_kind(episodes, {item.key.scene for item in chosen}, self.scenes_dir)
         require_no_scan(kind, clutter=self.clutter)
         by_scene = keys_by_scene(chosen, self.scenes_dir)
-        info = self._info(episodes, kind, made_for, who=who, code=code)
+        info = self._info(episodes, kind, agent)
         folder = self.out / info.run_id
         writer = RunWriter(folder, info)
         left = [item.key for item in chosen if item.key not in writer.done]
@@ -96,7 +117,7 @@ class Run:
             f"{len(chosen) - len(left)} done before"
         )
         with _observing(self.rerun, left, info, with_pixels=self.with_pixels) as make_observer:
-            jobs = self._jobs(by_scene, make_observer, rule=made_for or "paper")
+            jobs = self._jobs(by_scene, make_observer, agent.maker)
             with counted(info.who, len(left)) as progress:
                 run_agent(jobs, writer, processes=self.jobs, on_episode=progress.add)
             print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
@@ -106,47 +127,35 @@ class Run:
         """Raises AgentError if no agent has this name, or a user's own cannot be built."""
         self._agent()
 
+    def _agent(self) -> NamedAgent:
+        model = ModelOptions(self.device, autocast=self.autocast)
+        options = AgentOptions(self.rule, self.perception, self.goal_text, model)
+        return named_agent(self.agent, options, seed=self.seed)
+
     def _chosen(self, episodes: PersonalDataset) -> list[Episode]:
         """The named episode, or a sample of splits and scenes; raises PersonalVizError if these hold no episode."""
         if self.episode is not None:
             return [episodes.episode(key_from_text(self.episode, where="--episode"))]
         return sampled(episodes, splits=self.split, scenes=self.scene, limit=self.limit, seed=self.sample_seed)
 
-    def _agent(self) -> tuple[SuccessRule | None, str, dict[str, str]]:
-        """The rule that the agent walks for, its row name, and the digest of a user's own agent.
-
-        Raises:
-            AgentError: No agent has this name, or a user's own cannot be built.
-        """
-        made_for = _made_for(self.agent, self.rule)
-        who = self.agent if made_for in (None, "paper") else f"{self.agent}-{made_for}"
-        if ":" not in self.agent:
-            return made_for, self.label or who, {}
-        own = own_name(load_agent(self.agent), who)
-        return made_for, self.label or own, {"agent_code": f"{self.agent}@{plugin_digest(self.agent)}"}
-
-    def _info(
-        self,
-        episodes: PersonalDataset,
-        kind: SceneKind,
-        made_for: SuccessRule | None,
-        *,
-        who: str,
-        code: dict[str, str],
-    ) -> RunInfo:
+    def _info(self, episodes: PersonalDataset, kind: SceneKind, agent: NamedAgent) -> RunInfo:
         """The contents of run.json."""
+        who = self.label or agent.who
+        sight = f"-{self.perception}-{self.goal_text}" if self.perception else ""
         level = f"{'-evidence' if self.evidence else ''}{f'-clutter{self.clutter}' if self.clutter else ''}"
         level += "-labels" if self.labels == "on" else ""
+        name = f"{who}{sight}".replace(":", ".")
+        conditions = [f"clutter {self.clutter}" if self.clutter else "", agent.condition]
         return make_run_info(
-            self.run_id or fitting_run_id(f"{who.replace(':', '.')}-{kind}{level}-seed{self.seed}"),
+            self.run_id or fitting_run_id(f"{name}-{kind}{level}-seed{self.seed}"),
             who=fitting_name(who),
             who_kind="agent",
-            condition=f"clutter {self.clutter}" if self.clutter else "none",
+            condition=", ".join(filter(None, conditions)) or "none",
             scene_kind=kind,
             dataset_digest=episodes.digest(),
             seed=self.seed,
-            config={"actions": "paper6", "clutter": self.clutter, **evidence_config(episodes), **code},
-            made_for=made_for,
+            config={"actions": "paper6", "clutter": self.clutter, **evidence_config(episodes), **agent.config},
+            made_for=agent.made_for,
             labels=self.labels == "on",
         )
 
@@ -154,8 +163,7 @@ class Run:
         self,
         by_scene: Mapping[str, Sequence[EpisodeKey]],
         make_observer: Callable[[Scene], Observer] | None,
-        *,
-        rule: SuccessRule,
+        maker: AgentMaker,
     ) -> list[AgentJob]:
         """One job per scene, in order of their names."""
         return [
@@ -165,32 +173,14 @@ class Run:
                 tuple(keys),
                 evidence=self.evidence,
                 scenes_dir=self.scenes_dir,
-                agent=SHORT_NAMES.get(self.agent, self.agent),
+                agent=maker,
                 seed=self.seed,
                 clutter=self.clutter,
                 labels=self.labels == "on",
                 make_observer=make_observer,
-                rule=rule,
             )
             for name, keys in sorted(by_scene.items())
         ]
-
-
-def _made_for(agent: str, rule: SuccessRule | None) -> SuccessRule | None:
-    """The success rule that the agent walks for; None if it knows no goal. Raises AgentError for other names."""
-    if agent == "shortest-path":
-        return rule or "paper"
-    if agent not in ("random", *SHORT_NAMES) and not is_plugin(agent):
-        raise AgentError(
-            f"--agent is {agent!r}; expected random, random-frontier, shortest-path, or your own as "
-            "package.module:factory."
-        )
-    if rule is not None:
-        raise AgentError(
-            f"--rule: found {rule!r} for --agent {agent}; expected it with --agent shortest-path only, since no other "
-            "knows the goal. Leave it out; personal-viz metrics --rule chooses the rule of the table."
-        )
-    return None
 
 
 def keys_by_scene(chosen: Sequence[Episode], scenes_dir: Path | None) -> dict[str, list[EpisodeKey]]:

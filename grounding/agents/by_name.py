@@ -1,0 +1,78 @@
+"""The agents that see, known by name: each gets its perception and the text to look for, episode by episode."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
+from sim.mesh import Scene
+from sim.tasks.agents import Agent
+
+from ..encoders.protocol import ModelOptions
+from ..phrases.rules import RulePhrases
+from .goal_text import GoalText, goal_text
+
+if TYPE_CHECKING:
+    from ..perception.protocol import Perception
+
+SeeingName = Literal["vlfm", "onemap"]
+SEEING: tuple[SeeingName, ...] = get_args(SeeingName)
+
+
+@dataclass(frozen=True, slots=True)
+class MakesSeeing:
+    """Makes agents that see with a named perception and look for a text."""
+
+    name: SeeingName
+    perception: str
+    """As `grounding.perception.by_name` says."""
+    goal_text: GoalText = "phrase"
+    model: ModelOptions = field(default_factory=ModelOptions)
+    """How real models run."""
+    seed: int = 0
+    """Of the errors of oracle perception."""
+    looks: ClassVar[bool] = True
+
+    def open(self, dataset: PersonalDataset, scene: Scene) -> Callable[[Episode], Agent]:
+        """A new agent for each episode; models are loaded once per process.
+
+        Raises:
+            AgentError: The perception is unknown or cannot be loaded.
+            MissingDependencyError: The extra of a model is not installed.
+        """
+        perception_of = self._perception(dataset, scene)
+        phrases = RulePhrases()
+        return lambda episode: _agent(
+            self.name, perception_of(episode), text_of=goal_text(self.goal_text, episode, phrases)
+        )
+
+    def _perception(self, dataset: PersonalDataset, scene: Scene) -> Callable[[Episode], "Perception"]:
+        from ..maps.oracle_map import object_texts
+        from ..perception.by_name import EpisodeTruth, is_oracle, make_perception
+
+        if not is_oracle(self.perception):
+            models = _models(self.perception, self.model)
+            return lambda episode: models
+        captions = object_texts(dataset, scene)
+        return lambda episode: make_perception(
+            self.perception, truth=EpisodeTruth(scene, episode.start, captions), options=self.model, seed=self.seed
+        )
+
+
+def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable) -> Agent:
+    if name == "vlfm":
+        from .vlfm.agent import VlfmAgent
+
+        return VlfmAgent(perception, text_of)
+    from .onemap.agent import OneMapAgent
+
+    return OneMapAgent(perception, text_of)
+
+
+@lru_cache(maxsize=1)
+def _models(name: str, options: ModelOptions) -> "Perception":
+    from ..perception.by_name import make_perception
+
+    return make_perception(name, options=options)
