@@ -136,6 +136,8 @@ class ChatGrounder:
             raise AgentError(
                 f"--method is {self.name!r} without a model; expected one. Give --llm-url and --llm-model."
             )
+        if isinstance(memory, ObjectMap) and not memory.objects:
+            return Grounding(())
         try:
             points, grid = self._answered(self._chat, memory, task)
         except NoAnswer:
@@ -149,7 +151,8 @@ class ChatGrounder:
             grid_map = require_grid(memory, self.name, self._encoder)
             frames = self._required_seen().key_frames(memory)
             answer = read_answer(chat.ask(FRAMES_PROMPT, frames_question(task, frames), is_json=True), _Places)
-            return np.array([_lifted(place, frames) for place in answer.places]), grid_map.grid
+            floors = np.unique([grid_map.floor_y, *grid_map.cell_y])
+            return np.array([_lifted(place, frames, floors) for place in answer.places]), grid_map.grid
         objects = require_objects(memory, self.name, self._encoder)
         things = numbered_things(objects)
         if not any(item.caption for _, item in things):
@@ -244,8 +247,14 @@ def _middles(answer: _Ids, things: dict[int, ObjectInstance], floor_y: float) ->
     return np.array([(x, floor_y, z) for x, _, z in centres])
 
 
-def _lifted(place: _FramePixel, frames: Sequence[Frame]) -> np.ndarray:
-    """(3,) the point that a picture shows at a pixel, on the floor below; by the nearest pixel with depth."""
+def _lifted(place: _FramePixel, frames: Sequence[Frame], floors: np.ndarray) -> np.ndarray:
+    """(3,) the point that a picture shows at a pixel or the nearest one with depth, on the floor where the robot stood.
+
+    Args:
+        place: The pixel.
+        frames: The pictures.
+        floors: (F,) heights of the map's floors, metres.
+    """
     if not 1 <= place.frame <= len(frames):
         raise NoAnswer(f"the answer names frame {place.frame}, and there are {len(frames)}")
     frame = frames[place.frame - 1]
@@ -260,4 +269,5 @@ def _lifted(place: _FramePixel, frames: Sequence[Frame]) -> np.ndarray:
         raise NoAnswer(f"the answer names pixel {place.x:g}, {place.y:g} of frame {place.frame}, where nothing is seen")
     nearest = near[np.argmin(np.abs(near - (row, col)).sum(axis=1))]
     x, _, z = points_at(frame, nearest[None])[0].tolist()
-    return np.array([x, frame.T_world_camera[1, 3] - frame.camera.mount_height, z])
+    stood_y = frame.T_world_camera[1, 3] - frame.camera.mount_height
+    return np.array([x, floors[np.argmin(np.abs(floors - stood_y))], z])

@@ -8,6 +8,7 @@ import pytest
 
 from grounding.agents.key_frames import key_views
 from grounding.chat.protocol import NoAnswer, Part
+from grounding.checks import check_grounder
 from grounding.maps.home_map import Memory, ObjectInstance, ObjectMap, OccupancyGrid
 from grounding.methods.by_name import make_grounder, takes_objects
 from grounding.methods.chat_grounders import CHAT_METHODS, numbered_things
@@ -152,6 +153,12 @@ def test_answers_that_cannot_be_used_leave_the_question_to_a_method_without_a_mo
     by_rules = ("Mira owns the red chair", "Tom owns the sofa")
     assert found.fell_back
     assert found.candidates == make_grounder(other, ENCODER).ground(memory, TASK, by_rules).candidates
+
+
+@pytest.mark.parametrize("method", CHAT_METHODS)
+def test_chat_grounders_keep_the_contract(method: str) -> None:
+    chat = Scripted('{"places": [{"frame": 1, "x": 9, "y": 9}]}' if method == "frames-vlm" else '{"ids": [1]}')
+    assert check_grounder(lambda encoder: make_grounder(method, encoder, chat=chat, seen=Home(frame()))) == []
 
 
 @pytest.mark.parametrize("method", CHAT_METHODS)

@@ -39,6 +39,7 @@ from sim.tasks.run_writer import RunWriter
 from sim.types import SPLITS
 
 from ...progress import counted
+from ..chat_cost import require_chat_for_limits
 from ..options import (
     Clutter,
     Dataset,
@@ -62,7 +63,6 @@ from ..options import (
     ScenesDir,
     Splits,
 )
-from ..chat_cost import require_chat_for_limits
 from ..output import print_json
 from ..refusals import check_options, nothing_chosen
 from .ground_maps import cell_of_maps, layout_of_maps
