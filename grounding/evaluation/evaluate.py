@@ -9,7 +9,7 @@ from sim.episodes.schema import Episode
 from sim.tasks.rules import scene_storeys, score_answer
 from sim.tasks.run_files import Answer
 from sim.tasks.run_writer import RunWriter
-from sim.tasks.workers import SceneJob, results, without
+from sim.tasks.workers import SceneJob, Workers, results, without
 from sim.types import SPLITS, EpisodeKey, Split
 
 from ..agents.progress_notes import scene_note
@@ -146,13 +146,13 @@ def select_jobs(
 
 
 def evaluate(
-    jobs: Sequence[GroundJob], writer: RunWriter, *, processes: int, on_episode: Callable[[], None] = lambda: None
+    jobs: Sequence[GroundJob], writer: RunWriter, *, processes: Workers, on_episode: Callable[[], None] = lambda: None
 ) -> None:
     """Answers every job's episodes and appends each to `writer` in order; it skips those that `writer` already holds.
 
     Args:
         jobs: One per scene.
-        processes: Worker processes; 1 uses this process. Answers and their order do not depend on it.
+        processes: The workers; answers and their order do not depend on them.
         on_episode: Called after each answer is on disk.
 
     Raises:

@@ -35,10 +35,13 @@ from sim.tasks.metrics import metric_rows
 from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id, read_run
 from sim.tasks.run_writer import RunWriter
+from sim.tasks.shards import shard_from_text
+from sim.tasks.workers import RayCluster, Workers
 from sim.types import SPLITS
 
 from ...progress import counted
 from ..options import (
+    Address,
     Clutter,
     Dataset,
     Evidence,
@@ -49,11 +52,14 @@ from ..options import (
     ModelAutocast,
     ModelBatch,
     ModelDevice,
+    On,
     RunId,
     SampleSeed,
     Scenes,
     ScenesDir,
+    Shard,
     Splits,
+    workers_of,
 )
 from ..output import print_json
 from ..refusals import check_options, nothing_chosen
@@ -136,6 +142,9 @@ class Ground:
     sample_seed: SampleSeed = 0
     seed: int = 0
     jobs: Jobs = 1
+    on: On = "processes"
+    address: Address = None
+    shard: Shard = None
     run_id: RunId = None
     label: Label = None
     json: Json = False
@@ -153,6 +162,7 @@ class Ground:
 
     def run(self) -> int:
         self.check()
+        self._workers()
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         settings = self.settings(episodes)
         check_options(self)
@@ -190,6 +200,10 @@ class Ground:
         """The folder of map files, for `--map PATH`; otherwise None."""
         return None if self.map in ("oracle", "explore") else Path(self.map)
 
+    def _workers(self) -> Workers:
+        """The workers; raises PersonalVizError for options that do not fit together."""
+        return workers_of(self.on, jobs=self.jobs, address=self.address, device=self.device)
+
     @property
     def _model(self) -> ModelOptions:
         """Options of a real encoder."""
@@ -197,9 +211,14 @@ class Ground:
 
     def _grounded(self, episodes: PersonalDataset, settings: GroundSettings) -> GroundResult:
         """Makes or continues one run, and returns it with its figures."""
-        info = self._info(episodes, settings)
-        folder = self.out / info.run_id
-        work = self._work(episodes, settings, info)
+        whole = self._info(episodes, settings)
+        jobs = {job.scene: job for job in self._work(episodes, settings, whole)}
+        if not jobs:
+            raise nothing_chosen(self.dataset)
+        shard, keys = shard_from_text(self.shard), {name: job.keys for name, job in jobs.items()}
+        info = shard.run_info(whole, keys)
+        folder = shard.folder(self.out, info)
+        work = [jobs[name] for name in shard.part(keys)]
         self._answer(work, folder, info)
         run = read_run(folder)
         chosen = {key for job in work for key in job.keys}
@@ -210,14 +229,14 @@ class Ground:
 
     def _answer(self, work: Sequence[GroundJob], folder: Path, info: RunInfo) -> None:
         """Answers the episodes that the run folder does not hold yet."""
-        if not work:
-            raise nothing_chosen(self.dataset)
         writer = RunWriter(folder, info)
+        workers = self._workers()
         keys = [key for job in work for key in job.keys]
         with counted(info.run_id, len(keys)) as progress:
             progress.add(sum(key in writer.done for key in keys))
-            noted = [replace(job, folders=job.folders and replace(job.folders, notes=progress.notes)) for job in work]
-            evaluate(noted, writer, processes=self.jobs, on_episode=progress.add)
+            notes = None if isinstance(workers, RayCluster) else progress.notes  # other machines cannot write there
+            noted = [replace(job, folders=job.folders and replace(job.folders, notes=notes)) for job in work]
+            evaluate(noted, writer, processes=workers, on_episode=progress.add)
 
     def _work(self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
         """One job per scene."""

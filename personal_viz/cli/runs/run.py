@@ -13,6 +13,7 @@ from grounding.agents.goal_text import GoalText
 from grounding.encoders.protocol import ModelOptions
 from sim.episodes.dataset import PersonalDataset, key_from_text
 from sim.episodes.schema import Episode
+from sim.errors import PersonalVizError
 from sim.homes.kind import common_kind
 from sim.mesh import Scene
 from sim.tasks.agent_makers import AgentMaker
@@ -21,11 +22,14 @@ from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, run_agent
+from sim.tasks.shards import shard_from_text
+from sim.tasks.workers import Workers
 from sim.types import EpisodeKey, SceneKind, SuccessRule
 from sim.words.english import how_many
 
 from ...progress import counted
 from ..options import (
+    Address,
     Clutter,
     Dataset,
     Evidence,
@@ -35,13 +39,16 @@ from ..options import (
     Limit,
     ModelAutocast,
     ModelDevice,
+    On,
     Rerun,
     RunId,
     SampleSeed,
     Scenes,
     ScenesDir,
+    Shard,
     Splits,
     WithPixels,
+    workers_of,
 )
 from ..output import recorded
 from ..refusals import check_options, require_no_scan, sampled
@@ -86,6 +93,9 @@ class Run:
     sample_seed: SampleSeed = 0
     seed: int = 0
     jobs: Jobs = 1
+    on: On = "processes"
+    address: Address = None
+    shard: Shard = None
     run_id: RunId = None
     label: Label = None
     clutter: Clutter = 0
@@ -107,19 +117,23 @@ class Run:
         chosen = self._chosen(episodes)
         kind = common_kind(episodes, {item.key.scene for item in chosen}, self.scenes_dir)
         require_no_scan(kind, clutter=self.clutter)
+        workers = self._workers()
+        shard = shard_from_text(self.shard)
         by_scene = keys_by_scene(chosen, self.scenes_dir)
-        info = self._info(episodes, kind, agent)
-        folder = self.out / info.run_id
+        info = shard.run_info(self._info(episodes, kind, agent), by_scene)
+        by_scene = shard.part(by_scene)
+        folder = shard.folder(self.out, info)
         writer = RunWriter(folder, info)
-        left = [item.key for item in chosen if item.key not in writer.done]
+        keys = [item.key for item in chosen if item.key.scene in by_scene]
+        left = [key for key in keys if key not in writer.done]
         print(
-            f"{how_many(len(chosen), 'episode')} in {how_many(len(by_scene), 'scene')} ({kind}), "
-            f"{len(chosen) - len(left)} done before"
+            f"{how_many(len(keys), 'episode')} in {how_many(len(by_scene), 'scene')} ({kind}), "
+            f"{len(keys) - len(left)} done before"
         )
         with _observing(self.rerun, left, info, with_pixels=self.with_pixels) as make_observer:
             jobs = self._jobs(by_scene, make_observer, agent.maker)
             with counted(info.who, len(left)) as progress:
-                run_agent(jobs, writer, processes=self.jobs, on_episode=progress.add)
+                run_agent(jobs, writer, processes=workers, on_episode=progress.add)
             print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
         return 0
 
@@ -131,6 +145,15 @@ class Run:
         model = ModelOptions(self.device, autocast=self.autocast)
         options = AgentOptions(self.rule, self.perception, self.goal_text, model)
         return named_agent(self.agent, options, seed=self.seed)
+
+    def _workers(self) -> Workers:
+        """The workers; raises PersonalVizError for options that do not fit together."""
+        if self.on == "ray" and self.rerun is not None:
+            raise PersonalVizError(
+                f"--rerun is {self.rerun!r} beside --on ray; expected one of them, because episodes are shown by this "
+                "machine's processes. Leave one out; personal-viz replay shows runs afterwards."
+            )
+        return workers_of(self.on, jobs=self.jobs, address=self.address, device=self.device)
 
     def _chosen(self, episodes: PersonalDataset) -> list[Episode]:
         """The named episode, or a sample of splits and scenes; raises PersonalVizError if these hold no episode."""
