@@ -1,6 +1,7 @@
 """Ray as workers: one actor per chain of calls (a home), kept warm; what a lost worker was doing is done again."""
 
 import os
+import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from sim.extras import require
 
 RESTARTS = 4
 """How often a home's worker begins again on another core or machine; a home that ends it each time is given up."""
+_ANSWER_S = 10.0
+"""Longest wait for the cluster's machine to answer."""
 Result = TypeVar("Result")
 
 
@@ -106,6 +109,8 @@ def _connected(ray: ModuleType, cluster: RayCluster) -> Iterator[None]:
     if ray.is_initialized():
         yield
         return
+    if cluster.address is not None:
+        _require_answer(cluster.address)
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # reports nothing to others, unless the user wants that
     try:
         ray.init(address=cluster.address, log_to_driver=False, logging_level="ERROR", include_dashboard=False)
@@ -118,6 +123,22 @@ def _connected(ray: ModuleType, cluster: RayCluster) -> Iterator[None]:
         yield
     finally:
         ray.shutdown()
+
+
+def _require_answer(address: str) -> None:
+    """Refuses HOST:PORT where nothing listens, which Ray itself would try for many minutes."""
+    host, colon, port = address.rpartition(":")
+    if address == "auto" or "/" in address:  # names that Ray resolves
+        return
+    try:
+        if not colon or not port.isdigit():
+            raise OSError("it is not HOST:PORT")
+        socket.create_connection((host, int(port)), timeout=_ANSWER_S).close()
+    except (OSError, OverflowError) as error:
+        raise PersonalVizError(
+            f"--address is {address!r} ({error}); expected HOST:PORT of a running cluster. Start one with "
+            "`ray start --head --port 6379`, or give the address that this prints."
+        ) from None
 
 
 def _first_line(error: Exception) -> str:
