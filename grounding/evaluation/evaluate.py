@@ -10,7 +10,7 @@ from sim.tasks.chat_turns import NO_CHAT, Transcript
 from sim.tasks.rules import scene_storeys, score_answer
 from sim.tasks.run_files import Answer
 from sim.tasks.run_writer import RunWriter
-from sim.tasks.workers import SceneJob, results, without
+from sim.tasks.workers import SceneJob, Workers, results, without
 from sim.types import SPLITS, EpisodeKey, Split
 
 from ..agents.progress_notes import scene_note
@@ -147,7 +147,6 @@ def select_jobs(
     model: ModelOptions | None = None,
     keys: Sequence[EpisodeKey] | None = None,
     query_index: int = 0,
-    budget: Budget | None = None,
 ) -> list[GroundJob]:
     """One job per scene, in order of scene names.
 
@@ -158,7 +157,6 @@ def select_jobs(
         folders: Folders of the maps; None for oracle maps.
         keys: These episodes, whatever `splits`, `scenes` and `limit` say; None = as they say.
         query_index: Which of the query's paraphrases the grounder reads.
-        budget: As in `SceneGrounder`.
 
     Raises:
         DatasetError: A named scene is unknown, or a file is damaged.
@@ -176,7 +174,6 @@ def select_jobs(
             settings,
             folders,
             model,
-            budget,
             evidence=evidence,
             query_index=query_index,
         )
@@ -185,13 +182,13 @@ def select_jobs(
 
 
 def evaluate(
-    jobs: Sequence[GroundJob], writer: RunWriter, *, processes: int, on_episode: Callable[[], None] = lambda: None
+    jobs: Sequence[GroundJob], writer: RunWriter, *, processes: Workers, on_episode: Callable[[], None] = lambda: None
 ) -> None:
     """Answers every job's episodes and appends each to `writer` in order; it skips those that `writer` already holds.
 
     Args:
         jobs: One per scene.
-        processes: Worker processes; 1 uses this process. Answers and their order do not depend on it.
+        processes: The workers; answers and their order do not depend on them.
         on_episode: Called after each answer is on disk.
 
     Raises:

@@ -5,6 +5,8 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
+from sim.errors import PersonalVizError
+from sim.tasks.workers import RayCluster, Workers
 from sim.types import ClutterLevel, Split
 
 Dataset = Annotated[Path, arg(help="Folder with easy/, medium/, hard/ (data/split in the authors' repository).")]
@@ -63,6 +65,16 @@ Price = Annotated[
     tuple[float, float] | None, arg(help="Money for a million tokens of prompts and of answers, to print the cost.")
 ]
 Jobs = Annotated[int, arg(help="Worker processes; results do not depend on their number.")]
+Shard = Annotated[
+    str | None,
+    arg(help="i/N: the i-th of N parts, for job arrays: whole homes, the same whatever --jobs is. Join them by merge."),
+]
+On = Annotated[
+    Literal["processes", "ray"], arg(help="Who does the work: --jobs processes here, or a Ray cluster (extra ray).")
+]
+Address = Annotated[
+    str | None, arg(help="--on ray: HOST:PORT of the cluster; by default one on this machine, started if need be.")
+]
 Label = Annotated[
     str | None,
     arg(help="Row name in tables instead of the method's own, for example one for each of your versions."),
@@ -79,3 +91,23 @@ OpenIt = Annotated[bool, arg(help="Open it in a viewer on this machine, until Ct
 def dataset_options(dataset: Path, evidence: tuple[Path, ...]) -> str:
     """The options of a dataset and its evidence as a person types them, for the next verb to call."""
     return " ".join(map(str, ("--dataset", dataset, *(("--evidence", *evidence) if evidence else ()))))
+
+
+def workers_of(on: str, *, jobs: int, address: str | None, device: str = "cpu") -> Workers:
+    """The workers that `--on`, `--jobs` and `--address` name; with `--device cuda`, each of Ray's needs a GPU.
+
+    Raises:
+        PersonalVizError: Options of processes and of Ray are mixed.
+    """
+    if on == "ray":
+        if jobs != 1:
+            raise PersonalVizError(
+                f"--jobs is {jobs} beside --on ray; expected none, because Ray uses every core of its cluster. Leave "
+                "it out."
+            )
+        return RayCluster(address, num_gpus=1.0 if device == "cuda" else 0.0)
+    if address is not None:
+        raise PersonalVizError(
+            f"--address is {address!r} without --on ray; expected both, or none. Add --on ray, or leave it out."
+        )
+    return jobs

@@ -38,6 +38,7 @@ VERBS = {
     "map": "grounding.map.Map",
     "ask": "grounding.ask.Ask",
     "import": "runs.import_runs.Import",
+    "merge": "runs.merge.Merge",
     "metrics": "runs.metrics.Metrics",
     "replay": "runs.replay.Replay",
     "compare": "runs.compare.Compare",

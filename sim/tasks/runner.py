@@ -23,7 +23,7 @@ from .pan import PanEnv
 from .rules import score_run
 from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, Step
 from .run_writer import RunWriter
-from .workers import SceneJob, results, without
+from .workers import SceneJob, Workers, results, without
 
 BATCH = 8
 """Episodes that a worker process runs before it hands them over; a kill can lose this many per process."""
@@ -246,12 +246,12 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
 
 
 def run_agent(
-    jobs: Sequence[AgentJob], writer: RunWriter, *, processes: int, on_episode: Callable[[], None] = lambda: None
+    jobs: Sequence[AgentJob], writer: RunWriter, *, processes: Workers, on_episode: Callable[[], None] = lambda: None
 ) -> None:
     """Runs every job, one per scene, and appends finished runs to `writer` in order; episodes that it already holds are
     skipped.
 
-    Runs and their order do not depend on `processes`; with 1 this process does the work. `on_episode` is called when an
+    Runs and their order do not depend on `processes`, the workers. `on_episode` is called when an
     episode is on disk.
 
     Raises:

@@ -1,12 +1,12 @@
-"""Worker processes: one result per episode, in an order that does not depend on the number of processes."""
+"""Workers on this machine or on Ray: one result per episode, in an order that does not depend on them."""
 
 import multiprocessing
 import os
 import threading
-from collections.abc import Callable, Container, Iterator, Sequence
+from collections.abc import Callable, Container, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -14,6 +14,8 @@ from typing import Generic, TypeVar
 
 from sim.errors import PersonalVizError
 from sim.types import EpisodeKey
+
+from .on_ray import RayCluster, done_on_ray
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +29,8 @@ class SceneJob:
     """Folders of the dataset's evidence."""
 
 
+Workers = int | RayCluster
+"""Number of worker processes on this machine, where 1 = this process does the work; or a Ray cluster."""
 Job = TypeVar("Job", bound=SceneJob)
 Given = TypeVar("Given")
 Result = TypeVar("Result")
@@ -40,36 +44,54 @@ class _Batch(Generic[Result]):
 
 
 def results(
-    open_scene: Callable[[Job], Callable[[EpisodeKey], Result]], jobs: Sequence[Job], *, processes: int, batch: int
+    open_scene: Callable[[Job], Callable[[EpisodeKey], Result]], jobs: Sequence[Job], *, processes: Workers, batch: int
 ) -> Iterator[Result]:
     """Yields the result of each episode of each job, in order; before an error, all results finished earlier.
 
     Args:
         open_scene: A module-level function that opens a job's scene and returns a function for one of its episodes.
         jobs: The work; jobs are small, since each is sent to a process. A scene without episodes is not opened.
-        processes: Number of worker processes; 1 = this process does the work.
-        batch: Most episodes that a worker process does before it returns them. A kill loses at most one batch per
-            process; but processes share a scene batch by batch, and each of them opens it.
+        processes: The workers.
+        batch: Most episodes that a worker does before it returns them. Its loss costs at most one batch; but processes
+            of this machine share a scene batch by batch, and each of them opens it. On Ray each scene has one worker.
 
     Raises:
         PersonalVizError: An episode could not be done, or a worker process was ended from outside.
     """
     jobs = [job for job in jobs if job.keys]
-    if processes <= 1:
+    if processes == 1:
         for job in jobs:
             yield from map(open_scene(job), job.keys)
         return
-    with worker_pool(processes, kept="finished episodes are kept") as pool:
-        batches = [
-            pool.submit(_do_batch, open_scene, replace(job, keys=()), job.keys[first : first + batch])
-            for job in jobs
+    calls = [
+        [
+            (open_scene, replace(job, keys=()), job.keys[first : first + batch])
             for first in range(0, len(job.keys), batch)
         ]
-        for future in batches:
-            done = future.result()
+        for job in jobs
+    ]
+    with closing(_batches(calls, processes)) as batches:
+        for done in batches:
             yield from done.results
             if done.error is not None:
                 raise done.error
+
+
+def _batches(calls: Sequence[Sequence[tuple]], workers: Workers) -> Generator[_Batch]:
+    """The batches of each scene's calls of `_do_batch`, in order."""
+    if isinstance(workers, RayCluster):
+        ended: dict[tuple[int, int], _Batch] = {}
+        order = iter([(k, place) for k, chain in enumerate(calls) for place in range(len(chain))])
+        due = next(order, None)
+        for k, place, done in done_on_ray(workers, _do_batch, calls):
+            ended[k, place] = done
+            while due in ended:
+                yield ended.pop(due)
+                due = next(order, None)
+        return
+    with worker_pool(workers, kept="finished episodes are kept") as pool:
+        for future in [pool.submit(_do_batch, *call) for chain in calls for call in chain]:
+            yield future.result()
 
 
 @contextmanager
@@ -98,17 +120,21 @@ def worker_pool(processes: int, *, kept: str = "") -> Iterator[ProcessPoolExecut
 
 
 def run_jobs(
-    work: Callable[[Given], Result], jobs: Sequence[Given], *, processes: int, kept: str = ""
+    work: Callable[[Given], Result], jobs: Sequence[Given], *, processes: Workers, kept: str = ""
 ) -> Iterator[Result]:
     """Yields the result of `work` for each job, in the order in which jobs end.
 
     Args:
         work: A module-level function.
         jobs: Its arguments.
-        processes: Number of worker processes; 1 = this process does the work.
+        processes: The workers.
         kept: As in `worker_pool`.
     """
-    if processes <= 1 or len(jobs) == 1:
+    if isinstance(processes, RayCluster):
+        for _, _, done in done_on_ray(processes, work, [[(job,)] for job in jobs]):
+            yield done
+        return
+    if processes == 1 or len(jobs) == 1:
         yield from map(work, jobs)
         return
     with worker_pool(min(processes, len(jobs)), kept=kept) as pool:

@@ -21,11 +21,12 @@ from sim.files import write_whole
 from sim.homes.kind import common_kind
 from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo
-from sim.tasks.workers import run_jobs
+from sim.tasks.shards import shard_from_text
+from sim.tasks.workers import RayCluster, run_jobs
 from sim.types import Camera, SceneKind
 
 from ...progress import counted
-from ..options import Evidence, Jobs, Json, Scenes, ScenesDir, WithPixels
+from ..options import Address, Evidence, Jobs, Json, On, Scenes, ScenesDir, Shard, WithPixels, workers_of
 from ..output import print_json, print_table, recorded
 from ..refusals import check_options
 
@@ -54,6 +55,9 @@ class Explore:
     ] = 640
     height: Annotated[int, arg(help="Height of the robot's pictures, pixels.")] = 480
     jobs: Jobs = 1
+    on: On = "processes"
+    address: Address = None
+    shard: Shard = None
     out: Annotated[Path, arg(help="Folder of the explorations.")] = Path("runs/explore")
     json: Json = False
     rerun: Annotated[
@@ -71,25 +75,36 @@ class Explore:
             raise PersonalVizError(
                 "explore: found both or none of --dataset and --homes; expected one. Give one of them."
             )
+        workers = workers_of(self.on, jobs=self.jobs, address=self.address)
+        if self.rerun is not None and isinstance(workers, RayCluster):
+            raise PersonalVizError(
+                f"--rerun is {self.rerun!r} beside --on ray; expected one of them, because explorations are shown by "
+                "this machine's processes. Leave one out; the same command with --rerun shows stored ones afterwards."
+            )
+        shard = shard_from_text(self.shard)
         names, kind = self._homes()
-        todo = self._jobs(names)
+        todo = self._jobs([name for name in names if name in shard.homes(dict.fromkeys(names, 1))])
         with watching(self.rerun, todo, with_pixels=self.with_pixels) as watched:
             found: list[Exploration] = []
             with counted("explore", len(todo)) as progress:
-                for made in run_jobs(run_job, watched, processes=self.jobs, kept="finished explorations are kept"):
+                for made in run_jobs(run_job, watched, processes=workers, kept="finished explorations are kept"):
                     found += made
                     progress.add()
         found.sort(key=lambda item: (item.scene, item.storey_y))
         info = self._info(kind)
         document = document_of(found, info=info, out=self.out)
         title = f"{len(found)} storeys of {len(todo)} {kind} homes"
-        write_whole(self.out / _PLOT, coverage_png(found, title=title, label=info.scene_label))
-        write_whole(self.out / _SUMMARY, json_module.dumps(document, indent=2) + "\n")
+        if shard.of == 1:  # other shards would write the same files
+            write_whole(self.out / _PLOT, coverage_png(found, title=title, label=info.scene_label))
+            write_whole(self.out / _SUMMARY, json_module.dumps(document, indent=2) + "\n")
         if self.json:
             print_json(document)
-        else:
-            _print_report(found, document)
+            return 0
+        _print_report(found, document)
+        if shard.of == 1:
             print(f"Written to {self.out}; coverage over steps: {self.out / _PLOT}")
+        else:
+            print(f"Written to {self.out}; when all {shard.of} shards are, give the command without --shard.")
         return 0
 
     def _homes(self) -> tuple[list[str], SceneKind]:

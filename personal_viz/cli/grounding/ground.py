@@ -37,11 +37,14 @@ from sim.tasks.metrics import metric_rows
 from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id, read_run
 from sim.tasks.run_writer import RunWriter
+from sim.tasks.shards import shard_from_text
+from sim.tasks.workers import RayCluster, Workers
 from sim.types import SPLITS
 
 from ...progress import counted
 from ..chat_cost import require_chat_for_limits
 from ..options import (
+    Address,
     Clutter,
     DatasetOrStudy,
     Evidence,
@@ -57,14 +60,17 @@ from ..options import (
     ModelAutocast,
     ModelBatch,
     ModelDevice,
+    On,
     Out,
     Price,
     RunId,
     SampleSeed,
     Scenes,
     ScenesDir,
+    Shard,
     Splits,
     StudyFolder,
+    workers_of,
 )
 from ..output import print_json
 from ..refusals import check_options, nothing_chosen, require_dataset
@@ -153,6 +159,9 @@ class Ground:
     sample_seed: SampleSeed = 0
     seed: int = 0
     jobs: Jobs = 1
+    on: On = "processes"
+    address: Address = None
+    shard: Shard = None
     run_id: RunId = None
     label: Label = None
     json: Json = False
@@ -170,6 +179,7 @@ class Ground:
 
     def run(self) -> int:
         self.check()
+        self._workers()
         if self.study is not None:
             return self._of_study().run()
         episodes = PersonalDataset(require_dataset(self.dataset), evidence=self.evidence)
@@ -241,6 +251,10 @@ class Ground:
         """The folder of map files, for `--map PATH`; otherwise None."""
         return None if self.map in ("oracle", "explore") else Path(self.map)
 
+    def _workers(self) -> Workers:
+        """The workers; raises PersonalVizError for options that do not fit together."""
+        return workers_of(self.on, jobs=self.jobs, address=self.address, device=self.device)
+
     @property
     def _model(self) -> ModelOptions:
         """Options of a real encoder."""
@@ -248,33 +262,34 @@ class Ground:
 
     def _grounded(self, episodes: PersonalDataset, settings: GroundSettings) -> GroundResult:
         """Makes or continues one run, and returns it with its figures."""
-        info = self._info(episodes, settings)
-        folder = self._out / info.run_id
-        work = self._work(episodes, settings, info)
+        whole = self._info(episodes, settings)
+        jobs = {job.scene: job for job in self._work(episodes, settings, whole)}
+        if not jobs:
+            raise nothing_chosen(require_dataset(self.dataset))
+        shard, keys = shard_from_text(self.shard), {name: job.keys for name, job in jobs.items()}
+        info = shard.run_info(whole, keys)
+        folder = shard.folder(self._out, info)
+        budget = Budget(folder, self.max_calls, self.max_tokens) if settings.has_chat else None
+        work = [replace(jobs[name], budget=budget) for name in shard.part(keys)]
         self._answer(work, folder, info)
         run = read_run(folder)
         chosen = {key for job in work for key in job.keys}
         answers = tuple(answer for answer in run.answers if answer.key in chosen)
         rows = {row.split: row for row in metric_rows([run.model_copy(update={"answers": answers})])}
         fallbacks = sum(answer.fell_back for answer in answers)  # of all processes and earlier calls
-        budget = self._budget(settings, info)
         usage = None if budget is None else budget.used()
         return GroundResult(settings, info, rows, folder, fell_back=fallbacks, chat=usage, price=self.price)
 
-    def _budget(self, settings: GroundSettings, info: RunInfo) -> Budget | None:
-        """The limits of a chat model, counted in the run folder; None for methods that ask none."""
-        return Budget(self._out / info.run_id, self.max_calls, self.max_tokens) if settings.has_chat else None
-
     def _answer(self, work: Sequence[GroundJob], folder: Path, info: RunInfo) -> None:
         """Answers the episodes that the run folder does not hold yet."""
-        if not work:
-            raise nothing_chosen(require_dataset(self.dataset))
         writer = RunWriter(folder, info)
+        workers = self._workers()
         keys = [key for job in work for key in job.keys]
         with counted(info.run_id, len(keys)) as progress:
             progress.add(sum(key in writer.done for key in keys))
-            noted = [replace(job, folders=job.folders and replace(job.folders, notes=progress.notes)) for job in work]
-            evaluate(noted, writer, processes=self.jobs, on_episode=progress.add)
+            notes = None if isinstance(workers, RayCluster) else progress.notes  # other machines cannot write there
+            noted = [replace(job, folders=job.folders and replace(job.folders, notes=notes)) for job in work]
+            evaluate(noted, writer, processes=workers, on_episode=progress.add)
 
     def _work(self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
         """One job per scene."""
@@ -287,7 +302,6 @@ class Ground:
             sample_seed=self.sample_seed,
             folders=self._folders(settings, info),
             model=self._model,
-            budget=self._budget(settings, info),
         )
 
     def _folders(self, settings: GroundSettings, info: RunInfo) -> MapFolders | None:
@@ -355,7 +369,6 @@ class _GroundStudy(Ground):
             settings,
             folders=self._folders(settings, info),
             model=self._model,
-            budget=self._budget(settings, info),
             keys=keys,
             query_index=index,
         )

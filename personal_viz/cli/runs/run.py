@@ -14,6 +14,7 @@ from grounding.agents.goal_text import GoalText
 from grounding.encoders.protocol import ModelOptions
 from sim.episodes.dataset import PersonalDataset, key_from_text
 from sim.episodes.schema import Episode
+from sim.errors import PersonalVizError
 from sim.homes.kind import common_kind
 from sim.mesh import Scene
 from sim.tasks.agent_makers import AgentMaker
@@ -23,11 +24,14 @@ from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, WalkTerms, run_agent
+from sim.tasks.shards import shard_from_text
+from sim.tasks.workers import Workers
 from sim.types import ClutterLevel, EpisodeKey, Pose, SceneKind, SuccessRule
 from sim.words.english import how_many
 
 from ...progress import counted
 from ..options import (
+    Address,
     Clutter,
     DatasetOrStudy,
     Evidence,
@@ -37,15 +41,18 @@ from ..options import (
     Limit,
     ModelAutocast,
     ModelDevice,
+    On,
     Out,
     Rerun,
     RunId,
     SampleSeed,
     Scenes,
     ScenesDir,
+    Shard,
     Splits,
     StudyFolder,
     WithPixels,
+    workers_of,
 )
 from ..output import recorded
 from ..refusals import check_options, require_dataset, require_no_scan, sampled
@@ -95,6 +102,9 @@ class Run:
     sample_seed: SampleSeed = 0
     seed: int = 0
     jobs: Jobs = 1
+    on: On = "processes"
+    address: Address = None
+    shard: Shard = None
     run_id: RunId = None
     label: Label = None
     clutter: Clutter = 0
@@ -119,6 +129,7 @@ class Run:
         keys = [item.key for item in self._chosen(episodes)]
         kind = common_kind(episodes, {key.scene for key in keys}, self.scenes_dir)
         require_no_scan(kind, clutter=self.clutter)
+        self._workers()
         settings = _Settings(episodes, self.scenes_dir, self.clutter, self.labels == "on", agent.maker)
         self._play(settings, keys, self._info(episodes, kind, agent), out=self.out or Path("runs"))
         return 0
@@ -131,6 +142,15 @@ class Run:
         model = ModelOptions(self.device, autocast=self.autocast)
         options = AgentOptions(self.rule, self.perception, self.goal_text, model)
         return named_agent(self.agent, options, seed=self.seed)
+
+    def _workers(self) -> Workers:
+        """The workers; raises PersonalVizError for options that do not fit together."""
+        if self.on == "ray" and self.rerun is not None:
+            raise PersonalVizError(
+                f"--rerun is {self.rerun!r} beside --on ray; expected one of them, because episodes are shown by this "
+                "machine's processes. Leave one out; personal-viz replay shows runs afterwards."
+            )
+        return workers_of(self.on, jobs=self.jobs, address=self.address, device=self.device)
 
     def _chosen(self, episodes: PersonalDataset) -> list[Episode]:
         """The named episode, or a sample of splits and scenes; raises PersonalVizError if these hold no episode."""
@@ -183,20 +203,26 @@ class Run:
             info = self._study_info(study, walk, kind, agent)
             self._play(replace(settings, look_at=walk.look_at), walk.keys, info, out=out)
 
-    def _play(self, settings: "_Settings", keys: Sequence[EpisodeKey], info: RunInfo, *, out: Path) -> None:
-        """Plays the episodes that the run folder does not hold yet."""
-        by_scene = keys_by_scene(keys, settings.scenes_dir)
-        folder = out / info.run_id
+    def _play(self, settings: "_Settings", keys: Sequence[EpisodeKey], whole: RunInfo, *, out: Path) -> None:
+        """Plays the episodes of this shard of the run `whole` that its folder does not hold yet."""
+        workers, shard, by_scene = (
+            self._workers(),
+            shard_from_text(self.shard),
+            keys_by_scene(keys, settings.scenes_dir),
+        )
+        info, by_scene = shard.run_info(whole, by_scene), shard.part(by_scene)
+        folder = shard.folder(out, info)
         writer = RunWriter(folder, info)
-        left = [key for key in keys if key not in writer.done]
+        own = [key for key in keys if key.scene in by_scene]
+        left = [key for key in own if key not in writer.done]
         print(
-            f"{how_many(len(keys), 'episode')} in {how_many(len(by_scene), 'scene')} ({info.scene_kind}), "
-            f"{len(keys) - len(left)} done before"
+            f"{how_many(len(own), 'episode')} in {how_many(len(by_scene), 'scene')} ({info.scene_kind}), "
+            f"{len(own) - len(left)} done before"
         )
         with _observing(self.rerun, left, info, with_pixels=self.with_pixels) as make_observer:
             jobs = settings.jobs(by_scene, make_observer, seed=self.seed)
             with counted(info.who, len(left)) as progress:
-                run_agent(jobs, writer, processes=self.jobs, on_episode=progress.add)
+                run_agent(jobs, writer, processes=workers, on_episode=progress.add)
             print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
 
     def _study_info(self, study: "PlannedStudy", walk: "StudyWalk", kind: SceneKind, agent: NamedAgent) -> RunInfo:

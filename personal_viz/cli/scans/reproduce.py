@@ -24,13 +24,15 @@ from sim.homes.kind import common_kind
 from sim.tasks.metrics import read_runs, require_comparable
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import read_run_info
-from sim.tasks.workers import run_jobs
+from sim.tasks.shards import SHARDS, shard_from_text
+from sim.tasks.workers import Workers, run_jobs
 from sim.types import SceneKind
 from sim.words.english import how_many
 
 from ...progress import counted
 from ..grounding.ground import EXPLORATIONS, Ground
 from ..options import (
+    Address,
     Dataset,
     Evidence,
     Jobs,
@@ -38,10 +40,13 @@ from ..options import (
     Limit,
     ModelAutocast,
     ModelBatch,
+    On,
     SampleSeed,
     Scenes,
     ScenesDir,
+    Shard,
     Splits,
+    workers_of,
 )
 from ..output import print_json, print_table, say, write_report
 from ..refusals import check_options, require_folder, sampled
@@ -119,6 +124,9 @@ class Reproduce:
     sample_seed: SampleSeed = 0
     seed: int = 0
     jobs: Jobs = 1
+    on: On = "processes"
+    address: Address = None
+    shard: Shard = None
     device: Annotated[
         Literal["auto", "cpu", "cuda"], arg(help="Where a real encoder runs; auto = on a GPU if there is one.")
     ] = "auto"
@@ -131,7 +139,11 @@ class Reproduce:
         check_options(self)
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         chosen = sampled(episodes, splits=self.split, scenes=self.scene, limit=self.limit, seed=self.sample_seed)
-        homes = tuple(keys_by_scene([episode.key for episode in chosen], self.scenes_dir))
+        by_home = keys_by_scene([item.key for item in chosen], self.scenes_dir)
+        shard = shard_from_text(self.shard)
+        homes = tuple(shard.part(by_home))
+        chosen = [item for item in chosen if item.key.scene in homes]
+        self._workers()
         kind = common_kind(episodes, homes, self.scenes_dir)
         self._require_fitting_runs(kind, episodes.digest())
         steps = list(self._steps(self.out, homes, scene=self.scene, limit=self.limit))
@@ -145,7 +157,17 @@ class Reproduce:
         for step in steps:
             say(f"{step.name} ...")
             _done_quietly(step)
+        if shard.of > 1:
+            say(
+                f"Shard {shard} is done. When all {shard.of} are: personal-viz merge {self.out} {self.out / SHARDS}, "
+                "then the same command without --shard, which writes the page."
+            )
+            return 0
         return self._report()
+
+    def _workers(self) -> Workers:
+        """The workers of explorations and agents; raises PersonalVizError for options that do not fit together."""
+        return workers_of(self.on, jobs=self.jobs, address=self.address)
 
     def _require_fitting_runs(self, kind: SceneKind, digest: str) -> None:
         """Refuses runs in `--out` and `--runs` that cannot stand in these tables, before hours of work."""
@@ -192,13 +214,16 @@ class Reproduce:
         One process does what is measured, whose time and memory are then its own.
         """
         device = self._device()
+        many = {} if is_measured else {"on": self.on, "address": self.address, "shard": self.shard}
         models = 1 if device == "cuda" else self.jobs  # one GPU holds one model
         unexplored = [
             _ExploreJob(self.dataset, self.evidence, name, self.scenes_dir, out / EXPLORATIONS, self.seed)
             for name in homes
         ]
         if self.method:
-            yield Step("Exploring", lambda: _explore(unexplored, 1 if is_measured else self.jobs), "home", self.jobs)
+            yield Step(
+                "Exploring", lambda: _explore(unexplored, 1 if is_measured else self._workers()), "home", self.jobs
+            )
         for method in dict.fromkeys(self.method):
             ground = Ground(
                 self.dataset,
@@ -217,6 +242,7 @@ class Reproduce:
                 sample_seed=self.sample_seed,
                 seed=self.seed,
                 jobs=1 if is_measured else models,
+                **many,
             )
             yield Step(f"POG, {method}", ground.run, "home", models, ground.check)
         for agent in dict.fromkeys(self.agent):
@@ -232,6 +258,7 @@ class Reproduce:
                 sample_seed=self.sample_seed,
                 seed=self.seed,
                 jobs=1 if is_measured else self.jobs,
+                **many,
             )
             yield Step(f"PAN, {agent}", walk.run, "episode", self.jobs, walk.check)
 
@@ -301,7 +328,7 @@ def _done_quietly(step: Step) -> None:
         step.work()
 
 
-def _explore(jobs: Sequence[_ExploreJob], processes: int) -> None:
+def _explore(jobs: Sequence[_ExploreJob], processes: Workers) -> None:
     with counted("explore", len(jobs)) as progress:
         for _ in run_jobs(_explored, jobs, processes=processes, kept="finished explorations are kept"):
             progress.add()
