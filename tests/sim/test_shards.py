@@ -106,6 +106,8 @@ def test_shards_that_do_not_make_one_run_are_refused_by_name(answered: Path, sma
     text = (two / "run.json").read_text()
     other = shutil.copytree(two, tmp_path / "other")
     (other / "run.json").write_text(text.replace('"encoder": "hashed"', '"encoder": "minilm"'))
-    with pytest.raises(RunFileError, match=r"other: config.encoder is 'minilm', in .* 'hashed'; expected shards of one"):
+    with pytest.raises(
+        RunFileError, match=r"other: config.encoder is 'minilm', in .* 'hashed'; expected shards of one"
+    ):
         joined_run([one, other])
     assert not (tmp_path / "out").exists()
