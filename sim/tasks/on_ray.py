@@ -14,6 +14,9 @@ from sim.extras import require
 
 RESTARTS = 4
 """How often a home's worker begins again on another core or machine; a home that ends it each time is given up."""
+_ENVIRONMENT = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_NUM_REDIS_GET_RETRIES": "1"}
+"""What Ray reads, unless the user has set it: it reports no use to others, and tries a silent address for 40 s, not for
+13 minutes."""
 _ANSWER_S = 10.0
 """Longest wait for the cluster's machine to answer."""
 Result = TypeVar("Result")
@@ -60,10 +63,15 @@ def done_on_ray(
         PersonalVizError: The cluster cannot be reached, a home's workers were lost `RESTARTS` + 1 times, or `work`
             raised it.
     """
+    for name, value in _ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
     ray = require("ray", extra="ray")
     with _connected(ray, cluster):
         options = {"num_cpus": 1, "num_gpus": cluster.num_gpus}
-        retries = {"max_restarts": RESTARTS, "max_task_retries": RESTARTS}
+        retries = {
+            "max_restarts": RESTARTS,
+            "max_task_retries": -1,
+        }  # calls are tried until the machine's loss is known
         new_worker = ray.remote(**options, **retries)(_Worker)
         environment = {VARIABLE: os.environ[VARIABLE]} if VARIABLE in os.environ else {}
         workers = {k: new_worker.remote(os.getcwd(), environment) for k, chain in enumerate(chains) if chain}
@@ -111,7 +119,6 @@ def _connected(ray: ModuleType, cluster: RayCluster) -> Iterator[None]:
         return
     if cluster.address is not None:
         _require_answer(cluster.address)
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # reports nothing to others, unless the user wants that
     try:
         ray.init(address=cluster.address, log_to_driver=False, logging_level="ERROR", include_dashboard=False)
     except (ConnectionError, RuntimeError, ValueError) as error:
@@ -126,7 +133,7 @@ def _connected(ray: ModuleType, cluster: RayCluster) -> Iterator[None]:
 
 
 def _require_answer(address: str) -> None:
-    """Refuses HOST:PORT where nothing listens, which Ray itself would try for many minutes."""
+    """Refuses HOST:PORT where nothing listens, before Ray tries it for long."""
     host, colon, port = address.rpartition(":")
     if address == "auto" or "/" in address:  # names that Ray resolves
         return
