@@ -189,7 +189,7 @@ class Ground:
         if not is_model(self.encoder):
             require_no_model_options(f"--encoder {self.encoder}", self._model)
         documents = []
-        for each in [settings] if self.sweep is None else swept(settings, self.sweep):
+        for each in self._swept(settings):
             found = [self._grounded(episodes, one) for one in (each, *_beside(each))]
             if self.json:
                 document, *beside = [ground_document(result) for result in found]
@@ -309,7 +309,7 @@ class Ground:
         if settings.map == "oracle":
             return None
         maps = self._folder or self._out / str(info.config["maps"])
-        return MapFolders(maps, self._out / EXPLORATIONS, self.scenes_dir)
+        return MapFolders(maps, self._out / EXPLORATIONS, self.scenes_dir, swept=self._swept_maps(settings, info))
 
     def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
         """The contents of run.json."""
@@ -343,6 +343,17 @@ class Ground:
             seed=settings.seed,
             config=config,
         )
+
+    def _swept(self, settings: GroundSettings) -> list[GroundSettings]:
+        """The settings of each value of the sweep; these alone without one."""
+        return [settings] if self.sweep is None else swept(settings, self.sweep)
+
+    def _swept_maps(self, settings: GroundSettings, info: RunInfo) -> tuple[tuple[GroundSettings, Path], ...]:
+        """The settings of the sweep's other values, and the folders of their maps; none where maps are files."""
+        if self._folder is not None or self.sweep is None:
+            return ()
+        maps = {f"{map_name(each, info.dataset_digest, info.scene_kind)}/maps": each for each in self._swept(settings)}
+        return tuple((each, self._out / name) for name, each in maps.items() if name != info.config["maps"])
 
     def _swept_id(self, settings: GroundSettings) -> str:
         """The run's own name, followed by the swept setting's value and by the phrases if they were not asked for."""
