@@ -192,7 +192,7 @@ class Ask:
                 "--phrases is 'dataset'; expected rules, llm, or your own as package.module:factory, because free text "
                 "has no phrases of a dataset. Leave it out for rules."
             )
-        return make_phrases(self.phrases, llm=self._settings.llm)
+        return make_phrases(self.phrases, chat=self._settings.endpoint())
 
     @property
     def _settings(self) -> GroundSettings:

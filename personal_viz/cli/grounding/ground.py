@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
+from grounding.chat.budget import Budget
 from grounding.encoders.by_name import (
     PLUGIN,
     encoder_called,
@@ -46,15 +47,22 @@ from ..options import (
     Json,
     Label,
     Limit,
+    LlmKeyEnv,
+    LlmModel,
+    LlmUrl,
+    MaxCalls,
+    MaxTokens,
     ModelAutocast,
     ModelBatch,
     ModelDevice,
+    Price,
     RunId,
     SampleSeed,
     Scenes,
     ScenesDir,
     Splits,
 )
+from ..chat_cost import require_chat_for_limits
 from ..output import print_json
 from ..refusals import check_options, nothing_chosen
 from .ground_maps import cell_of_maps, layout_of_maps
@@ -78,8 +86,9 @@ class Ground:
         str,
         arg(
             help="random, center, qs, rpg, rpg-authors, rpg-literal, phrase, dual, dual-smooth, dual-smooth-point or "
-            "joint; object-phrase or object-dual on maps of objects; or your own as package.module:factory, which "
-            "gets the map's encoder."
+            "joint; object-phrase or object-dual on maps of objects; with a chat model (--llm-url, --llm-model) "
+            "object-list-llm or map-image-vlm on maps of objects, and frames-vlm on explored homes; or your own as "
+            "package.module:factory, which gets the map's encoder."
         ),
     ]
     map: Annotated[
@@ -100,11 +109,12 @@ class Ground:
             "reads it), or your own as package.module:factory."
         ),
     ] = "dataset"
-    llm_url: Annotated[str, arg(help="OpenAI-compatible endpoint, such as http://127.0.0.1:11434/v1.")] = ""
-    llm_model: Annotated[str, arg(help="Name of the language model at that endpoint.")] = ""
-    llm_key_env: Annotated[
-        str, arg(help="Environment variable that holds the endpoint's key; the key is not written anywhere.")
-    ] = ""
+    llm_url: LlmUrl = ""
+    llm_model: LlmModel = ""
+    llm_key_env: LlmKeyEnv = ""
+    max_calls: MaxCalls = None
+    max_tokens: MaxTokens = None
+    price: Price = None
     all_storeys: Annotated[bool, arg(help="Do not tell the target's storey.")] = False
     layout: Annotated[
         Literal["grid", "fine", "objects"] | None,
@@ -156,6 +166,7 @@ class Ground:
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         settings = self.settings(episodes)
         check_options(self)
+        require_chat_for_limits(self, has_chat=settings.has_chat)
         if not is_model(self.encoder):
             require_no_model_options(f"--encoder {self.encoder}", self._model)
         documents = []
@@ -199,14 +210,19 @@ class Ground:
         """Makes or continues one run, and returns it with its figures."""
         info = self._info(episodes, settings)
         folder = self.out / info.run_id
-        work = self._work(episodes, settings, info)
+        work = self._work(episodes, settings, info, folder)
         self._answer(work, folder, info)
         run = read_run(folder)
         chosen = {key for job in work for key in job.keys}
         answers = tuple(answer for answer in run.answers if answer.key in chosen)
         rows = {row.split: row for row in metric_rows([run.model_copy(update={"answers": answers})])}
-        fallbacks = sum(answer.phrases_fell_back for answer in answers)  # of all processes and earlier calls
-        return GroundResult(settings, info, rows, folder, phrases_by_rules=fallbacks)
+        fallbacks = sum(answer.fell_back for answer in answers)  # of all processes and earlier calls
+        usage = self._budget(folder).used() if settings.has_chat else None
+        return GroundResult(settings, info, rows, folder, fell_back=fallbacks, chat=usage, price=self.price)
+
+    def _budget(self, folder: Path) -> Budget:
+        """The limits of a chat model, counted in the run folder."""
+        return Budget(folder, self.max_calls, self.max_tokens)
 
     def _answer(self, work: Sequence[GroundJob], folder: Path, info: RunInfo) -> None:
         """Answers the episodes that the run folder does not hold yet."""
@@ -219,7 +235,9 @@ class Ground:
             noted = [replace(job, folders=job.folders and replace(job.folders, notes=progress.notes)) for job in work]
             evaluate(noted, writer, processes=self.jobs, on_episode=progress.add)
 
-    def _work(self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
+    def _work(
+        self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo, folder: Path
+    ) -> list[GroundJob]:
         """One job per scene."""
         folders = None
         if settings.map != "oracle":
@@ -234,6 +252,7 @@ class Ground:
             sample_seed=self.sample_seed,
             folders=folders,
             model=self._model,
+            budget=self._budget(folder) if settings.has_chat else None,
         )
 
     def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
@@ -328,8 +347,9 @@ def run_name(settings: GroundSettings, *, label: str | None = None) -> str:
     storey = "all-storeys" if settings.all_storeys else "storey-given"
     who = label or own_name(_facts(settings), settings.method)
     parts = [who, settings.map, encoder_slug(settings.encoder), *_unusual(settings), storey]
-    if settings.phrases != "dataset":
-        parts.append(phrases_called(settings.phrases) + re.sub(r"[^A-Za-z0-9.]", "", settings.llm_model)[:20])
+    if settings.phrases != "dataset" or settings.has_chat:
+        source = "" if settings.phrases == "dataset" else phrases_called(settings.phrases)
+        parts.append(source + re.sub(r"[^A-Za-z0-9.]", "", settings.llm_model)[:20])
     return fitting_run_id(f"ground-{'-'.join(parts)}-seed{settings.seed}")
 
 
