@@ -74,7 +74,7 @@ def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable) -> 
     from .frontier_vlm.choices import GeometryJudge
 
     rule = "nearest" if name == "nearest-frontier" else "distance-weighted"
-    return JudgedFrontierAgent(perception, text_of, judge=GeometryJudge(rule))
+    return JudgedFrontierAgent(perception, text_of, judge=lambda: GeometryJudge(rule))
 
 
 @lru_cache(maxsize=1)

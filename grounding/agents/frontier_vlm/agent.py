@@ -4,7 +4,7 @@ Observation -> `Seeker`, `SeenThings` -> choices -> a judge -> the frontier to l
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -44,23 +44,23 @@ class JudgedFrontierAgent:
         perception: Perception | Callable[[], Perception],
         goal_text: Callable[[Task], str],
         *,
-        judge: Judge,
+        judge: Callable[[], Judge],
     ) -> None:
         """Makes an agent.
 
         Args:
             perception: What it sees with, or a function that makes it when the first episode begins.
             goal_text: What the detector looks for, such as "red backpack", from the task; never from the goal.
-            judge: What chooses.
+            judge: Makes what chooses in an episode.
         """
-        self._perception, self._goal_text, self._judge = perception, goal_text, judge
+        self._perception, self._goal_text, self._make_judge = perception, goal_text, judge
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """Begins with an empty map, even with `keep_memory`: each episode has its own start frame."""
         if not isinstance(self._perception, Perception):
             self._perception = self._perception()
         self._perception.detector.set_query(self._goal_text(task))
-        self._judge.reset()
+        self.judge = self._make_judge()
         self._task = task
         self._seeker = Seeker(camera, can_look=Action.LOOK_DOWN in task.actions)
         self._things = SeenThings()
@@ -69,7 +69,7 @@ class JudgedFrontierAgent:
         self._thing: int | None = None
         self._left_out: dict[int, int] = {}
         self._offered: set[int] = set()
-        self._choices = Choices(task, (), ())
+        self._choices: Choices | None = None
         self._step, self._reviewed_at, self._planned_at = 0, 0, 0
         self._note = ""
 
@@ -99,11 +99,11 @@ class JudgedFrontierAgent:
         memory, seeker = self._seeker.memory, self._seeker
         goal = None if seeker.goal is None else (seeker.goal.place_xz[0], memory.floor_y, seeker.goal.place_xz[1])
         thing = self._current_thing()
-        things = self._choices.things
+        frontiers, things = (self._choices.frontiers, self._choices.things) if self._choices else ((), ())
         return Insight(
             grid=memory.grid,
             occupancy=memory.cells,
-            frontiers=np.array([each.middle_xz for each in self._choices.frontiers], float).reshape(-1, 2),
+            frontiers=np.array([each.middle_xz for each in frontiers], float).reshape(-1, 2),
             detections=self._detections,
             candidates=np.array([each.centre for each in things], float).reshape(-1, 3),
             candidate_scores=tuple(each.score for each in things),
@@ -112,7 +112,8 @@ class JudgedFrontierAgent:
         )
 
     def _look(self, frame: Frame, perception: Perception) -> None:
-        """Looks for things in a view."""
+        """Shows the judge a view, and looks for things in it."""
+        self.judge.see(frame)
         found = [(each, perception.segmenter.mask(frame, each)) for each in perception.detector.detect(frame)]
         self._detections = self._things.see(frame, found)
 
@@ -130,7 +131,7 @@ class JudgedFrontierAgent:
                 return Action.STOP
 
     def _towards_thing(self) -> Action | None:
-        """The next action towards the chosen thing, STOP at it; None, and it is left out for a while, if there is no way."""
+        """The next action towards the chosen thing, STOP at it; None if no way leads there: it is left out a while."""
         thing = self._current_thing()
         assert thing is not None
         action = self._seeker.stop_at(thing.xz)
@@ -153,7 +154,7 @@ class JudgedFrontierAgent:
         if self._thing is not None or self._seeker.is_turning or self._step - self._reviewed_at < REVIEW_STEPS:
             return False
         self._reviewed_at = self._step
-        earlier = [frontier.middle_xz for frontier in self._choices.frontiers]
+        earlier = [frontier.middle_xz for frontier in self._choices.frontiers] if self._choices else []
         return any(
             len(frontier.cells_rc) >= NEW_CELLS
             and all(math.dist(frontier.middle_xz, xz) > NEW_DISTANCE for xz in earlier)
@@ -170,10 +171,10 @@ class JudgedFrontierAgent:
         things = self._fitting(LEAST_VIEWS if frontiers else 1)
         if not frontiers and not things:
             return False
-        self._choices = Choices(self._task, tuple(frontiers), tuple(things))
+        self._choices = self._choices_of(frontiers, things)
         self._offered |= {thing.number for thing in things}
         self._reviewed_at = self._planned_at = self._step
-        verdict = self._judge.choose(self._choices)
+        verdict = self.judge.choose(self._choices)
         self._note = verdict.note
         if isinstance(verdict.chosen, Thing):
             self._seeker.choose(None)
@@ -182,6 +183,11 @@ class JudgedFrontierAgent:
             self._thing = None
             self._seeker.choose(verdict.chosen)
         return True
+
+    def _choices_of(self, frontiers: Sequence[Frontier], things: Sequence[Thing]) -> Choices:
+        memory = self._seeker.memory
+        robot = (*memory.xz, memory.yaw)
+        return Choices(self._task, tuple(frontiers), tuple(things), memory.ground(), robot, memory.floor_y)
 
     def _open_frontiers(self) -> list[Frontier]:
         """At most MOST_FRONTIERS that a way leads to."""

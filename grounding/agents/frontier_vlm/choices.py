@@ -6,8 +6,9 @@ Frontiers, things -> `Choices` -> a judge -> `Verdict` -> the agent walks there.
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-from sim.types import Task
+from sim.types import Frame, Task
 
+from ..floor_memory import Ground
 from ..frontiers import Frontier
 from .things import Thing
 
@@ -24,6 +25,12 @@ class Choices:
     """At most MOST_FRONTIERS with a way to them, cheapest for their size first (`find_frontiers`)."""
     things: tuple[Thing, ...]
     """At most MOST_THINGS that fit the goal text, highest score first."""
+    ground: Ground
+    """What is known of the floor; the grid of the frontiers' cells."""
+    robot: tuple[float, float, float]
+    """x, z (metres) and yaw."""
+    floor_y: float
+    """Height of the floor, metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +44,10 @@ class Verdict:
 
 
 class Judge(Protocol):
-    """Chooses where an agent goes. It is told when an episode begins."""
+    """Chooses where an agent goes in one episode."""
 
-    def reset(self) -> None:
-        """An episode begins."""
+    def see(self, frame: Frame) -> None:
+        """The robot's view at a step, before any choice in it. Frame: start."""
         ...
 
     def choose(self, choices: Choices) -> Verdict:
@@ -62,8 +69,8 @@ class GeometryJudge:
         """Takes the rule for frontiers."""
         self.rule: GeometryRule = rule
 
-    def reset(self) -> None:
-        """Nothing is remembered."""
+    def see(self, frame: Frame) -> None:
+        """Nothing is kept: geometry does not look."""
 
     def choose(self, choices: Choices) -> Verdict:
         """The first thing; without things, the first or the cheapest frontier."""
