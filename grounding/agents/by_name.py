@@ -9,6 +9,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.mesh import Scene
 from sim.tasks.agents import Agent
+from sim.tasks.looks import LookKind
 
 from ..encoders.protocol import ModelOptions
 from ..phrases.rules import RulePhrases
@@ -75,6 +76,15 @@ def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable) -> 
 
     rule = "nearest" if name == "nearest-frontier" else "distance-weighted"
     return JudgedFrontierAgent(perception, text_of, judge=lambda: GeometryJudge(rule))
+
+
+def looks_of(name: SeeingName) -> frozenset[LookKind]:
+    """The looks at a home that the agent can take before the task."""
+    if name == "vlfm":
+        return frozenset()
+    from .onemap.agent import OneMapAgent
+
+    return OneMapAgent.looks
 
 
 @lru_cache(maxsize=1)
