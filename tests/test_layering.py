@@ -31,7 +31,7 @@ ROOMS = {
         types
         chat.protocol encoders.protocol encoders chat phrases perception.segments perception.paraphrase maps
         perception encoders.by_name perception.by_name methods
-        agents agents.onemap agents.vlfm agents.by_name robot evaluation report checks
+        agents agents.onemap agents.vlfm agents.frontier_vlm agents.by_name robot evaluation report checks
     """,
     "recordings": """
         paths traces read scene maps episode insight divergence texts layers memory blueprints

@@ -18,7 +18,7 @@ from .goal_text import GoalText, goal_text
 if TYPE_CHECKING:
     from ..perception.protocol import Perception
 
-SeeingName = Literal["vlfm", "onemap"]
+SeeingName = Literal["vlfm", "onemap", "frontier-geometry", "nearest-frontier"]
 SEEING: tuple[SeeingName, ...] = get_args(SeeingName)
 
 
@@ -67,9 +67,15 @@ def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable) -> 
         from .vlfm.agent import VlfmAgent
 
         return VlfmAgent(perception, text_of)
-    from .onemap.agent import OneMapAgent
+    if name == "onemap":
+        from .onemap.agent import OneMapAgent
 
-    return OneMapAgent(perception, text_of)
+        return OneMapAgent(perception, text_of)
+    from .frontier_vlm.agent import JudgedFrontierAgent
+    from .frontier_vlm.choices import GeometryJudge
+
+    rule = "nearest" if name == "nearest-frontier" else "distance-weighted"
+    return JudgedFrontierAgent(perception, text_of, judge=lambda: GeometryJudge(rule))
 
 
 def looks_of(name: SeeingName) -> frozenset[LookKind]:

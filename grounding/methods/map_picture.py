@@ -35,15 +35,15 @@ def numbered_map(
         floor: What the robot knows of the floor; None = nothing is drawn below the things.
     """
     view = PlanView.around(_shown_xz([item for _, item in things], floor), margin=_MARGIN, longest=LONGEST, least=64)
-    picture = Image.fromarray(_ground(view, floor))
+    picture = Image.fromarray(floor_picture(view, floor))
     draw = ImageDraw.Draw(picture)
     for number, item in things:
         colour = _COLOURS[number % len(_COLOURS)]
         half = max(1.5, 0.03 * view.scale)  # points are about 5 cm apart
         for u, v in view.pixels(item.points[:, [0, 2]]).tolist():
             draw.rectangle((u - half, v - half, u + half, v + half), fill=colour)
-    _write_numbers(draw, [(str(number), *_pixel(view, item)) for number, item in things])
-    _draw_scale(draw, view)
+    draw_numbers(draw, [(str(number), *_pixel(view, item)) for number, item in things])
+    draw_scale(draw, view)
     return np.asarray(picture), view
 
 
@@ -55,7 +55,7 @@ def _shown_xz(things: Sequence[ObjectInstance], floor: OccupancyGrid | None) -> 
     return np.concatenate(places)
 
 
-def _ground(view: PlanView, floor: OccupancyGrid | None) -> NDArray[np.uint8]:
+def floor_picture(view: PlanView, floor: OccupancyGrid | None) -> NDArray[np.uint8]:
     """(H, W, 3) the floor without things."""
     ground = np.full((view.height, view.width, 3), _UNKNOWN_COLOUR, np.uint8)
     if floor is None:
@@ -78,7 +78,7 @@ def _pixel(view: PlanView, item: ObjectInstance) -> tuple[float, float]:
     return u, v
 
 
-def _write_numbers(draw: ImageDraw.ImageDraw, numbers: Sequence[tuple[str, float, float]]) -> None:
+def draw_numbers(draw: ImageDraw.ImageDraw, numbers: Sequence[tuple[str, float, float]]) -> None:
     """Writes each number on its thing, or beside it with a line to it where another number stands there."""
     font = ImageFont.load_default(size=_FONT)
     taken: list[_Box] = []
@@ -107,7 +107,7 @@ def _free_box(box: _Box, taken: Sequence[_Box]) -> _Box:
     return box
 
 
-def _draw_scale(draw: ImageDraw.ImageDraw, view: PlanView) -> None:
+def draw_scale(draw: ImageDraw.ImageDraw, view: PlanView) -> None:
     """A bar of one metre in the lower left corner."""
     low = view.height - 10
     draw.line((10, low, 10 + view.scale, low), fill=_INK, width=3)

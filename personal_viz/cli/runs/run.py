@@ -71,15 +71,15 @@ class Run:
     agent: Annotated[
         str,
         arg(
-            help="random, random-frontier, vlfm or onemap (both with --perception), shortest-path (knows the goal), or "
-            "your own as package.module:factory."
+            help="random, random-frontier; vlfm, onemap, frontier-geometry or nearest-frontier (these with "
+            "--perception); shortest-path (knows the goal); or your own as package.module:factory."
         ),
     ] = MISSING
     study: StudyFolder = None
     perception: Annotated[
         str | None,
         arg(
-            help="vlfm and onemap: what they see with. oracle, oracle:mild or oracle:strong (the simulator's ids, with "
+            help="Agents that see: with what. oracle, oracle:mild or oracle:strong (the simulator's ids, with "
             "errors); encoder=clip:ID,detector=owlv2:ID (models by id or folder; also siglip:, blip2-itc256:, "
             "grounding-dino:, yolox:FILE); or your own as package.module:factory."
         ),
@@ -87,7 +87,7 @@ class Run:
     goal_text: Annotated[
         GoalText,
         arg(
-            help="vlfm and onemap: what they look for. phrase (the thing's words in the description), query, or "
+            help="Agents that see: what they look for. phrase (the thing's words in the description), query, or "
             "caption (the authors' protocol: ground truth, named in every row)."
         ),
     ] = "phrase"
