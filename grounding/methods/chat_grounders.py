@@ -143,7 +143,7 @@ class ChatGrounder:
         except NoAnswer:
             found = self._other.ground(memory, task, self._rules.phrases(task))
             return Grounding(found.candidates, found.layers, fell_back=True)
-        return Grounding(candidates_at(grid, points, -np.arange(len(points), dtype=np.float64)))
+        return Grounding(candidates_at(grid, points, 1 / np.arange(1, len(points) + 1)))
 
     def _answered(self, chat: Chat, memory: Memory, task: Task) -> tuple[np.ndarray, GridSpec]:
         """World points (M, 3) on the floor, best first, and the map's grid; NoAnswer where the model gives none."""

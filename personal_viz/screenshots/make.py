@@ -20,6 +20,10 @@ from matplotlib.figure import Figure
 from PIL import Image
 from playwright.sync_api import Page, expect
 
+from grounding.maps.files import load_memory
+from grounding.maps.home_map import ObjectMap
+from grounding.methods.chat_grounders import numbered_things
+from grounding.methods.map_picture import numbered_map
 from human_study.design.plan import load_plan
 from human_study.design.study import (
     Condition,
@@ -226,6 +230,19 @@ def picture_ask(folder: Path) -> None:
     Image.open(folder / "answer.png").convert("RGB").save(PICTURES / "ask.jpg", quality=85)
 
 
+def picture_chat(folder: Path) -> None:
+    """The map of an invented home that `map-image-vlm` shows to a chat model."""
+    data = folder / "data"
+    write_files(data, dataset_files("Invented3", seed=3, episodes_per_split=1))
+    explored = ("--map", "explore", "--layout", "objects", "--out", str(folder / "runs"))
+    _work("ground", "--dataset", str(data), "--method", "object-phrase", *explored)
+    (file,) = (folder / "runs").glob("map-*/maps/*.npz")
+    (storey,) = load_memory(file).storeys
+    assert isinstance(storey.memory, ObjectMap)
+    picture, _ = numbered_map(numbered_things(storey.memory), storey.occupancy)
+    Image.fromarray(picture).save(PICTURES / "chat-map.png", optimize=True)
+
+
 def picture_view(folder: Path) -> None:
     """`view` on an invented home, with two points and the robot a few steps away from its first place."""
     write_files(folder, dataset_files("Invented7", seed=7, episodes_per_split=1))
@@ -329,6 +346,7 @@ JOBS: dict[str, Callable[[Path], None]] = {
     "scans": picture_scans,
     "tables": picture_tables,
     "ask": picture_ask,
+    "chat": picture_chat,
     "browse": picture_browse,
     "view": picture_view,
     "annotate": picture_annotate,
