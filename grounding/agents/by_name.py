@@ -9,6 +9,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.mesh import Scene
 from sim.tasks.agents import Agent
+from sim.tasks.looks import LookKind
 
 from ..encoders.protocol import ModelOptions
 from ..phrases.rules import RulePhrases
@@ -69,6 +70,15 @@ def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable) -> 
     from .onemap.agent import OneMapAgent
 
     return OneMapAgent(perception, text_of)
+
+
+def looks_of(name: SeeingName) -> frozenset[LookKind]:
+    """The looks at a home that the agent can take before the task."""
+    if name == "vlfm":
+        return frozenset()
+    from .onemap.agent import OneMapAgent
+
+    return OneMapAgent.looks
 
 
 @lru_cache(maxsize=1)

@@ -44,6 +44,8 @@ class GroundJob(SceneJob):
     model: ModelOptions | None = None
     budget: Budget | None = None
     """Options for `SceneGrounder`."""
+    query_index: int = 0
+    """Which of the query's paraphrases the grounder reads."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +69,7 @@ class SceneGrounder:
         folders: MapFolders | None = None,
         model: ModelOptions | None = None,
         budget: Budget | None = None,
+        query_index: int = 0,
     ) -> None:
         """Reads the scene's episode files; the home is explored and mapped when the first answer is needed.
 
@@ -74,6 +77,7 @@ class SceneGrounder:
             folders: Folders of the maps; needed unless they are oracle maps.
             model: How a real encoder runs, with the autocast of the settings; None = its defaults.
             budget: Limits of a chat model, and the run folder that counts; None = neither.
+            query_index: Which of the query's paraphrases the grounder reads.
 
         Raises:
             DatasetError: The scene is unknown or a file is damaged.
@@ -88,7 +92,7 @@ class SceneGrounder:
         else:
             assert folders is not None, "maps that are no oracle maps lie in a folder"
             self._map_of = home_maps(dataset, scene, settings, folders, encoder=encoder, model=options)
-        self._settings = settings
+        self._settings, self._query_index = settings, query_index
         endpoint = settings.endpoint(budget)
         self._chat = None if endpoint is None else RecordedChat(endpoint)
         seen = None if folders is None else SeenHome(dataset, scene, settings, folders)
@@ -102,7 +106,7 @@ class SceneGrounder:
 
     def ground(self, episode: Episode) -> Grounding:
         """The grounder's answer and layers; it sees the map, the task and the phrases only."""
-        task = episode.task("pog")
+        task = episode.task("pog", query_index=self._query_index)
         phrases = self._phrases.phrases(task) if self._grounder.uses_phrases else ()
         return self._grounder.ground(self.memory(episode), task, phrases)
 
@@ -140,7 +144,8 @@ def select_jobs(
     sample_seed: int = 0,
     folders: MapFolders | None = None,
     model: ModelOptions | None = None,
-    budget: Budget | None = None,
+    keys: Sequence[EpisodeKey] | None = None,
+    query_index: int = 0,
 ) -> list[GroundJob]:
     """One job per scene, in order of scene names.
 
@@ -149,13 +154,15 @@ def select_jobs(
         limit: At most this many episodes of each split, a sample spread over the scenes; None = all.
         sample_seed: Seed of that sample.
         folders: Folders of the maps; None for oracle maps.
-        budget: As in `SceneGrounder`.
+        keys: These episodes, whatever `splits`, `scenes` and `limit` say; None = as they say.
+        query_index: Which of the query's paraphrases the grounder reads.
 
     Raises:
         DatasetError: A named scene is unknown, or a file is damaged.
     """
-    found = dataset.sample(splits=splits, scenes=scenes, per_split=limit, seed=sample_seed)
-    keys = [episode.key for episode in found]
+    if keys is None:
+        found = dataset.sample(splits=splits, scenes=scenes, per_split=limit, seed=sample_seed)
+        keys = [episode.key for episode in found]
     names = sorted({key.scene for key in keys})
     evidence = tuple(edition.root for edition in dataset.evidence)
     return [
@@ -166,8 +173,8 @@ def select_jobs(
             settings,
             folders,
             model,
-            budget,
             evidence=evidence,
+            query_index=query_index,
         )
         for name in names
     ]
@@ -214,6 +221,14 @@ def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answered]:
         SceneError: The home does not fit a map.
     """
     dataset = PersonalDataset(job.dataset_root, evidence=job.evidence)
-    grounder = SceneGrounder(dataset, job.scene, job.settings, folders=job.folders, model=job.model, budget=job.budget)
+    grounder = SceneGrounder(
+        dataset,
+        job.scene,
+        job.settings,
+        folders=job.folders,
+        model=job.model,
+        budget=job.budget,
+        query_index=job.query_index,
+    )
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
     return lambda key: grounder.answered(episodes[key])

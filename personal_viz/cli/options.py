@@ -8,6 +8,19 @@ from tyro.conf import arg
 from sim.types import ClutterLevel, Split
 
 Dataset = Annotated[Path, arg(help="Folder with easy/, medium/, hard/ (data/split in the authors' repository).")]
+StudyFolder = Annotated[
+    Path | None,
+    arg(
+        help="Folder of a planned study: its people's episodes, limits, homes and looks at them; results go to its "
+        "folder runs, where study report finds them."
+    ),
+]
+DatasetOrStudy = Annotated[
+    Path | None,
+    arg(
+        help="Folder with easy/, medium/, hard/ (data/split in the authors' repository); with --study only if it moved."
+    ),
+]
 Evidence = Annotated[
     tuple[Path, ...],
     arg(help="Further editions of the dataset: their places and objects also make the homes without a scan."),
@@ -48,6 +61,7 @@ MaxTokens = Annotated[
 Price = Annotated[
     tuple[float, float] | None, arg(help="Money for a million tokens of prompts and of answers, to print the cost.")
 ]
+Out = Annotated[Path | None, arg(help="Folder of run folders: runs by default, with --study the study's own runs.")]
 Jobs = Annotated[int, arg(help="Worker processes; results do not depend on their number.")]
 Label = Annotated[
     str | None,

@@ -63,6 +63,15 @@ def sampled(
     return chosen
 
 
+def require_dataset(dataset: Path | None) -> Path:
+    """The folder of `--dataset`; raises PersonalVizError without one."""
+    if dataset is None:
+        raise PersonalVizError(
+            "--dataset: found none; expected the folder of the episodes. Give it, or --study for those of a study."
+        )
+    return dataset
+
+
 def nothing_chosen(dataset: Path) -> PersonalVizError:
     """The error of splits and scenes without an episode."""
     return PersonalVizError(f"{dataset}: the chosen splits and scenes hold no episode; expected one. Choose others.")

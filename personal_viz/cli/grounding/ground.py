@@ -6,8 +6,9 @@ import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
+from tyro import MISSING
 from tyro.conf import arg
 
 from grounding.chat.budget import Budget
@@ -42,7 +43,7 @@ from ...progress import counted
 from ..chat_cost import require_chat_for_limits
 from ..options import (
     Clutter,
-    Dataset,
+    DatasetOrStudy,
     Evidence,
     Jobs,
     Json,
@@ -56,17 +57,22 @@ from ..options import (
     ModelAutocast,
     ModelBatch,
     ModelDevice,
+    Out,
     Price,
     RunId,
     SampleSeed,
     Scenes,
     ScenesDir,
     Splits,
+    StudyFolder,
 )
 from ..output import print_json
-from ..refusals import check_options, nothing_chosen
+from ..refusals import check_options, nothing_chosen, require_dataset
 from .ground_maps import cell_of_maps, layout_of_maps
 from .ground_tables import GroundResult, ground_document, print_ground_table
+
+if TYPE_CHECKING:
+    from ...study_app.planned_study import PlannedStudy
 
 EXPLORATIONS = "explorations"
 """Folder below --out that all maps of explored homes share."""
@@ -81,7 +87,7 @@ _EXPLORED = "Explored maps: "
 class Ground:
     """Ground POG episodes on oracle maps, on maps of homes that our explorer walks, or on maps made before."""
 
-    dataset: Dataset
+    dataset: DatasetOrStudy = None
     method: Annotated[
         str,
         arg(
@@ -90,7 +96,8 @@ class Ground:
             "object-list-llm or map-image-vlm on maps of objects, and frames-vlm on explored homes; or your own as "
             "package.module:factory, which gets the map's encoder."
         ),
-    ]
+    ] = MISSING
+    study: StudyFolder = None
     map: Annotated[
         str,
         arg(help="oracle (texts of the episode files), explore (walk each home, map it), or a folder of <Scene>.npz."),
@@ -139,7 +146,7 @@ class Ground:
     sweep: Annotated[str | None, arg(help="NAME=V1,V2,...: one run per value, e.g. object-noise=0,0.1,0.2.")] = None
     evidence: Evidence = ()
     scenes_dir: ScenesDir = None
-    out: Path = Path("runs")
+    out: Out = None
     scene: Scenes = ()
     split: Splits = ()
     limit: Limit = None
@@ -163,7 +170,9 @@ class Ground:
 
     def run(self) -> int:
         self.check()
-        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
+        if self.study is not None:
+            return self._of_study().run()
+        episodes = PersonalDataset(require_dataset(self.dataset), evidence=self.evidence)
         settings = self.settings(episodes)
         check_options(self)
         require_chat_for_limits(self, has_chat=settings.has_chat)
@@ -196,6 +205,37 @@ class Ground:
         kind = "files" if self._folder else "explore" if self.map == "explore" else "oracle"
         return GroundSettings(map=kind, layout=layout, home_clutter=self.clutter, **values)
 
+    def _of_study(self) -> "_GroundStudy":
+        """The same on what the study's people point at: in its homes, without being told the target's storey.
+
+        Raises:
+            PersonalVizError: An option contradicts the plan, or the study, its dataset or a home cannot be used.
+        """
+        from ...study_app.planned_study import agent_runs, open_planned, require_plans_choices
+
+        assert self.study is not None
+        require_plans_choices(self, ("scene", "split", "limit", "sample_seed", "clutter"))
+        study = open_planned(
+            self.study, "pog", dataset=self.dataset, evidence=self.evidence, scenes_dir=self.scenes_dir
+        )
+        homes = study.scenes("pog")
+        same = {field.name: getattr(self, field.name) for field in fields(self)}
+        placed = {
+            "study": None,
+            "dataset": study.dataset.root,
+            "evidence": tuple(edition.root for edition in study.dataset.evidence),
+            "scenes_dir": study.scenes_dir,
+            "scene": tuple(home.name for home in homes),
+            "clutter": homes[0].clutter if self.map == "explore" else 0,
+            "all_storeys": True,
+            "out": agent_runs(study, self.out),
+        }
+        return _GroundStudy(**{**same, **placed}, planned=study)
+
+    @property
+    def _out(self) -> Path:
+        return self.out or Path("runs")
+
     @property
     def _folder(self) -> Path | None:
         """The folder of map files, for `--map PATH`; otherwise None."""
@@ -209,8 +249,8 @@ class Ground:
     def _grounded(self, episodes: PersonalDataset, settings: GroundSettings) -> GroundResult:
         """Makes or continues one run, and returns it with its figures."""
         info = self._info(episodes, settings)
-        folder = self.out / info.run_id
-        work = self._work(episodes, settings, info, folder)
+        folder = self._out / info.run_id
+        work = self._work(episodes, settings, info)
         self._answer(work, folder, info)
         run = read_run(folder)
         chosen = {key for job in work for key in job.keys}
@@ -227,22 +267,19 @@ class Ground:
     def _answer(self, work: Sequence[GroundJob], folder: Path, info: RunInfo) -> None:
         """Answers the episodes that the run folder does not hold yet."""
         if not work:
-            raise nothing_chosen(self.dataset)
+            raise nothing_chosen(require_dataset(self.dataset))
         writer = RunWriter(folder, info)
         keys = [key for job in work for key in job.keys]
         with counted(info.run_id, len(keys)) as progress:
             progress.add(sum(key in writer.done for key in keys))
-            noted = [replace(job, folders=job.folders and replace(job.folders, notes=progress.notes)) for job in work]
+            limited = [replace(job, budget=self._budget(folder)) for job in work]
+            noted = [
+                replace(job, folders=job.folders and replace(job.folders, notes=progress.notes)) for job in limited
+            ]
             evaluate(noted, writer, processes=self.jobs, on_episode=progress.add)
 
-    def _work(
-        self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo, folder: Path
-    ) -> list[GroundJob]:
+    def _work(self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
         """One job per scene."""
-        folders = None
-        if settings.map != "oracle":
-            maps = self._folder or self.out / str(info.config["maps"])
-            folders = MapFolders(maps, self.out / EXPLORATIONS, self.scenes_dir)
         return select_jobs(
             episodes,
             settings,
@@ -250,10 +287,16 @@ class Ground:
             scenes=self.scene or None,
             limit=self.limit,
             sample_seed=self.sample_seed,
-            folders=folders,
+            folders=self._folders(settings, info),
             model=self._model,
-            budget=self._budget(folder) if settings.has_chat else None,
         )
+
+    def _folders(self, settings: GroundSettings, info: RunInfo) -> MapFolders | None:
+        """Folders of maps and explorations; None for oracle maps."""
+        if settings.map == "oracle":
+            return None
+        maps = self._folder or self._out / str(info.config["maps"])
+        return MapFolders(maps, self._out / EXPLORATIONS, self.scenes_dir)
 
     def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
         """The contents of run.json."""
@@ -295,6 +338,33 @@ class Ground:
             return fitting_run_id(f"{self.run_id}{phrases}")
         name = self.sweep.partition("=")[0].strip().replace("-", "_")
         return fitting_run_id(f"{self.run_id}-{name.replace('_', '-')}{getattr(settings, name)}{phrases}")
+
+
+@dataclass
+class _GroundStudy(Ground):
+    """`Ground` on the episodes of a planned study; its other options are those of the plan."""
+
+    planned: "PlannedStudy | None" = None
+
+    def _work(self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
+        """One job per scene."""
+        assert self.planned is not None
+        keys = sorted({key for found in self.planned.episodes("pog").values() for key in found})
+        index = self.planned.config.query_index
+        return select_jobs(
+            episodes, settings, folders=self._folders(settings, info), model=self._model, keys=keys, query_index=index
+        )
+
+    def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
+        """The contents of run.json, with the study and all its conditions: a grounder answers alike in each."""
+        from human_study.export.runs import study_facts
+
+        assert self.planned is not None
+        config, info = self.planned.config, super()._info(episodes, settings)
+        clutter = self.planned.scenes("pog")[0].clutter
+        facts = {"clutter": clutter, **study_facts(config, tuple(self.planned.episodes("pog")))}
+        run_id = info.run_id if self.run_id else fitting_run_id(f"{config.study}-{info.run_id}")
+        return info.model_copy(update={"run_id": run_id, "config": {**info.config, **facts}})
 
 
 def _facts(settings: GroundSettings) -> Grounder:

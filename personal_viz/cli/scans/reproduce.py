@@ -131,7 +131,7 @@ class Reproduce:
         check_options(self)
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         chosen = sampled(episodes, splits=self.split, scenes=self.scene, limit=self.limit, seed=self.sample_seed)
-        homes = tuple(keys_by_scene(chosen, self.scenes_dir))
+        homes = tuple(keys_by_scene([episode.key for episode in chosen], self.scenes_dir))
         kind = common_kind(episodes, homes, self.scenes_dir)
         self._require_fitting_runs(kind, episodes.digest())
         steps = list(self._steps(self.out, homes, scene=self.scene, limit=self.limit))
