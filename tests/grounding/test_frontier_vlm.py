@@ -110,6 +110,12 @@ def walked(judge: Callable[[], Judge], scores: dict[str, float], *, max_steps: i
     return Walk(actions, env, agent, notes)
 
 
+@lru_cache(maxsize=1)
+def walk_to_the_small_cup() -> tuple[ScriptedChat, Walk]:
+    chat = ScriptedChat(best_snapshot_or_first_frontier)
+    return chat, walked(lambda: ChatJudge(chat), {"tall_1": 0.95, "small_1": 0.9})
+
+
 def centre_of(name: str) -> tuple[float, float, float]:
     (thing,) = (item for item in home().objects if item.name == name)
     return thing.centre
@@ -122,8 +128,7 @@ def best_snapshot_or_first_frontier(words: str) -> str:
 
 
 def test_the_model_passes_by_the_wrong_cup_and_the_agent_stops_within_a_metre_of_the_right_one() -> None:
-    chat = ScriptedChat(best_snapshot_or_first_frontier)
-    walk = walked(lambda: ChatJudge(chat), {"tall_1": 0.95, "small_1": 0.9})
+    chat, walk = walk_to_the_small_cup()
     assert walk.actions[:FULL_TURN] == [Action.LEFT] * FULL_TURN
     assert (walk.env.end_reason, walk.actions[-1]) == ("stop", Action.STOP)
     assert planar_distance(walk.env.pose.position, centre_of("small_1")) <= 1.0
@@ -137,8 +142,7 @@ def test_the_model_passes_by_the_wrong_cup_and_the_agent_stops_within_a_metre_of
 
 
 def test_the_model_is_asked_on_arrival_and_when_the_choices_change_and_the_same_run_asks_the_same() -> None:
-    chat, again = ScriptedChat(best_snapshot_or_first_frontier), ScriptedChat(best_snapshot_or_first_frontier)
-    walk = walked(lambda: ChatJudge(chat), {"tall_1": 0.95, "small_1": 0.9})
+    (chat, walk), again = walk_to_the_small_cup(), ScriptedChat(best_snapshot_or_first_frontier)
     assert walked(lambda: ChatJudge(again), {"tall_1": 0.95, "small_1": 0.9}).actions == walk.actions
     assert [words_of(parts) for _, parts in again.questions] == [words_of(parts) for _, parts in chat.questions]
     assert len(chat.questions) == NUM_QUESTIONS
@@ -147,8 +151,7 @@ def test_the_model_is_asked_on_arrival_and_when_the_choices_change_and_the_same_
 
 
 def test_a_question_holds_the_task_a_map_and_at_most_eight_pictures_of_each_kind() -> None:
-    chat = ScriptedChat(best_snapshot_or_first_frontier)
-    walked(lambda: ChatJudge(chat), {"tall_1": 0.95, "small_1": 0.9})
+    chat, _ = walk_to_the_small_cup()
     for _, parts in chat.questions:
         words = words_of(parts)
         assert words.startswith(f"Description: {TASK.description}\n\nQuery: {TASK.queries[0]}\n\nMap")
