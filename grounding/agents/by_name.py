@@ -11,6 +11,9 @@ from sim.mesh import Scene
 from sim.tasks.agents import Agent
 from sim.tasks.looks import LookKind
 
+from ..chat.budget import Budget
+from ..chat.endpoint import Endpoint, LlmOptions
+from ..chat.transcript import RecordedChat
 from ..encoders.protocol import ModelOptions
 from ..phrases.rules import RulePhrases
 from .goal_text import GoalText, goal_text
@@ -18,7 +21,9 @@ from .goal_text import GoalText, goal_text
 if TYPE_CHECKING:
     from ..perception.protocol import Perception
 
-SeeingName = Literal["vlfm", "onemap", "frontier-geometry", "nearest-frontier"]
+SeeingName = Literal["vlfm", "onemap", "frontier-vlm", "frontier-geometry", "nearest-frontier"]
+CONTROLS: dict[SeeingName, SeeingName] = {"frontier-vlm": "frontier-geometry"}
+"""Agents that are always run beside another one on the same episodes."""
 SEEING: tuple[SeeingName, ...] = get_args(SeeingName)
 
 
@@ -34,6 +39,10 @@ class MakesSeeing:
     """How real models run."""
     seed: int = 0
     """Of the errors of oracle perception."""
+    llm: LlmOptions | None = None
+    """The chat model of frontier-vlm."""
+    budget: Budget | None = None
+    """Its limits, and the run folder that counts; None = neither."""
     looks: ClassVar[bool] = True
 
     def open(self, dataset: PersonalDataset, scene: Scene) -> Callable[[Episode], Agent]:
@@ -45,9 +54,14 @@ class MakesSeeing:
         """
         perception_of = self._perception(dataset, scene)
         phrases = RulePhrases()
+        chat = self._chat() if self.name == "frontier-vlm" else None
         return lambda episode: _agent(
-            self.name, perception_of(episode), text_of=goal_text(self.goal_text, episode, phrases)
+            self.name, perception_of(episode), text_of=goal_text(self.goal_text, episode, phrases), chat=chat
         )
+
+    def _chat(self) -> RecordedChat:
+        assert self.llm is not None, "frontier-vlm without a chat model"
+        return RecordedChat(Endpoint(self.llm, budget=self.budget))
 
     def _perception(self, dataset: PersonalDataset, scene: Scene) -> Callable[[Episode], "Perception"]:
         from ..maps.oracle_map import object_texts
@@ -62,7 +76,7 @@ class MakesSeeing:
         )
 
 
-def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable) -> Agent:
+def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable, chat: RecordedChat | None) -> Agent:
     if name == "vlfm":
         from .vlfm.agent import VlfmAgent
 
@@ -71,6 +85,10 @@ def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable) -> 
         from .onemap.agent import OneMapAgent
 
         return OneMapAgent(perception, text_of)
+    if chat is not None:
+        from .frontier_vlm.transcribed import TranscribedAgent
+
+        return TranscribedAgent(perception, text_of, chat)
     from .frontier_vlm.agent import JudgedFrontierAgent
     from .frontier_vlm.choices import GeometryJudge
 
@@ -80,7 +98,7 @@ def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable) -> 
 
 def looks_of(name: SeeingName) -> frozenset[LookKind]:
     """The looks at a home that the agent can take before the task."""
-    if name == "vlfm":
+    if name != "onemap":
         return frozenset()
     from .onemap.agent import OneMapAgent
 

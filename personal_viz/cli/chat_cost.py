@@ -1,9 +1,12 @@
 """Limits and cost of a run's chat model, for the verbs that ask one."""
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Protocol
 
-from grounding.chat.budget import ChatUsage
+from grounding.chat.budget import Budget, ChatUsage
 from sim.errors import AgentError
+from sim.tasks.chat_turns import read_turns
 from sim.words.english import how_many
 
 
@@ -48,6 +51,22 @@ def chat_line(used: ChatUsage, price: tuple[float, float] | None) -> str:
         f"{used.no_answer} without an answer, {used.retries} retries), {used.prompt_tokens} + {used.completion_tokens} "
         f"tokens{cost}."
     )
+
+
+def print_chat_use(folders: Sequence[Path], *, price: tuple[float, float] | None) -> None:
+    """Prints what each run spent on a chat model, and how many answers its agent could not use.
+
+    Args:
+        folders: Run folders; those without a chat model are passed over.
+        price: As in `chat_line`.
+    """
+    for folder in folders:
+        turns = list(read_turns(folder))
+        if not turns:
+            continue
+        unusable = sum(bool(turn.problem) for turn in turns)
+        print(f"{folder.name}: {unusable} of {how_many(len(turns), 'question')} without a usable answer.")
+        print(chat_line(Budget(folder).used(), price))
 
 
 def chat_document(used: ChatUsage, price: tuple[float, float] | None) -> dict[str, object]:

@@ -52,7 +52,7 @@ class ChatTurn(BaseModel):
     answer: str = ""
     """The model's words; "" = none came."""
     problem: str = ""
-    """Why no answer came; "" where one came."""
+    """Why no answer came, or why an agent could not use it; "" for an answer that was used."""
     cached: bool = False
     """Whether the answer was kept from an earlier question, and so cost nothing."""
     prompt_tokens: _Count = 0

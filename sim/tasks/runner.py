@@ -17,6 +17,7 @@ from sim.walk.navigation_map import NavigationMap
 
 from .agent_makers import AgentMaker
 from .agents import Agent, next_action
+from .chat_turns import NO_CHAT, Transcript
 from .looks import HomeLook, LooksFirst
 from .observers import Explains, Insight, Observer
 from .pan import PanEnv
@@ -69,6 +70,17 @@ class Played:
 
     run: EpisodeRun
     problem: RecordingError | None = None
+    chat: Transcript = NO_CHAT
+    """What the agent asked of a chat model."""
+
+
+@runtime_checkable
+class Converses(Protocol):
+    """An agent that asks a chat model; its questions and answers are kept in the run folder."""
+
+    def transcript(self, key: EpisodeKey) -> Transcript:
+        """What it asked since the last call, as that of this episode."""
+        ...
 
 
 @runtime_checkable
@@ -233,14 +245,16 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
         terms, look = job.terms, job.look_at(scene, episode.start) if job.look_at is not None else None
         task = terms.task(episode)
         env = PanEnv(episode.start, scene.navigation, renderer=renderer, camera=terms.camera, max_steps=terms.max_steps)
+        agent = agent_of(episode)
         try:
-            play_episode(agent_of(episode), env, task, seed=episode_seed(job.seed, key), watch=watch, look=look)
+            play_episode(agent, env, task, seed=episode_seed(job.seed, key), watch=watch, look=look)
         except AgentError as error:
             watch.break_off()
             raise AgentError(f"{key}: {error}") from error
         run = run_from_env(episode, env, scene_digest=scene.digest, navigation=scene.navigation)
         watch.end(run)
-        return Played(run, watch.problem)
+        chat = agent.transcript(key) if isinstance(agent, Converses) else NO_CHAT
+        return Played(run, watch.problem, chat)
 
     return run_episode
 
@@ -259,7 +273,7 @@ def run_agent(
             the episode is on disk as well.
     """
     for played in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
-        writer.add_episode(played.run)
+        writer.add_episode(played.run, chat=played.chat)
         on_episode()
         if played.problem is not None:
             raise played.problem

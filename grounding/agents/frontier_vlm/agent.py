@@ -60,7 +60,7 @@ class JudgedFrontierAgent:
         if not isinstance(self._perception, Perception):
             self._perception = self._perception()
         self._perception.detector.set_query(self._goal_text(task))
-        self.judge = self._make_judge()
+        self._judge = self._make_judge()
         self._task = task
         self._seeker = Seeker(camera, can_look=Action.LOOK_DOWN in task.actions)
         self._things = SeenThings()
@@ -113,7 +113,7 @@ class JudgedFrontierAgent:
 
     def _look(self, frame: Frame, perception: Perception) -> None:
         """Shows the judge a view, and looks for things in it."""
-        self.judge.see(frame)
+        self._judge.see(frame)
         found = [(each, perception.segmenter.mask(frame, each)) for each in perception.detector.detect(frame)]
         self._detections = self._things.see(frame, found)
 
@@ -174,7 +174,7 @@ class JudgedFrontierAgent:
         self._choices = self._choices_of(frontiers, things)
         self._offered |= {thing.number for thing in things}
         self._reviewed_at = self._planned_at = self._step
-        verdict = self.judge.choose(self._choices)
+        verdict = self._judge.choose(self._choices)
         self._note = verdict.note
         if isinstance(verdict.chosen, Thing):
             self._seeker.choose(None)

@@ -6,6 +6,8 @@ Frontiers, things -> `Choices` -> a judge -> `Verdict` -> the agent walks there.
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+import numpy as np
+
 from sim.types import Frame, Task
 
 from ..floor_memory import Ground
@@ -31,6 +33,12 @@ class Choices:
     """x, z (metres) and yaw."""
     floor_y: float
     """Height of the floor, metres."""
+
+    def place_of(self, frontier: Frontier) -> tuple[float, float]:
+        """(x, z) of the frontier's cell that is nearest to its middle, metres: the middle of an arc lies beside it."""
+        places = self.ground.grid.xz_from_rc(frontier.cells_rc)
+        x, z = places[np.hypot(*(places - np.array(frontier.middle_xz)).T).argmin()].tolist()
+        return x, z
 
 
 @dataclass(frozen=True, slots=True)

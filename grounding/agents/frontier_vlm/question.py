@@ -114,10 +114,10 @@ def map_picture(choices: Choices) -> NDArray[np.uint8]:
     for thing in choices.things:
         u, v = view.pixels(thing.xz).tolist()
         draw.ellipse((u - 6, v - 6, u + 6, v + 6), fill=_THING_COLOUR)
-    _draw_robot(draw, view, (x, z), yaw)
-    labels = [(f"F{number}", each.middle_xz) for number, each in enumerate(choices.frontiers, start=1)]
+    labels = [(f"F{number}", choices.place_of(each)) for number, each in enumerate(choices.frontiers, start=1)]
     labels += [(f"S{number}", each.xz) for number, each in enumerate(choices.things, start=1)]
     draw_numbers(draw, [(label, *_pixel(view, xz)) for label, xz in labels])
+    _draw_robot(draw, view, (x, z), yaw)
     draw_scale(draw, view)
     return np.asarray(picture)
 

@@ -1,5 +1,6 @@
 """Verb `metrics`: the paper's tables from stored runs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -17,11 +18,16 @@ from sim.tasks.metrics import (
     reading_notes,
     require_comparable,
     rule_warnings,
+    run_folders,
 )
+from sim.tasks.run_files import read_run_info
 from sim.types import RULE_NOTES, SuccessRule
 
 from ..options import Json
 from ..output import print_json, print_table, say
+
+BESIDE = "beside"
+"""In the configuration of run.json: the run of the same folder whose rows always stand beside this one's."""
 
 
 @dataclass
@@ -35,7 +41,7 @@ class Metrics:
     json: Json = False
 
     def run(self) -> int:
-        found = read_runs(self.runs, with_reported=True)
+        found = read_runs(with_controls(self.runs), with_reported=True)
         require_comparable(run.info for run in found if run.episodes or run.reported)
         require_comparable(run.info for run in found if run.answers)
         rows = metric_rows(found, rule=self.rule)
@@ -76,6 +82,17 @@ class Metrics:
                     "(left out of all)"
                 )
         return 0
+
+
+def with_controls(folders: Sequence[Path]) -> list[Path]:
+    """The run folders in the named ones, and those that always stand beside them, where they exist."""
+    found = run_folders(folders)
+    for folder in tuple(found):
+        name = read_run_info(folder).config.get(BESIDE)
+        control = folder.parent / str(name)
+        if name is not None and control.is_dir() and control.resolve() not in [each.resolve() for each in found]:
+            found.append(control)
+    return found
 
 
 def _labelled(row: MetricRow) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from grounding.agents.by_name import SEEING, MakesSeeing, SeeingName, looks_of
 from grounding.agents.goal_text import GoalText
+from grounding.chat.endpoint import LlmOptions
 from grounding.encoders.by_name import require_no_model_options
 from grounding.encoders.protocol import ModelOptions
 from grounding.perception.by_name import is_oracle, perception_called
@@ -26,6 +27,7 @@ class AgentOptions:
     perception: str | None = None
     goal_text: GoalText = "phrase"
     model: ModelOptions = field(default_factory=ModelOptions)
+    llm: LlmOptions | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,11 +86,19 @@ def _seeing(name: SeeingName, options: AgentOptions, *, seed: int) -> NamedAgent
         require_no_model_options(f"--perception {options.perception}", options.model)
     elif is_plugin(options.perception):
         code = _code("perception", options.perception)
+    if (name == "frontier-vlm") != (options.llm is not None):
+        raise AgentError(
+            f"--agent {name}: found {'no ' if options.llm is None else ''}--llm-url and --llm-model; expected both for "
+            f"frontier-vlm, and neither for other agents. {'Give' if options.llm is None else 'Leave out'} them."
+        )
+    if options.llm is not None:
+        code |= {"llm_url": str(options.llm.base_url), "llm_model": options.llm.model}
+    asked = f", asks {options.llm.model}" if options.llm is not None else ""
     truth = " (ground truth)" if options.goal_text == "caption" else ""
     return NamedAgent(
-        MakesSeeing(name, options.perception, options.goal_text, options.model, seed),
+        MakesSeeing(name, options.perception, options.goal_text, options.model, seed, options.llm),
         name,
-        condition=f"goal text {options.goal_text}{truth}, sees with {called}",
+        condition=f"goal text {options.goal_text}{truth}, sees with {called}{asked}",
         config={
             "perception": called,
             "goal_text": options.goal_text,
@@ -116,6 +126,7 @@ def _require_fitting(name: str, options: AgentOptions) -> None:
         "--goal-text": None if options.goal_text == "phrase" else options.goal_text,
         "--device": None if options.model.device == "cpu" else options.model.device,
         "--autocast": None if options.model.autocast == "off" else options.model.autocast,
+        "--llm-model": None if options.llm is None else options.llm.model,
     }
     for option, value in given.items() if name not in SEEING else ():
         if value is not None:

@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 from tyro import MISSING
 from tyro.conf import arg
 
+from grounding.agents.by_name import CONTROLS, MakesSeeing
 from grounding.agents.goal_text import GoalText
+from grounding.chat.budget import Budget
+from grounding.chat.endpoint import llm_options
 from grounding.encoders.protocol import ModelOptions
 from sim.episodes.dataset import PersonalDataset, key_from_text
 from sim.episodes.schema import Episode
@@ -30,6 +33,7 @@ from sim.types import ClutterLevel, EpisodeKey, Pose, SceneKind, SuccessRule
 from sim.words.english import how_many
 
 from ...progress import counted
+from ..chat_cost import print_chat_use, require_chat_for_limits
 from ..options import (
     Address,
     Clutter,
@@ -39,10 +43,16 @@ from ..options import (
     Label,
     Labels,
     Limit,
+    LlmKeyEnv,
+    LlmModel,
+    LlmUrl,
+    MaxCalls,
+    MaxTokens,
     ModelAutocast,
     ModelDevice,
     On,
     Out,
+    Price,
     Rerun,
     RunId,
     SampleSeed,
@@ -56,6 +66,7 @@ from ..options import (
 )
 from ..output import recorded
 from ..refusals import check_options, require_dataset, require_no_scan, sampled
+from .metrics import BESIDE, Metrics
 from .named_agents import AgentOptions, NamedAgent, named_agent
 
 if TYPE_CHECKING:
@@ -71,8 +82,9 @@ class Run:
     agent: Annotated[
         str,
         arg(
-            help="random, random-frontier; vlfm, onemap, frontier-geometry or nearest-frontier (these with "
-            "--perception); shortest-path (knows the goal); or your own as package.module:factory."
+            help="random, random-frontier; vlfm, onemap, frontier-geometry, nearest-frontier or frontier-vlm (these "
+            "with --perception, frontier-vlm with --llm-url and --llm-model too, and always beside frontier-geometry); "
+            "shortest-path (knows the goal); or your own as package.module:factory."
         ),
     ] = MISSING
     study: StudyFolder = None
@@ -91,6 +103,12 @@ class Run:
             "caption (the authors' protocol: ground truth, named in every row)."
         ),
     ] = "phrase"
+    llm_url: LlmUrl = ""
+    llm_model: LlmModel = ""
+    llm_key_env: LlmKeyEnv = ""
+    max_calls: MaxCalls = None
+    max_tokens: MaxTokens = None
+    price: Price = None
     device: ModelDevice = "cpu"
     autocast: ModelAutocast = "off"
     out: Out = None
@@ -120,19 +138,38 @@ class Run:
     ] = None
 
     def run(self) -> int:
-        agent = self._agent()
-        check_options(self)
-        if self.study is not None:
-            self._run_study(agent)
+        agent, control = self._agent(), self._control()
+        if control is None:
+            self._run(agent)
             return 0
+        folders = (*control._run(control._agent()), *self._run(agent))
+        Metrics(folders, rule=self.rule or "paper").run()
+        print_chat_use(folders, price=self.price)
+        return 0
+
+    def _control(self) -> "Run | None":
+        """The same command for the agent that is always run beside this one; None if there is none."""
+        if self.agent not in CONTROLS:
+            return None
+        name = CONTROLS[self.agent]
+        return replace(
+            self, agent=name, llm_url="", llm_model="", llm_key_env="", max_calls=None, max_tokens=None, price=None,
+            rerun=None, run_id=self.run_id and f"{self.run_id}-{name}", label=self.label and f"{self.label} {name}",
+        )  # fmt: skip
+
+    def _run(self, agent: NamedAgent) -> list[Path]:
+        """Plays all episodes that are left; returns the run folders."""
+        check_options(self)
+        require_chat_for_limits(self, has_chat=bool(self.llm_url and self.llm_model))
+        if self.study is not None:
+            return self._run_study(agent)
         episodes = PersonalDataset(require_dataset(self.dataset), evidence=self.evidence)
         keys = [item.key for item in self._chosen(episodes)]
         kind = common_kind(episodes, {key.scene for key in keys}, self.scenes_dir)
         require_no_scan(kind, clutter=self.clutter)
         self._workers()
         settings = _Settings(episodes, self.scenes_dir, self.clutter, self.labels == "on", agent.maker)
-        self._play(settings, keys, self._info(episodes, kind, agent), out=self.out or Path("runs"))
-        return 0
+        return [self._play(settings, keys, self._info(episodes, kind, agent), out=self.out or Path("runs"))]
 
     def check(self) -> None:
         """Raises AgentError if no agent has this name, or a user's own cannot be built."""
@@ -140,7 +177,8 @@ class Run:
 
     def _agent(self) -> NamedAgent:
         model = ModelOptions(self.device, autocast=self.autocast)
-        options = AgentOptions(self.rule, self.perception, self.goal_text, model)
+        llm = llm_options(self.llm_url, self.llm_model, self.llm_key_env) if self.llm_url or self.llm_model else None
+        options = AgentOptions(self.rule, self.perception, self.goal_text, model, llm)
         return named_agent(self.agent, options, seed=self.seed)
 
     def _workers(self) -> Workers:
@@ -160,6 +198,8 @@ class Run:
 
     def _info(self, episodes: PersonalDataset, kind: SceneKind, agent: NamedAgent) -> RunInfo:
         """The contents of run.json."""
+        control = self._control()
+        beside = {} if control is None else {BESIDE: control._info(episodes, kind, control._agent()).run_id}
         who = self.label or agent.who
         sight = f"-{self.perception}-{self.goal_text}" if self.perception else ""
         level = f"{'-evidence' if self.evidence else ''}{f'-clutter{self.clutter}' if self.clutter else ''}"
@@ -174,13 +214,22 @@ class Run:
             scene_kind=kind,
             dataset_digest=episodes.digest(),
             seed=self.seed,
-            config={"actions": "paper6", "clutter": self.clutter, **evidence_config(episodes), **agent.config},
+            config={
+                "actions": "paper6",
+                "clutter": self.clutter,
+                **evidence_config(episodes),
+                **agent.config,
+                **beside,
+            },
             made_for=agent.made_for,
             labels=self.labels == "on",
         )
 
-    def _run_study(self, agent: NamedAgent) -> None:
+    def _run_study(self, agent: NamedAgent) -> list[Path]:
         """Plays what the study's people do: once without a look at the home, and once for each look that it can take.
+
+        Returns:
+            The run folders.
 
         Raises:
             PersonalVizError: An option contradicts the plan, or the study, its dataset or a home cannot be used.
@@ -199,19 +248,22 @@ class Run:
         kind = common_kind(study.dataset, {home.name for home in homes}, study.scenes_dir)
         clutter, labels = homes[0].clutter, homes[0].labels
         settings = _Settings(study.dataset, study.scenes_dir, clutter, labels, agent.maker, walk_terms(study))
+        folders = []
         for walk in study_walks(study, agent.looks, out=out, seed=self.seed):
             info = self._study_info(study, walk, kind, agent)
-            self._play(replace(settings, look_at=walk.look_at), walk.keys, info, out=out)
+            folders.append(self._play(replace(settings, look_at=walk.look_at), walk.keys, info, out=out))
+        return folders
 
-    def _play(self, settings: "_Settings", keys: Sequence[EpisodeKey], whole: RunInfo, *, out: Path) -> None:
-        """Plays the episodes of this shard of the run `whole` that its folder does not hold yet."""
-        workers, shard, by_scene = (
-            self._workers(),
-            shard_from_text(self.shard),
-            keys_by_scene(keys, settings.scenes_dir),
-        )
+    def _play(self, settings: "_Settings", keys: Sequence[EpisodeKey], whole: RunInfo, *, out: Path) -> Path:
+        """Plays the episodes of this shard of the run `whole` that its folder does not hold yet; returns the folder."""
+        workers, shard = self._workers(), shard_from_text(self.shard)
+        by_scene = keys_by_scene(keys, settings.scenes_dir)
         info, by_scene = shard.run_info(whole, by_scene), shard.part(by_scene)
         folder = shard.folder(out, info)
+        maker = settings.maker
+        if isinstance(maker, MakesSeeing) and maker.llm is not None:
+            budget = Budget(folder, max_calls=self.max_calls, max_tokens=self.max_tokens)
+            settings = replace(settings, maker=replace(maker, budget=budget))
         writer = RunWriter(folder, info)
         own = [key for key in keys if key.scene in by_scene]
         left = [key for key in own if key not in writer.done]
@@ -224,11 +276,14 @@ class Run:
             with counted(info.who, len(left)) as progress:
                 run_agent(jobs, writer, processes=workers, on_episode=progress.add)
             print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
+        return folder
 
     def _study_info(self, study: "PlannedStudy", walk: "StudyWalk", kind: SceneKind, agent: NamedAgent) -> RunInfo:
         """The contents of run.json for episodes of a study."""
         from human_study.export.runs import study_facts
 
+        control = self._control()
+        beside = {} if control is None else {BESIDE: control._study_info(study, walk, kind, control._agent()).run_id}
         who, home = self.label or agent.who, study.scenes("pan")[0]
         parts = [study.config.study, who, *([self.perception, self.goal_text] if self.perception else [])]
         told = [self.run_id] if self.run_id else [*parts, f"seed{self.seed}"]
@@ -249,6 +304,7 @@ class Run:
                 **study_facts(study.config, walk.conditions),
                 **evidence_config(study.dataset),
                 **agent.config,
+                **beside,
             },
             made_for=agent.made_for,
             labels=home.labels,

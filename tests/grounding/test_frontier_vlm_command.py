@@ -1,0 +1,38 @@
+"""`run --agent frontier-vlm` in an invented home against a stub server: two runs, one table, and the questions."""
+
+from pathlib import Path
+
+import pytest
+
+from personal_viz.cli.runs.metrics import Metrics
+from personal_viz.cli.runs.run import Run
+from sim.tasks.chat_turns import read_turns
+from sim.tasks.run_files import read_run
+
+from .chat_stub import chat_stub
+
+pytest.importorskip("openai", reason="extra llm is not installed")
+
+
+@pytest.mark.slow
+def test_the_control_stands_beside_the_model_and_unusable_answers_are_counted(
+    small_home_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("PERSONAL_VIZ_CACHE", str(tmp_path / "cache"))
+    with chat_stub() as stub:
+        stub.content = "I would go left."
+        Run(
+            dataset=small_home_root, agent="frontier-vlm", perception="oracle", split=("easy",), limit=1,
+            out=tmp_path, run_id="asked", llm_url=stub.url, llm_model="small",
+        ).run()  # fmt: skip
+        said = capsys.readouterr().out
+        assert "frontier-vlm (goal text phrase" in said
+        assert "frontier-geometry (goal text phrase" in said
+        turns = list(read_turns(tmp_path / "asked"))
+        assert len(turns) == len(stub.requests) > 0
+    assert all(turn.answer == "I would go left." and "not the JSON asked for" in turn.problem for turn in turns)
+    assert f"asked: {len(turns)} of {len(turns)} question" in said
+    (model,), (control,) = (read_run(tmp_path / name).episodes for name in ("asked", "asked-frontier-geometry"))
+    assert (model.key, model.end.reason) == (control.key, control.end.reason)
+    Metrics((tmp_path / "asked",)).run()
+    assert "frontier-geometry" in capsys.readouterr().out, "a table of the model alone does not exist"
