@@ -57,7 +57,6 @@ ENTRANCES = {
     "personal_viz.screenshots.make",
     "personal_viz.study_app.server",
     "grounding.agents.random_frontier",
-    "grounding.chat.protocol",
     "recordings.habitat_golden",
     "recordings.habitat_writer",
     "sim.checks",

@@ -48,6 +48,20 @@ ModelAutocast = Annotated[
 ]
 ModelBatch = Annotated[int, arg(help="Pictures or texts that a real model encodes together.")]
 Out = Annotated[Path | None, arg(help="Folder of run folders: runs by default, with --study the study's own runs.")]
+LlmUrl = Annotated[str, arg(help="OpenAI-compatible endpoint, such as http://127.0.0.1:11434/v1.")]
+LlmModel = Annotated[str, arg(help="Name of the chat model at that endpoint.")]
+LlmKeyEnv = Annotated[
+    str, arg(help="Environment variable that holds the endpoint's key; the key is not written anywhere.")
+]
+MaxCalls = Annotated[
+    int | None, arg(help="Most questions to the chat model in this run, over all calls that continue it.")
+]
+MaxTokens = Annotated[
+    int | None, arg(help="Most tokens of the chat model in this run, over all calls that continue it.")
+]
+Price = Annotated[
+    tuple[float, float] | None, arg(help="Money for a million tokens of prompts and of answers, to print the cost.")
+]
 Jobs = Annotated[int, arg(help="Worker processes; results do not depend on their number.")]
 Label = Annotated[
     str | None,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro import MISSING
 from tyro.conf import arg
 
+from grounding.chat.budget import Budget
 from grounding.encoders.by_name import (
     PLUGIN,
     encoder_called,
@@ -39,6 +40,7 @@ from sim.tasks.run_writer import RunWriter
 from sim.types import SPLITS
 
 from ...progress import counted
+from ..chat_cost import require_chat_for_limits
 from ..options import (
     Clutter,
     DatasetOrStudy,
@@ -47,10 +49,16 @@ from ..options import (
     Json,
     Label,
     Limit,
+    LlmKeyEnv,
+    LlmModel,
+    LlmUrl,
+    MaxCalls,
+    MaxTokens,
     ModelAutocast,
     ModelBatch,
     ModelDevice,
     Out,
+    Price,
     RunId,
     SampleSeed,
     Scenes,
@@ -84,8 +92,9 @@ class Ground:
         str,
         arg(
             help="random, center, qs, rpg, rpg-authors, rpg-literal, phrase, dual, dual-smooth, dual-smooth-point or "
-            "joint; object-phrase or object-dual on maps of objects; or your own as package.module:factory, which "
-            "gets the map's encoder."
+            "joint; object-phrase or object-dual on maps of objects; with a chat model (--llm-url, --llm-model) "
+            "object-list-llm or map-image-vlm on maps of objects, and frames-vlm on explored homes; or your own as "
+            "package.module:factory, which gets the map's encoder."
         ),
     ] = MISSING
     study: StudyFolder = None
@@ -107,11 +116,12 @@ class Ground:
             "reads it), or your own as package.module:factory."
         ),
     ] = "dataset"
-    llm_url: Annotated[str, arg(help="OpenAI-compatible endpoint, such as http://127.0.0.1:11434/v1.")] = ""
-    llm_model: Annotated[str, arg(help="Name of the language model at that endpoint.")] = ""
-    llm_key_env: Annotated[
-        str, arg(help="Environment variable that holds the endpoint's key; the key is not written anywhere.")
-    ] = ""
+    llm_url: LlmUrl = ""
+    llm_model: LlmModel = ""
+    llm_key_env: LlmKeyEnv = ""
+    max_calls: MaxCalls = None
+    max_tokens: MaxTokens = None
+    price: Price = None
     all_storeys: Annotated[bool, arg(help="Do not tell the target's storey.")] = False
     layout: Annotated[
         Literal["grid", "fine", "objects"] | None,
@@ -165,6 +175,7 @@ class Ground:
         episodes = PersonalDataset(require_dataset(self.dataset), evidence=self.evidence)
         settings = self.settings(episodes)
         check_options(self)
+        require_chat_for_limits(self, has_chat=settings.has_chat)
         if not is_model(self.encoder):
             require_no_model_options(f"--encoder {self.encoder}", self._model)
         documents = []
@@ -245,8 +256,14 @@ class Ground:
         chosen = {key for job in work for key in job.keys}
         answers = tuple(answer for answer in run.answers if answer.key in chosen)
         rows = {row.split: row for row in metric_rows([run.model_copy(update={"answers": answers})])}
-        fallbacks = sum(answer.phrases_fell_back for answer in answers)  # of all processes and earlier calls
-        return GroundResult(settings, info, rows, folder, phrases_by_rules=fallbacks)
+        fallbacks = sum(answer.fell_back for answer in answers)  # of all processes and earlier calls
+        budget = self._budget(settings, info)
+        usage = None if budget is None else budget.used()
+        return GroundResult(settings, info, rows, folder, fell_back=fallbacks, chat=usage, price=self.price)
+
+    def _budget(self, settings: GroundSettings, info: RunInfo) -> Budget | None:
+        """The limits of a chat model, counted in the run folder; None for methods that ask none."""
+        return Budget(self._out / info.run_id, self.max_calls, self.max_tokens) if settings.has_chat else None
 
     def _answer(self, work: Sequence[GroundJob], folder: Path, info: RunInfo) -> None:
         """Answers the episodes that the run folder does not hold yet."""
@@ -270,6 +287,7 @@ class Ground:
             sample_seed=self.sample_seed,
             folders=self._folders(settings, info),
             model=self._model,
+            budget=self._budget(settings, info),
         )
 
     def _folders(self, settings: GroundSettings, info: RunInfo) -> MapFolders | None:
@@ -333,7 +351,13 @@ class _GroundStudy(Ground):
         keys = sorted({key for found in self.planned.episodes("pog").values() for key in found})
         index = self.planned.config.query_index
         return select_jobs(
-            episodes, settings, folders=self._folders(settings, info), model=self._model, keys=keys, query_index=index
+            episodes,
+            settings,
+            folders=self._folders(settings, info),
+            model=self._model,
+            budget=self._budget(settings, info),
+            keys=keys,
+            query_index=index,
         )
 
     def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
@@ -398,8 +422,9 @@ def run_name(settings: GroundSettings, *, label: str | None = None) -> str:
     storey = "all-storeys" if settings.all_storeys else "storey-given"
     who = label or own_name(_facts(settings), settings.method)
     parts = [who, settings.map, encoder_slug(settings.encoder), *_unusual(settings), storey]
-    if settings.phrases != "dataset":
-        parts.append(phrases_called(settings.phrases) + re.sub(r"[^A-Za-z0-9.]", "", settings.llm_model)[:20])
+    if settings.phrases != "dataset" or settings.has_chat:
+        source = "" if settings.phrases == "dataset" else phrases_called(settings.phrases)
+        parts.append(source + re.sub(r"[^A-Za-z0-9.]", "", settings.llm_model)[:20])
     return fitting_run_id(f"ground-{'-'.join(parts)}-seed{settings.seed}")
 
 
