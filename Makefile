@@ -45,6 +45,7 @@ bench: $(VENV)/.test
 	$(BIN)/personal-viz bench sim
 	$(BIN)/personal-viz bench recordings
 	$(BIN)/personal-viz bench grounding
+	$(BIN)/personal-viz bench agents
 	$(BIN)/personal-viz bench robot
 	$(BIN)/personal-viz bench scale
 	$(BIN)/personal-viz bench study --parts store load browser pogview

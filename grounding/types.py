@@ -123,6 +123,8 @@ class Grounding:
     candidates: tuple[Candidate, ...]
     layers: Layers | None = None
     """Intermediate results; None for grounders that score no cells."""
+    fell_back: bool = False
+    """Whether another method had to answer, because a chat model gave nothing that can be used."""
 
 
 def require_same_encoder(of_map: tuple[str, int], of_query: tuple[str, int], *, where: str = "map") -> None:

@@ -31,7 +31,7 @@ ROOMS = {
         types
         chat.protocol encoders.protocol encoders chat phrases perception.segments perception.paraphrase maps
         perception encoders.by_name perception.by_name methods
-        agents agents.onemap agents.vlfm agents.by_name robot evaluation report checks
+        agents agents.onemap agents.vlfm agents.frontier_vlm agents.by_name robot evaluation report checks
     """,
     "recordings": """
         paths traces read scene maps episode insight divergence texts layers memory blueprints
@@ -42,7 +42,7 @@ ROOMS = {
         printed progress browser
         study_app study_app.home study_app.gateway study_app.screens study_app.operator study_app.server
         browse contact_sheet compare pog_report bots bench scan_check reproduce view annotate
-        cli screenshots examples __main__
+        cli bench.search screenshots examples __main__
     """,
 }
 """Rooms of each package from the bottom up; some parts of a room stand lower or higher than the rest of it.
@@ -52,10 +52,11 @@ ENTRANCES = {
     "personal_viz.__main__",
     "personal_viz.bench.homes.recast_lab",
     "personal_viz.bench.page",
+    "personal_viz.bench.search.compare",
+    "personal_viz.bench.search.page",
     "personal_viz.screenshots.make",
     "personal_viz.study_app.server",
     "grounding.agents.random_frontier",
-    "grounding.chat.protocol",
     "recordings.habitat_golden",
     "recordings.habitat_writer",
     "sim.checks",

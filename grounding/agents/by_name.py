@@ -9,6 +9,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.mesh import Scene
 from sim.tasks.agents import Agent
+from sim.tasks.looks import LookKind
 
 from ..encoders.protocol import ModelOptions
 from ..phrases.rules import RulePhrases
@@ -17,7 +18,7 @@ from .goal_text import GoalText, goal_text
 if TYPE_CHECKING:
     from ..perception.protocol import Perception
 
-SeeingName = Literal["vlfm", "onemap"]
+SeeingName = Literal["vlfm", "onemap", "frontier-geometry", "nearest-frontier"]
 SEEING: tuple[SeeingName, ...] = get_args(SeeingName)
 
 
@@ -66,9 +67,24 @@ def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable) -> 
         from .vlfm.agent import VlfmAgent
 
         return VlfmAgent(perception, text_of)
+    if name == "onemap":
+        from .onemap.agent import OneMapAgent
+
+        return OneMapAgent(perception, text_of)
+    from .frontier_vlm.agent import JudgedFrontierAgent
+    from .frontier_vlm.choices import GeometryJudge
+
+    rule = "nearest" if name == "nearest-frontier" else "distance-weighted"
+    return JudgedFrontierAgent(perception, text_of, judge=lambda: GeometryJudge(rule))
+
+
+def looks_of(name: SeeingName) -> frozenset[LookKind]:
+    """The looks at a home that the agent can take before the task."""
+    if name == "vlfm":
+        return frozenset()
     from .onemap.agent import OneMapAgent
 
-    return OneMapAgent(perception, text_of)
+    return OneMapAgent.looks
 
 
 @lru_cache(maxsize=1)

@@ -34,9 +34,11 @@ until there is new floor, so that the robot does not go to and fro. The cost cha
 goal fails for lack of new floor."""
 _BAN_RADIUS, _LOOKED_RADIUS = 0.5, 0.3
 """Radius (metres) that is ignored around a place that could not be reached, and around one that stayed unknown."""
-STOP_DISTANCE = 0.75
+STOP_DISTANCE = 0.6
 """Agents stop this near to the middle of what they see of a thing, metres; its centre is farther."""
-_STOPS = (0.7, 1.0, 1.25, 1.5, 2.0, 2.5)
+_NEAR_ENOUGH = 1.0
+"""They stop within this distance (metres) where they can come no nearer."""
+_STOPS = (0.55, 0.7, 1.0, 1.25, 1.5, 2.0, 2.5)
 """Distances (metres) from there at which a way to the thing may end, the first that works."""
 FOR_EVER = int(np.iinfo(np.int32).max)
 _NEWS = 100
@@ -269,12 +271,17 @@ class Seeker:
         Returns:
             None if no way leads near it.
         """
-        if math.dist(self.memory.xz, xz) <= STOP_DISTANCE:
+        away = math.dist(self.memory.xz, xz)
+        if away <= STOP_DISTANCE:
             return Action.STOP
-        if not self.head_for(xz, reaches=_STOPS, same=STOP_DISTANCE / 2):
-            return None
-        action = self.walk()
-        return Action.STOP if action is None and self.goal is not None else action
+        for _ in range(2):  # on arrival a nearer place may be known
+            action = self.walk() if self.head_for(xz, reaches=_STOPS, same=STOP_DISTANCE / 2) else None
+            if action is not None:
+                return action
+            if self.goal is None:  # what looked like a way is none
+                return Action.STOP if away <= _NEAR_ENOUGH else None
+            self.choose(None)
+        return Action.STOP
 
     def walk(self) -> Action | None:
         """The next action towards the goal's place, whatever is known of its target.

@@ -11,10 +11,15 @@ Part = str | NDArray[np.uint8]
 
 
 class NoAnswer(Exception):
-    """No answer came: the server failed after every retry, or it refused. Its text says which.
+    """No answer came that can be read: the server failed after every retry, the model refused, or its words are
+    not those asked for. Its text says which.
 
     Callers count it and go on without the model; it never ends a run.
     """
+
+
+class NoWords(NoAnswer):
+    """The server works, and the model refused or said nothing: another question may get an answer."""
 
 
 class Chat(Protocol):
@@ -25,8 +30,13 @@ class Chat(Protocol):
         """The model's name, printed beside every result."""
         ...
 
-    def ask(self, system: str, parts: Sequence[Part]) -> str:
+    def ask(self, system: str, parts: Sequence[Part], *, is_json: bool = False) -> str:
         """The answer to one turn of words and pictures; the same question gets the same answer.
+
+        Args:
+            system: What the model shall do.
+            parts: The question.
+            is_json: Whether the server shall hold the model to JSON; `system` must contain the word.
 
         Raises:
             NoAnswer: None came.

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
+from sim.tasks.chat_turns import NO_CHAT, Transcript
 from sim.tasks.rules import scene_storeys, score_answer
 from sim.tasks.run_files import Answer
 from sim.tasks.run_writer import RunWriter
@@ -13,6 +14,8 @@ from sim.tasks.workers import SceneJob, Workers, results, without
 from sim.types import SPLITS, EpisodeKey, Split
 
 from ..agents.progress_notes import scene_note
+from ..chat.budget import Budget
+from ..chat.transcript import RecordedChat
 from ..encoders.by_name import make_encoder
 from ..encoders.protocol import ModelOptions
 from ..maps.home_map import Memory
@@ -20,6 +23,7 @@ from ..methods.by_name import make_grounder
 from ..phrases.sources import make_phrases
 from ..types import Grounding
 from .home_maps import MapFolders, home_maps, oracle_maps
+from .seen_home import SeenHome
 from .settings import GroundSettings as GroundSettings
 
 BATCH = 200
@@ -39,6 +43,19 @@ class GroundJob(SceneJob):
     """Folders of maps and explorations; None for oracle maps, which are made from the episode files alone."""
     model: ModelOptions | None = None
     """Options for `SceneGrounder`."""
+    budget: Budget | None = None
+    """Limits of a chat model, and the run folder that counts."""
+    query_index: int = 0
+    """Which of the query's paraphrases the grounder reads."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """One episode's result from a worker."""
+
+    answer: Answer
+    chat: Transcript
+    """What was asked of a chat model for it."""
 
 
 class SceneGrounder:
@@ -52,12 +69,16 @@ class SceneGrounder:
         *,
         folders: MapFolders | None = None,
         model: ModelOptions | None = None,
+        query_index: int = 0,
+        budget: Budget | None = None,
     ) -> None:
         """Reads the scene's episode files; the home is explored and mapped when the first answer is needed.
 
         Args:
             folders: Folders of the maps; needed unless they are oracle maps.
             model: How a real encoder runs, with the autocast of the settings; None = its defaults.
+            query_index: Which of the query's paraphrases the grounder reads.
+            budget: Limits of a chat model, and the run folder that counts; None = neither.
 
         Raises:
             DatasetError: The scene is unknown or a file is damaged.
@@ -72,9 +93,12 @@ class SceneGrounder:
         else:
             assert folders is not None, "maps that are no oracle maps lie in a folder"
             self._map_of = home_maps(dataset, scene, settings, folders, encoder=encoder, model=options)
-        self._settings = settings
-        self._grounder = make_grounder(settings.method, encoder, seed=settings.seed)
-        self._phrases = make_phrases(settings.phrases, episodes=dataset.episodes(scenes=(scene,)), llm=settings.llm)
+        self._settings, self._query_index = settings, query_index
+        endpoint = settings.endpoint(budget)
+        self._chat = None if endpoint is None else RecordedChat(endpoint)
+        seen = None if folders is None else SeenHome(dataset, scene, settings, folders)
+        self._grounder = make_grounder(settings.method, encoder, seed=settings.seed, chat=self._chat, seen=seen)
+        self._phrases = make_phrases(settings.phrases, episodes=dataset.episodes(scenes=(scene,)), chat=self._chat)
         self._storeys = scene_storeys(dataset.goals(scene).values())
 
     def memory(self, episode: Episode) -> Memory:
@@ -83,14 +107,20 @@ class SceneGrounder:
 
     def ground(self, episode: Episode) -> Grounding:
         """The grounder's answer and layers; it sees the map, the task and the phrases only."""
-        task = episode.task("pog")
+        task = episode.task("pog", query_index=self._query_index)
         phrases = self._phrases.phrases(task) if self._grounder.uses_phrases else ()
         return self._grounder.ground(self.memory(episode), task, phrases)
+
+    def answered(self, episode: Episode) -> Answered:
+        """The scored answer, and what was asked of a chat model for it."""
+        answer = self.answer(episode)
+        return Answered(answer, NO_CHAT if self._chat is None else self._chat.take(episode.key))
 
     def answer(self, episode: Episode) -> Answer:
         """The scored answer, in the form of run files."""
         fallbacks = self._phrases.num_fallbacks
-        candidates = self.ground(episode).candidates
+        grounding = self.ground(episode)
+        candidates = grounding.candidates
         points = tuple(candidate.position for candidate in candidates)
         return Answer(
             split=episode.key.split,
@@ -100,7 +130,7 @@ class SceneGrounder:
             scores=tuple(round(candidate.score, _SCORE_DECIMALS) for candidate in candidates),
             storey_given=not self._settings.all_storeys,
             reason="click" if points else "giveup",
-            phrases_fell_back=self._phrases.num_fallbacks > fallbacks,
+            fell_back=grounding.fell_back or self._phrases.num_fallbacks > fallbacks,
             measures=score_answer(episode, points, storeys=self._storeys),
         )
 
@@ -115,6 +145,8 @@ def select_jobs(
     sample_seed: int = 0,
     folders: MapFolders | None = None,
     model: ModelOptions | None = None,
+    keys: Sequence[EpisodeKey] | None = None,
+    query_index: int = 0,
 ) -> list[GroundJob]:
     """One job per scene, in order of scene names.
 
@@ -123,12 +155,15 @@ def select_jobs(
         limit: At most this many episodes of each split, a sample spread over the scenes; None = all.
         sample_seed: Seed of that sample.
         folders: Folders of the maps; None for oracle maps.
+        keys: These episodes, whatever `splits`, `scenes` and `limit` say; None = as they say.
+        query_index: Which of the query's paraphrases the grounder reads.
 
     Raises:
         DatasetError: A named scene is unknown, or a file is damaged.
     """
-    found = dataset.sample(splits=splits, scenes=scenes, per_split=limit, seed=sample_seed)
-    keys = [episode.key for episode in found]
+    if keys is None:
+        found = dataset.sample(splits=splits, scenes=scenes, per_split=limit, seed=sample_seed)
+        keys = [episode.key for episode in found]
     names = sorted({key.scene for key in keys})
     evidence = tuple(edition.root for edition in dataset.evidence)
     return [
@@ -140,6 +175,7 @@ def select_jobs(
             folders,
             model,
             evidence=evidence,
+            query_index=query_index,
         )
         for name in names
     ]
@@ -158,18 +194,18 @@ def evaluate(
     Raises:
         PersonalVizError: An episode could not be answered; all answers before it are on disk.
     """
-    waiting: list[Answer] = []
+    waiting: list[Answered] = []
     written_s = time.monotonic()
 
     def write() -> None:
-        writer.add_answers(waiting)
+        writer.add_answers([each.answer for each in waiting], chat=Transcript.joined(each.chat for each in waiting))
         for _ in waiting:
             on_episode()
         waiting.clear()
 
     try:
-        for answer in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
-            waiting.append(answer)
+        for answered in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
+            waiting.append(answered)
             if time.monotonic() - written_s >= _WRITE_EVERY_S:
                 write()
                 written_s = time.monotonic()
@@ -178,7 +214,7 @@ def evaluate(
             write()
 
 
-def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answer]:
+def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answered]:
     """Makes the maps of the job's scene; returns a function that answers one of its episodes.
 
     Raises:
@@ -186,6 +222,14 @@ def open_job(job: GroundJob) -> Callable[[EpisodeKey], Answer]:
         SceneError: The home does not fit a map.
     """
     dataset = PersonalDataset(job.dataset_root, evidence=job.evidence)
-    grounder = SceneGrounder(dataset, job.scene, job.settings, folders=job.folders, model=job.model)
+    grounder = SceneGrounder(
+        dataset,
+        job.scene,
+        job.settings,
+        folders=job.folders,
+        model=job.model,
+        query_index=job.query_index,
+        budget=job.budget,
+    )
     episodes = {episode.key: episode for episode in dataset.episodes(scenes=(job.scene,))}
-    return lambda key: grounder.answer(episodes[key])
+    return lambda key: grounder.answered(episodes[key])

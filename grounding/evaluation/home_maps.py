@@ -7,7 +7,7 @@ scene. For oracle perception the views are rendered again with instance ids; the
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from math import ceil
 from pathlib import Path
@@ -55,6 +55,8 @@ class MapFolders:
     """Folder of scans; None = the dataset's plans, or schematic homes."""
     notes: Path | None = None
     """Folder of notes on the present work in each scene, for a progress bar; None = no notes."""
+    swept: tuple[tuple[GroundSettings, Path], ...] = ()
+    """Other settings whose maps are made from the same rendered views, and their folders of map files."""
 
     def map_file(self, scene: str) -> Path:
         """The map of one scene."""
@@ -142,6 +144,9 @@ def make_home_map(
 ) -> None:
     """Explores every storey of the home on which episodes start, unless that was done before, and saves its map.
 
+    The maps of `folders.swept` that are missing are made too, so that a sweep renders each view once. They differ from
+    `settings` in the errors of perception alone.
+
     Raises:
         SceneError: The home cannot be opened.
         RunFileError: A file is damaged or cannot be written.
@@ -154,7 +159,12 @@ def make_home_map(
     scene = open_scene(dataset, scene_name, scenes_dir=folders.scenes_dir, clutter=settings.home_clutter)
     home = home_of_dataset(dataset, scene, level=settings.paraphrase, seed=settings.seed)
     told = say if folders.notes is not None else None  # reporting steps costs the explorer some time
-    map_home(home, settings, folders, model=model, say=say, say_steps=told)
+    beside = [
+        (home_of_dataset(dataset, scene, level=other.paraphrase, seed=other.seed), other, replace(folders, maps=maps))
+        for other, maps in folders.swept
+        if not (maps / folders.map_file(scene_name).name).exists()
+    ]
+    map_home(home, settings, folders, model=model, say=say, say_steps=told, beside=beside)
 
 
 def map_home(
@@ -165,8 +175,11 @@ def map_home(
     model: ModelOptions,
     say: Say,
     say_steps: Say | None = None,
+    beside: "Sequence[tuple[KnownHome, GroundSettings, MapFolders]]" = (),
 ) -> None:
     """Explores a home's storeys, unless that was done before, and saves the map of the views.
+
+    Each view is rendered once for this map and those of the same home `beside` it.
 
     Raises:
         SceneError: A storey has no place to start from, or oracle perception knows no object of the home.
@@ -175,23 +188,26 @@ def map_home(
     """
     from ..agents.explored_storeys import storey_explorations
 
-    scene, builder = home.scene, _builder(home, settings, model)
+    scene, wanted = home.scene, [(home, settings, folders), *beside]
+    builders = [_builder(known, its_settings, model) for known, its_settings, _ in wanted]
     explorations = storey_explorations(
         scene, home.storeys, folder=folders.explorations, seed=settings.seed, say=say_steps
     )
     total, done = sum(ceil(len(walk.steps) / VIEWS_EVERY) for walk in explorations), 0
     for exploration in explorations:
         for frame in home.frames(exploration, camera=Camera(), every=VIEWS_EVERY):
-            builder.add(frame)
+            for builder in builders:
+                builder.add(frame)
             done += 1
             say(f"mapping {done} of {total} views")
-    source = MapSource(
-        scene=scene.name,
-        kind=scene.kind,
-        digest=scene.digest,
-        builder=f"{builder.name} by {encoder_called(settings.map_encoder)}",
-    )
-    save_memory(folders.map_file(scene.name), builder.finish(), source)
+    for builder, (_, its_settings, its_folders) in zip(builders, wanted, strict=True):
+        source = MapSource(
+            scene=scene.name,
+            kind=scene.kind,
+            digest=scene.digest,
+            builder=f"{builder.name} by {encoder_called(its_settings.map_encoder)}",
+        )
+        save_memory(its_folders.map_file(scene.name), builder.finish(), source)
 
 
 def require_perceived(home: "KnownHome", settings: GroundSettings) -> None:

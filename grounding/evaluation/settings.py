@@ -10,11 +10,13 @@ from sim.types import ClutterLevel
 from ..encoders.by_name import encoder_called, is_model, sees
 from ..encoders.protocol import ORACLE_SUFFIX, Autocast
 from ..methods.by_name import require_method, takes_objects
+from ..methods.chat_grounders import CHAT_METHODS
 from ..perception.paraphrase import ParaphraseLevel
 from ..phrases.sources import PhraseSourceName
 
 if TYPE_CHECKING:
-    from ..phrases.llm import LlmOptions
+    from ..chat.budget import Budget
+    from ..chat.endpoint import Endpoint, LlmOptions
 
 MapName = Literal["oracle", "explore", "files"]
 """`oracle` = texts of the episode files; `explore` = our explorer walks each home first; `files` = maps made before."""
@@ -44,7 +46,7 @@ class GroundSettings:
     """Merge the storeys into one map instead of giving the target's storey."""
     phrases: PhraseSourceName = "dataset"
     llm_url: str = ""
-    """With phrases `llm`: the endpoint, without secrets."""
+    """With phrases `llm` or a chat method: the endpoint, without secrets."""
     llm_model: str = ""
     llm_key_env: str = ""
     """Name of the environment variable that holds the key, never the key; "" where the server needs no key."""
@@ -81,10 +83,11 @@ class GroundSettings:
             raise AgentError(f"--confusion is {self.confusion!r}; expected a share of 0 to 1. Give another one.")
         if self.paraphrase not in range(4):
             raise AgentError(f"--paraphrase is {self.paraphrase!r}; expected 0 to 3. Give another one.")
-        if (self.phrases == "llm") != bool(self.llm_url and self.llm_model):
+        if self.has_chat != bool(self.llm_url and self.llm_model):
             raise AgentError(
-                f"--phrases is {self.phrases!r} with --llm-url {self.llm_url!r} and --llm-model {self.llm_model!r}; "
-                "expected both for llm, and none for the others. Add or leave them out."
+                f"--method is {self.method!r} and --phrases is {self.phrases!r} with --llm-url {self.llm_url!r} and "
+                f"--llm-model {self.llm_model!r}; expected both for phrases llm and for {', '.join(CHAT_METHODS)}, and "
+                "none for the others. Add or leave them out."
             )
         _ = self.llm  # an invalid address is refused before anything is written
         self._require_meaning()
@@ -96,8 +99,14 @@ class GroundSettings:
         require_method(self.method)
         if takes_objects(self.method) != (self.layout == "objects"):
             raise AgentError(
-                f"--method {self.method} with --layout {self.layout}; expected object-phrase or object-dual with "
-                "--layout objects, and the other methods with grid or fine. Change one of them."
+                f"--method {self.method} with --layout {self.layout}; expected object-phrase, object-dual, "
+                "object-list-llm and map-image-vlm with --layout objects, and the other methods with grid or fine. "
+                "Change one of them."
+            )
+        if self.method == "frames-vlm" and self.map != "explore":
+            raise AgentError(
+                f"--method is {self.method!r} with --map {self.map}; expected --map explore, whose walks give the "
+                "pictures. Change one of them."
             )
 
     def _require_meaning(self) -> None:
@@ -131,16 +140,32 @@ class GroundSettings:
 
     @property
     def llm(self) -> "LlmOptions | None":
-        """Options of the language model for phrases; None for other phrases.
+        """Address of the chat model; None for settings without one.
 
         Raises:
             AgentError: The address or a name is not valid.
         """
-        if self.phrases != "llm":
+        if not self.has_chat:
             return None
-        from ..phrases.llm import llm_options
+        from ..chat.endpoint import llm_options
 
         return llm_options(self.llm_url, self.llm_model, self.llm_key_env)
+
+    @property
+    def has_chat(self) -> bool:
+        """Whether the method or the phrases ask a chat model."""
+        return self.phrases == "llm" or self.method in CHAT_METHODS
+
+    def endpoint(self, budget: "Budget | None" = None) -> "Endpoint | None":
+        """The chat model; None for settings without one.
+
+        Raises:
+            AgentError: The key's environment variable is not set.
+            MissingDependencyError: The extra `llm` is not installed.
+        """
+        from ..chat.endpoint import Endpoint
+
+        return None if (options := self.llm) is None else Endpoint(options, budget=budget)
 
     @property
     def config(self) -> dict[str, str | int | float | bool | None]:
@@ -156,7 +181,10 @@ class GroundSettings:
             if field.name not in _SAID_ELSEWHERE and getattr(self, field.name) != field.default
         ]
         features = ["whole pictures"] if self.features == "images" else []
-        return ", ".join([f"{self.map} map", f"{encoder_called(self.map_encoder)} encoder", *features, *changed])
+        asked = [f"chat model {self.llm_model}"] if self.method in CHAT_METHODS else []
+        return ", ".join(
+            [f"{self.map} map", f"{encoder_called(self.map_encoder)} encoder", *features, *changed, *asked]
+        )
 
 
 def _option(name: str) -> str:

@@ -128,16 +128,17 @@ class OccupancyMapper:
 
     def stand(self, xz: tuple[float, float], *, radius: float = AGENT_RADIUS) -> None:
         """Marks the footprint (metres) of a robot free, whatever the views say: the robot stands there."""
-        cell = self.grid.cell
+        cell, (x0, z0), (num_rows, num_cols) = self.grid.cell, self.grid.origin_xz, self.grid.shape
         reach = int(np.ceil(radius / cell)) + 1
-        (row, col) = self.grid.rc_from_xz(np.array(xz))
-        rc = np.argwhere(np.ones((2 * reach + 1, 2 * reach + 1))) + np.array([row - reach, col - reach])
-        is_under = np.hypot(*(self.grid.xz_from_rc(rc) - np.asarray(xz)).T) <= radius
-        rc = rc[is_under & self.grid.contains(rc)]
-        if len(rc):
-            self._votes[rc[:, 0], rc[:, 1]] = _STANDING_VOTES
-            (r0, c0), (r1, c1) = rc.min(axis=0).tolist(), rc.max(axis=0).tolist()
-            self._grow(r0, r1, c0, c1)
+        row, col = self.grid.rc_from_xz(np.array(xz)).tolist()
+        rows = np.arange(max(row - reach, 0), min(row + reach + 1, num_rows))
+        cols = np.arange(max(col - reach, 0), min(col + reach + 1, num_cols))
+        x, z = x0 + (cols + 0.5) * cell, z0 + (rows + 0.5) * cell
+        at_row, at_col = np.nonzero(np.hypot(x[None] - xz[0], z[:, None] - xz[1]) <= radius)
+        if len(at_row):
+            self._votes[rows[at_row], cols[at_col]] = _STANDING_VOTES
+            left, right = int(cols[at_col.min()]), int(cols[at_col.max()])
+            self._grow(int(rows[at_row[0]]), int(rows[at_row[-1]]), left, right)
 
 
 def measured(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -85,14 +85,15 @@ def mark(depth, R, u0, v0, y0, focal, scale, band, max_depth, hits):
     rows, cols = hits.shape
     box = np.array([rows, -1, cols, -1])
     below_u, below_v = np.full(width, np.nan), np.full(width, np.nan)
+    right = (np.arange(width) + 0.5 - cx) / fx
+    right_u, right_y, right_v = R[0, 0] * right, R[1, 0] * right, R[2, 0] * right
     for r in range(height - 1, -1, -1):
         down = (r + 0.5 - cy) / fy
         left_u, left_v = np.nan, np.nan
         for c in range(width):
-            right = (c + 0.5 - cx) / fx
-            along_u = (R[0, 0] * right + R[0, 1] * down + R[0, 2]) * scale
-            along_y = R[1, 0] * right + R[1, 1] * down + R[1, 2]
-            along_v = (R[2, 0] * right + R[2, 1] * down + R[2, 2]) * scale
+            along_u = (right_u[c] + R[0, 1] * down + R[0, 2]) * scale
+            along_y = right_y[c] + R[1, 1] * down + R[1, 2]
+            along_v = (right_v[c] + R[2, 1] * down + R[2, 2]) * scale
             found = depth[r, c]
             if math.isnan(found):
                 below_u[c], below_v[c], left_u, left_v = np.nan, np.nan, np.nan, np.nan
@@ -127,8 +128,9 @@ def _put(hits, box, v, u, what):
     r, c = math.floor(v), math.floor(u)
     if r < 0 or c < 0 or r >= hits.shape[0] or c >= hits.shape[1]:
         return
-    box[0], box[1] = min(box[0], r), max(box[1], r)
-    box[2], box[3] = min(box[2], c), max(box[3], c)
+    if hits[r, c] == 0:
+        box[0], box[1] = min(box[0], r), max(box[1], r)
+        box[2], box[3] = min(box[2], c), max(box[3], c)
     if what == FREE_HIT:
         hits[r, c] |= FREE_HIT
     elif hits[r, c] < _MOST_BLOCKED:

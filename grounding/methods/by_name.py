@@ -7,11 +7,13 @@ from sim.errors import AgentError
 from sim.plugins import build_plugin, is_plugin
 from sim.types import Task
 
+from ..chat.protocol import Chat
 from ..encoders.hashed import HashedWords
 from ..encoders.protocol import TextEncoder
 from ..maps.home_map import Memory, MemoryKind
 from ..types import Grounding
 from .baselines import MapCentre, QueryScoring, RandomCell
+from .chat_grounders import CHAT_METHODS, ChatGrounder, Seen
 from .matching import MATCHERS, OBJECT_MATCHERS, ObjectMatcher, PhraseMatcher
 
 GrounderName = Literal[
@@ -28,6 +30,9 @@ GrounderName = Literal[
     "joint",
     "object-phrase",
     "object-dual",
+    "object-list-llm",
+    "map-image-vlm",
+    "frames-vlm",
 ]
 
 
@@ -74,6 +79,8 @@ def takes_objects(name: str) -> bool:
     Raises:
         AgentError: No method has this name, or a plug-in cannot be built.
     """
+    if name in CHAT_METHODS:
+        return CHAT_METHODS[name] == "objects"
     return name in OBJECT_MATCHERS or (is_plugin(name) and make_grounder(name, HashedWords()).takes == "objects")
 
 
@@ -90,13 +97,22 @@ def require_method(name: str) -> None:
         )
 
 
-def make_grounder(name: GrounderName | str, encoder: TextEncoder, *, seed: int = 0) -> Grounder:
+def make_grounder(
+    name: GrounderName | str,
+    encoder: TextEncoder,
+    *,
+    seed: int = 0,
+    chat: Chat | None = None,
+    seen: Seen | None = None,
+) -> Grounder:
     """The grounder of this name with the paper's parameters, or a user's own.
 
     Args:
         name: A `GrounderName`, or package.module:factory, whose factory gets the encoder.
         encoder: The map's encoder; `random` and `center` do not use it.
         seed: Seed of `random`'s draws.
+        chat: The model of CHAT_METHODS; without it they only tell their properties.
+        seen: What `map-image-vlm` and `frames-vlm` show beside the map.
 
     Raises:
         AgentError: No method has this name, or a plug-in cannot be built.
@@ -122,5 +138,7 @@ def make_grounder(name: GrounderName | str, encoder: TextEncoder, *, seed: int =
             return JointMatcher(encoder)
         case "object-phrase" | "object-dual":
             return ObjectMatcher(encoder, name=name, temperature=OBJECT_MATCHERS[name])
+        case "object-list-llm" | "map-image-vlm" | "frames-vlm":
+            return ChatGrounder(encoder, name=name, chat=chat, seen=seen)
         case _:
             return build_plugin(name, encoder, option="--method", methods=("ground",))

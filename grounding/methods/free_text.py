@@ -1,17 +1,20 @@
 """Asks a map in free text, without an episode: one question (`ground`), or several on one loaded model (`Asker`)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from sim.episodes.schema import Vector3
-from sim.types import Task
+from sim.errors import AgentError
+from sim.types import Frame, Task
 
+from ..chat.protocol import Chat
 from ..encoders.by_name import make_encoder
 from ..encoders.protocol import ORACLE_SUFFIX, EncoderName, ModelOptions, TextEncoder
 from ..maps.files import load_memory
-from ..maps.home_map import HomeMemory, Memory, ObjectMap, merged_storeys
+from ..maps.home_map import HomeMemory, Memory, ObjectMap, OccupancyGrid, StoreyMemory, merged_storeys
 from ..phrases.sources import PhraseSource, PhraseSourceName, make_phrases
 from ..types import Candidate, Grounding
 from .by_name import GrounderName, make_grounder
@@ -44,6 +47,22 @@ class Reply:
     """The method's own answer, with its layers."""
 
 
+@dataclass(frozen=True, slots=True)
+class _MapAlone:
+    """A map without the pictures from which it was made."""
+
+    storeys: tuple[StoreyMemory, ...]
+
+    def floors(self, memory: Memory) -> Sequence[tuple[float, OccupancyGrid]]:
+        return [(storey.floor_y, storey.occupancy) for storey in self.storeys]
+
+    def key_frames(self, memory: Memory) -> Sequence[Frame]:
+        raise AgentError(
+            "--method is 'frames-vlm'; expected a method that answers on the map, because free text has no pictures "
+            "beside it. Ask with another one; personal-viz ground --map explore takes frames-vlm."
+        )
+
+
 class Asker:
     """Answers questions about one home with one method; the model is loaded once."""
 
@@ -55,6 +74,7 @@ class Asker:
         phrases: PhraseSource,
         method: GrounderName | str | None = None,
         storey_y: float | None = None,
+        chat: Chat | None = None,
     ) -> None:
         """Takes the map, the encoder with which it was built, and the source that reads descriptions.
 
@@ -62,15 +82,17 @@ class Asker:
             method: Name of a grounder, or your own as package.module:factory; None = `joint`, or `object-dual` on maps
                 of objects.
             storey_y: Height of the storey to search, metres; None = all storeys.
+            chat: The model of methods that ask one.
 
         Raises:
             AgentError: The map is empty or the method is unknown.
         """
+        storeys = home.storeys if storey_y is None else (home.storey_near(storey_y),)
         self._home, self._phrases = home, phrases
-        self.memory: Memory = merged_storeys(home) if storey_y is None else home.storey_near(storey_y).memory
+        self.memory: Memory = merged_storeys(home) if storey_y is None else storeys[0].memory
         """The map that is asked, of one storey or of all."""
         name = method or ("object-dual" if isinstance(self.memory, ObjectMap) else "joint")
-        self._grounder = make_grounder(name, encoder)
+        self._grounder = make_grounder(name, encoder, chat=chat, seen=_MapAlone(storeys))
 
     @property
     def method(self) -> str:

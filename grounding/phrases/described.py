@@ -3,7 +3,6 @@
 Objects with their owners -> paragraph -> phrases -> the same pairs of owner and object, or the paragraph is refused.
 """
 
-import json
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -11,12 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.authoring.descriptions import OwnedItem, write_description
-from sim.cache import cached_bytes
 from sim.errors import AgentError
 from sim.words.english import with_article
 
+from ..chat.answers import said_in
+from ..chat.protocol import Chat, NoAnswer, NoWords
 from ..encoders.hashed import STOP_WORDS
-from .llm import Chat, Message, said_in
 from .ownership_text import parse_phrase
 from .rules import phrases_in
 
@@ -28,7 +27,6 @@ objects. Answer with the paragraph and nothing else."""
 ANSWERS = 3
 """Answers of the model that are tried for one description before templates write it."""
 _TEMPLATE_TRIES = 20
-_PROMPT_VERSION = 1
 _SAME = 0.5
 """A phrase means the object with which it shares the most words, if that is at least this much (F1)."""
 _MOST_WORDS = 600
@@ -48,7 +46,7 @@ class Describer:
         """A paragraph that is read back; None where the rules read no template with these words.
 
         Raises:
-            AgentError: The endpoint gives no answer.
+            AgentError: The model gives no answer.
         """
         text = self._asked(items, floor) if self._chat is not None else None
         if text is not None:
@@ -63,47 +61,29 @@ class Describer:
 
     def _asked(self, items: Sequence[OwnedItem], floor: str) -> str | None:
         """The model's first answer that is read back; None after ANSWERS others."""
-        messages: list[Message] = [
-            {"role": "system", "content": PROMPT},
-            {"role": "user", "content": _facts(items, floor)},
-        ]
+        parts = [_facts(items, floor)]
         for _ in range(ANSWERS):
-            answer = self._answer(messages)
+            answer = self._answer(parts)
             problem = misread(answer, items) if len(answer.split()) <= _MOST_WORDS else "it is no single paragraph"
             if not problem:
                 return answer
             self.counts["llm refused"] += 1
-            again = f"That was refused: {problem}. Write the whole paragraph again."
-            messages += [{"role": "assistant", "content": answer}, {"role": "user", "content": again}]
+            parts += [f"You wrote: {answer}", f"That was refused: {problem}. Write the whole paragraph again."]
         return None
 
-    def _answer(self, messages: Sequence[Message]) -> str:
-        """One answer as one line, kept in the cache folder so that the same seed gives the same episodes."""
+    def _answer(self, parts: Sequence[str]) -> str:
+        """One answer as one line; the same seed asks the same questions, and so gives the same episodes."""
         assert self._chat is not None
-        options = self._chat.options
-        key = json.dumps([_PROMPT_VERSION, str(options.base_url), options.model, list(messages)])
         try:
-            answer = cached_bytes("descriptions", key, lambda: self._fresh(messages)).decode()
-        except _NoText:
+            answer = self._chat.ask(PROMPT, parts)
+        except NoWords:
             return ""
-        except (ValueError, self._chat.Error) as error:
-            reason = str(error) if isinstance(error, ValueError) else self._chat.reason(error)
+        except NoAnswer as error:
             raise AgentError(
-                f"--llm-url {options.base_url}: model {options.model!r} gave no answer ({reason}); "
-                "expected a paragraph. Start the server, or use --describe templates."
+                f"--llm-url: model {self._chat.name!r} gave no answer ({error}); expected a paragraph. Start the "
+                "server, or use --describe templates."
             ) from None
         return " ".join(said_in(answer).strip('`"').split())
-
-    def _fresh(self, messages: Sequence[Message]) -> bytes:
-        assert self._chat is not None
-        answer = self._chat.ask(messages)
-        if not answer.strip():
-            raise _NoText
-        return answer.encode()
-
-
-class _NoText(Exception):
-    """The model's answer is empty, or not in the form of a chat; it is not kept in the cache."""
 
 
 def misread(text: str, items: Sequence[OwnedItem]) -> str:

@@ -1,15 +1,14 @@
 """The sources of a grounder's phrases ("X owns Y in Z"). Every row of results prints the source's name."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
 from sim.plugins import build_plugin, is_plugin, own_name
 from sim.types import Task
 
-if TYPE_CHECKING:
-    from .llm import LlmOptions
+from ..chat.protocol import Chat
 
 PhraseSourceName = str
 """`dataset`, `rules`, `llm`, or a user's own as `package.module:factory`."""
@@ -62,19 +61,16 @@ class DatasetPhrases:
             ) from None
 
 
-def make_phrases(
-    name: PhraseSourceName, *, episodes: Iterable[Episode] = (), llm: "LlmOptions | None" = None
-) -> PhraseSource:
+def make_phrases(name: PhraseSourceName, *, episodes: Iterable[Episode] = (), chat: Chat | None = None) -> PhraseSource:
     """The phrase source of this name.
 
     Args:
         name: `dataset` knows the phrases; `rules`, `llm` and a user's own read the description.
         episodes: The episodes whose phrases `dataset` knows; the others never see an episode.
-        llm: Address of the model for `llm`.
+        chat: The model for `llm`.
 
     Raises:
-        AgentError: The name is unknown, `llm` has no options or no key, or a plug-in cannot be built.
-        MissingDependencyError: The extra `llm` is not installed.
+        AgentError: The name is unknown, `llm` has no model, or a plug-in cannot be built.
     """
     match name:
         case "dataset":
@@ -84,13 +80,13 @@ def make_phrases(
 
             return RulePhrases()
         case "llm":
-            if llm is None:
+            if chat is None:
                 raise AgentError(
                     "phrases: 'llm' has no endpoint; expected its URL and a model. Give --llm-url and --llm-model."
                 )
-            from .llm import ChatPhrases  # openai
+            from .llm import ChatPhrases
 
-            return ChatPhrases(llm)
+            return ChatPhrases(chat)
         case _ if is_plugin(name):
             return build_plugin(name, option="--phrases", methods=("phrases",))
         case _:

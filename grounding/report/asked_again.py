@@ -22,6 +22,7 @@ from ..evaluation.evaluate import SceneGrounder
 from ..evaluation.home_maps import MapFolders
 from ..evaluation.settings import GroundSettings
 from ..maps.home_map import Memory
+from ..methods.chat_grounders import CHAT_METHODS
 from ..types import Grounding
 
 _SETTINGS = TypeAdapter(GroundSettings)
@@ -85,6 +86,8 @@ class AskAgain:
         settings = settings_of(info)
         if settings is None:
             return AnswerAgain(problem="is none of our grounders, so it cannot be asked again")
+        if settings.method in CHAT_METHODS:
+            return AnswerAgain(problem="came from a chat model, which is not asked again; chat.jsonl holds its words")
         scene = episode.key.scene
         folders = self._folders(info, scene)
         if settings.map != "oracle" and folders is None:

@@ -92,7 +92,7 @@ class MethodTrials:
     """(N,) the same for any of three points; None for people, who give one point and no score."""
     num_trials: int
     num_fallbacks: int
-    """Number of trials whose phrases were read by rules because the language model gave none."""
+    """Number of trials in which the language model gave nothing that can be used (`Answer.fell_back`)."""
 
     @cached_property
     def homes(self) -> tuple[str, ...]:
@@ -223,7 +223,7 @@ def _trials(variant: MapVariant, name: str, runs: Sequence[Run]) -> MethodTrials
         success=means(lambda item: item.success),
         top3=means(lambda item: item.top3_success) if is_ranked else None,
         num_trials=len(answers),
-        num_fallbacks=sum(answer.phrases_fell_back for answer in answers),
+        num_fallbacks=sum(answer.fell_back for answer in answers),
     )
 
 

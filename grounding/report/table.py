@@ -50,7 +50,7 @@ class PogRow(BaseModel):
     curve: tuple[DistancePoint, ...]
     num_trials: int
     num_fallbacks: int
-    """Trials whose phrases were read by rules because the language model gave none."""
+    """Trials in which the language model gave nothing that can be used (`Answer.fell_back`)."""
     run_ids: tuple[str, ...]
     seeds: tuple[int, ...]
     commits: tuple[str, ...]

@@ -18,6 +18,8 @@ from .study import OTHER_PROGRAM, Condition, StudyConfig
 PLAN_FILE = "plan.json"
 PRACTICE_FOLDER = "practice"
 """Dataset of the practice homes, in the study's folder."""
+AGENT_RUNS = "runs"
+"""Runs of agents on the study's episodes, in the study's folder; a report reads them."""
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 Phase = Literal["practice", "check", "main"]
 """`practice` is never counted, `check` tests attention, `main` is the study."""
@@ -178,6 +180,14 @@ class StudyPlan(BaseModel):
             if known.code == code:
                 return known
         raise StudyError(f"plan: found no participant {code!r}; expected p01 to p{len(self.participants):02d}.")
+
+    def episodes(self, task: TaskKind) -> dict[Condition, tuple[EpisodeKey, ...]]:
+        """The episodes that people do and that count, by condition: each once, sorted; {} if nobody does the task."""
+        found: dict[Condition, set[EpisodeKey]] = {}
+        for trial in (trial for person in self.participants for trial in person.trials):
+            if trial.phase == "main" and trial.task == task:
+                found.setdefault(trial.condition, set()).add(trial.key)
+        return {condition: tuple(sorted(keys)) for condition, keys in sorted(found.items())}
 
     def conditions_of(self, config: StudyConfig, person: PlannedParticipant) -> dict[str, Condition]:
         """The condition that a person has in each of the study's homes."""

@@ -13,11 +13,28 @@ from ..trial.outcome import Outcome, episode_run
 
 _RUN_CONDITIONS: dict[Condition, str] = {"topdown": "memory_topdown", "glb": "memory_glb"}
 """Names in run files where they differ from the study file's."""
+NO_EXPOSURE = "no exposure"
+"""An agent that stands beside people who saw the home before, and did not see it."""
 
 
 def run_condition(condition: Condition) -> str:
     """The condition of `run.json` for a condition of the study file."""
     return _RUN_CONDITIONS.get(condition, condition)
+
+
+def study_facts(config: StudyConfig, conditions: Sequence[Condition]) -> dict[str, str | int]:
+    """The entries of `run.json` that say on which study an agent ran, and beside which of its people it stands.
+
+    Args:
+        config: The study.
+        conditions: The conditions of these people.
+    """
+    return {
+        "study": config.study,
+        "study_version": config.study_version,
+        "study_conditions": ",".join(run_condition(condition) for condition in conditions),
+        "query_index": config.query_index,
+    }
 
 
 def trial_run_info(

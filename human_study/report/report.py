@@ -45,6 +45,9 @@ from .source import ReportSource, StudyRecords
 from .statistics import Weight
 from .trials import GroupRow, LeftOut, ReportValue, TrialGroup, averaged_agent, difference, trial_groups
 
+NOBODY_YET = "no person has done the episode in this condition yet"
+"""Trials of agents that ran on the study."""
+
 
 class PersonOutcome(GroupRow):
     """The success of one person at one episode, or of an agent, averaged over its runs."""
@@ -292,6 +295,9 @@ def report_groups(source: ReportSource, *, rule: SuccessRule | None = None) -> R
     agents, averaged, differences = [], [], []
     for agent in (group for group in found if group.kind != "human"):
         beside = [group for group in people if _may_stand_beside(group, agent)]
+        if agent.beside and not _episodes_of(beside) & set(agent.trials["episode"]):
+            left_out.append(LeftOut(who=agent.who, task=agent.task, reason=NOBODY_YET, n=len(agent.trials)))
+            continue
         same = _on_the_same_episodes(agent, beside)
         agents.append(replace(agent, trials=agent.trials[agent.trials["episode"].isin(same.trials["episode"])]))
         averaged.append(same)
@@ -307,6 +313,14 @@ def _require_one_study(runs: Sequence[Run]) -> None:
             "Write them with personal-viz study export."
         )
     versions = {str(info.config.get("study_version", "")): info.run_id for info in people}
+    for info in (run.info for run in runs if run.info.who_kind != "human"):
+        version = str(info.config.get("study_version", ""))
+        if version and version not in versions:
+            known = ", ".join(sorted(each[:12] or "none" for each in versions))
+            raise StudyError(
+                f"{info.run_id}: ran on study version {version[:12]}; expected {known}, that of the people. Run it "
+                "again with --study, or leave it out."
+            )
     if len(versions) > 1:
         names = ", ".join(f"{version[:12] or 'none'} ({run_id})" for version, run_id in sorted(versions.items()))
         raise StudyError(
@@ -316,8 +330,12 @@ def _require_one_study(runs: Sequence[Run]) -> None:
 
 
 def _may_stand_beside(people: TrialGroup, agent: TrialGroup) -> bool:
-    """Whether the agent may be compared with the people; answers on oracle maps (no home) may be, with any people."""
-    return people.task == agent.task and agent.scene_kind in (people.scene_kind, "oracle-map")
+    """Whether the agent may be compared with the people; answers on oracle maps (no home) may be, with any people.
+
+    An agent that ran on the study stands beside the people whose condition it had.
+    """
+    is_same = not agent.beside or people.condition in agent.beside.split(",")
+    return is_same and people.task == agent.task and agent.scene_kind in (people.scene_kind, "oracle-map")
 
 
 def _on_the_same_episodes(agent: TrialGroup, people: Sequence[TrialGroup]) -> TrialGroup:

@@ -8,6 +8,7 @@ from sim.errors import StudyError
 from sim.tasks.metrics import read_runs
 from sim.tasks.run_files import Run
 
+from ..design.plan import AGENT_RUNS
 from ..design.study import STUDY_FILE, StudyConfig, load_study
 from ..export.collect import collect
 from ..export.formats import Row, rows_from_jsonl
@@ -61,15 +62,39 @@ def read_source(folders: Sequence[Path]) -> ReportSource:
             "because a trial counts once. Give one study folder or one of its exports, and run folders of agents."
         )
     others = [folder for folder in folders if folder not in (*studies, *exports)]
+    others += [found for study in studies if (found := own_agents(study, others)) is not None]
     if not studies and not exports:
         return ReportSource(tuple(read_runs(others)))
     people, records = _of_study(studies[0]) if studies else _of_export(exports[0])
     if not people and not others:
-        raise StudyError(
-            f"{folders[0]}: holds no counted trial with a result; expected at least one. Wait for participants to "
-            "finish some; personal-viz study status shows how far they are."
-        )
+        raise _no_trial(folders[0])
     return ReportSource((*people, *(read_runs(others) if others else ())), records)
+
+
+def own_agents(study: Path, given: Sequence[Path]) -> Path | None:
+    """The study's folder of runs of agents; None where it holds none, or where runs in it are named."""
+    folder = study / AGENT_RUNS
+    is_named = any(folder.resolve() in (each.resolve(), *each.resolve().parents) for each in given)
+    return None if is_named or not any(folder.glob("*/run.json")) else folder
+
+
+def people_of_study(folder: Path) -> list[Run]:
+    """The runs of a study's people, under the codes that an export would give them.
+
+    Raises:
+        StudyError: Records are damaged, or hold no counted trial with a result.
+    """
+    people, _ = _of_study(folder)
+    if not people:
+        raise _no_trial(folder)
+    return people
+
+
+def _no_trial(folder: Path) -> StudyError:
+    return StudyError(
+        f"{folder}: holds no counted trial with a result; expected at least one. Wait for participants to "
+        "finish some; personal-viz study status shows how far they are."
+    )
 
 
 def _of_study(folder: Path) -> tuple[list[Run], StudyRecords]:

@@ -14,14 +14,14 @@ from pydantic import BaseModel, ConfigDict
 from sim.tasks.run_files import Answer, EpisodeRun, Run
 from sim.types import EpisodeKey, SuccessRule, TaskKind, WhoKind
 
-from ..export.runs import run_condition
+from ..export.runs import NO_EXPOSURE, run_condition
 from ..export.trial_table import NOT_A_RESULT, TrialRow
 from .measures import FAR, MEASURES, measures_of, row_figures, row_times, run_figures
 
 Frame = Any
 """A pandas DataFrame; pandas has no types that tell a part of a frame from a column."""
 _ALL_MEASURES = list(MEASURES)
-_NAMES = ["task", "scene_kind", "who", "kind", "condition"]
+_NAMES = ["task", "scene_kind", "who", "kind", "condition", "beside"]
 _ROW_NUMBERS = ("place", "prior_visits", "secs_before")
 _COLUMNS = (*_NAMES, "key", "participant", "end", "item", *_ROW_NUMBERS, "excluded", "verification", *_ALL_MEASURES)
 GroupKind = Literal[WhoKind, "difference"]
@@ -81,6 +81,8 @@ class TrialGroup:
     kind: GroupKind
     condition: str
     trials: Frame
+    beside: str = ""
+    """Conditions of the people beside whom an agent stands that ran on their study, joined by commas; empty = any."""
     """The trials, as `trial_frame` makes them."""
 
     @property
@@ -161,6 +163,7 @@ def trial_groups(
             count(names, run_figures(item, rule), told)
     for (_, task, condition, key), (row, told) in alone.items():
         names = {"task": task, "scene_kind": row.scene_kind, "who": "human", "kind": "human", "condition": condition}
+        names |= {"beside": ""}
         names |= {"key": key, "participant": f"{study}/{row.participant}", "end": row.end_reason}
         count(names, row_figures(row, same_rule=task == "pog" or rule == row_rule), told)
     for row in rows:
@@ -189,7 +192,11 @@ def difference(people: TrialGroup, agent: TrialGroup) -> TrialGroup:
     apart = people.trials[people.trials["episode"].isin(theirs.index)].copy()
     apart[_ALL_MEASURES] -= theirs.loc[apart["episode"]].to_numpy()
     apart[FAR] = float("nan")
-    name = f"{people.who} - {agent.who}" + ("" if agent.condition == "none" else f" ({agent.condition})")
+    told = [] if agent.condition == "none" else [agent.condition]
+    has_seen = not agent.beside or people.task == "pog" or people.condition == "none"
+    if not has_seen and not agent.condition.startswith((people.condition, NO_EXPOSURE)):
+        told.append(NO_EXPOSURE)
+    name = f"{people.who} - {agent.who}" + (f" ({', '.join(told)})" if told else "")
     return replace(people, who=name, kind="difference", trials=apart)
 
 
@@ -238,6 +245,7 @@ def _names_of(run: Run, item: EpisodeRun | Answer) -> tuple[_At, dict[str, Any]]
         "who": info.who,
         "kind": info.who_kind,
         "condition": info.condition,
+        "beside": "" if info.who_kind == "human" else str(info.config.get("study_conditions") or ""),
         "key": item.key,
         "participant": f"{info.config.get('study') or info.run_id}/{code}",
         "end": item.end.reason if isinstance(item, EpisodeRun) else item.reason,

@@ -22,7 +22,7 @@ StudyPart = Literal["store", "load", "browser", "pogview", "kills", "people", "b
 class Bench:
     """Measure speed on this machine; each figure stands beside its reference measured in the same run."""
 
-    what: Positional[Literal["sim", "recordings", "study", "grounding", "robot", "scale"]]
+    what: Positional[Literal["sim", "recordings", "study", "grounding", "agents", "robot", "scale"]]
     out: Annotated[Path, arg(help="Folder of the table, the plot and the JSON file.")] = Path("runs/bench")
     quick: Annotated[bool, arg(help="Fewer and smaller scenes, at most 50 s; study: some minutes.")] = False
     parts: Annotated[tuple[StudyPart, ...], arg(help="study: only these, by default all, which takes an hour.")] = ()
@@ -89,6 +89,8 @@ def _benchmark(what: str) -> ModuleType:
             from ..bench import recordings as benchmark
         case "grounding":
             from ..bench import grounding as benchmark
+        case "agents":
+            from ..bench import agents as benchmark
         case "scale":
             from ..bench import scale as benchmark
         case "robot":

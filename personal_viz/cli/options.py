@@ -10,6 +10,19 @@ from sim.tasks.workers import RayCluster, Workers
 from sim.types import ClutterLevel, Split
 
 Dataset = Annotated[Path, arg(help="Folder with easy/, medium/, hard/ (data/split in the authors' repository).")]
+StudyFolder = Annotated[
+    Path | None,
+    arg(
+        help="Folder of a planned study: its people's episodes, limits, homes and looks at them; results go to its "
+        "folder runs, where study report finds them."
+    ),
+]
+DatasetOrStudy = Annotated[
+    Path | None,
+    arg(
+        help="Folder with easy/, medium/, hard/ (data/split in the authors' repository); with --study only if it moved."
+    ),
+]
 Evidence = Annotated[
     tuple[Path, ...],
     arg(help="Further editions of the dataset: their places and objects also make the homes without a scan."),
@@ -36,6 +49,21 @@ ModelAutocast = Annotated[
     Literal["off", "bfloat16", "float16"], arg(help="A real model's arithmetic; float16 on cuda only.")
 ]
 ModelBatch = Annotated[int, arg(help="Pictures or texts that a real model encodes together.")]
+Out = Annotated[Path | None, arg(help="Folder of run folders: runs by default, with --study the study's own runs.")]
+LlmUrl = Annotated[str, arg(help="OpenAI-compatible endpoint, such as http://127.0.0.1:11434/v1.")]
+LlmModel = Annotated[str, arg(help="Name of the chat model at that endpoint.")]
+LlmKeyEnv = Annotated[
+    str, arg(help="Environment variable that holds the endpoint's key; the key is not written anywhere.")
+]
+MaxCalls = Annotated[
+    int | None, arg(help="Most questions to the chat model in this run, over all calls that continue it.")
+]
+MaxTokens = Annotated[
+    int | None, arg(help="Most tokens of the chat model in this run, over all calls that continue it.")
+]
+Price = Annotated[
+    tuple[float, float] | None, arg(help="Money for a million tokens of prompts and of answers, to print the cost.")
+]
 Jobs = Annotated[int, arg(help="Worker processes; results do not depend on their number.")]
 Shard = Annotated[
     str | None,

@@ -15,7 +15,7 @@ from sim.tasks.run_files import RUN_ID
 from sim.types import SPLITS, SceneKind, Split
 
 _LEAST = {
-    **dict.fromkeys(("limit", "jobs", "batch", "homes", "width", "height", "max_steps"), 1),
+    **dict.fromkeys(("limit", "jobs", "batch", "homes", "width", "height", "max_steps", "max_calls", "max_tokens"), 1),
     **dict.fromkeys(("failures", "seed", "sample_seed"), 0),
 }
 """Smallest allowed value of an option, by field of a verb."""
@@ -61,6 +61,15 @@ def sampled(
     if not chosen:
         raise nothing_chosen(episodes.root)
     return chosen
+
+
+def require_dataset(dataset: Path | None) -> Path:
+    """The folder of `--dataset`; raises PersonalVizError without one."""
+    if dataset is None:
+        raise PersonalVizError(
+            "--dataset: found none; expected the folder of the episodes. Give it, or --study for those of a study."
+        )
+    return dataset
 
 
 def nothing_chosen(dataset: Path) -> PersonalVizError:

@@ -59,6 +59,8 @@ class Trial:
     """Version of the home; answers name none."""
     digest: str
     """sha256 of the run's lines and of its `run.json`."""
+    beside: tuple[str, ...] = ()
+    """Conditions of the people beside whom an agent stands that ran on their study; () = any."""
 
     @property
     def row_name(self) -> str:
@@ -117,6 +119,7 @@ def gather(
         light = tuple(item.model_copy(update={"steps": ()}) for item in run.episodes)
         runs.append(run.model_copy(update={"episodes": light}))
     _require_one_version(trials)
+    _require_one_study([run.info for run in runs])
     return Gathered(tuple(trials), tuple(runs))
 
 
@@ -131,6 +134,25 @@ def setting_of(info: RunInfo) -> Setting | None:
     if info.scene_kind == "oracle-map":
         return None
     return Setting(info.scene_kind, _CLUTTER.get(str(info.config.get("clutter", 0)), 0), info.labels)
+
+
+def beside_of(info: RunInfo) -> tuple[str, ...]:
+    """The conditions of the people beside whom an agent stands that ran on their study; () = any."""
+    told = str(info.config.get("study_conditions") or "") if info.who_kind == "agent" else ""
+    return tuple(told.split(",")) if told else ()
+
+
+def _require_one_study(infos: Sequence[RunInfo]) -> None:
+    """Refuses agents that ran on another study than that of the people."""
+    people = {str(info.config.get("study_version", "")) for info in infos if info.who_kind == "human"}
+    for info in infos:
+        version = str(info.config.get("study_version", ""))
+        if info.who_kind == "agent" and version and people and version not in people:
+            known = ", ".join(sorted(each[:12] or "none" for each in people))
+            raise RunFileError(
+                f"{info.run_id}: ran on study version {version[:12]}; expected {known}, that of the people. Run it "
+                "again with --study, or leave it out."
+            )
 
 
 def _require_dataset(run: Run, dataset_digest: str, episodes: Mapping[EpisodeKey, Episode]) -> None:
@@ -184,7 +206,7 @@ def _trial(info: RunInfo, item: EpisodeRun | Answer) -> Trial:
         distance = measures.planar_distance if measures else None
         return Trial(
             item.key, "pog", *names, item.participant, info.run_id, item.reason, success, None, None, item.t_s,
-            distance, None, digest.hexdigest(),
+            distance, None, digest.hexdigest(), beside_of(info),
         )  # fmt: skip
     scored = item.end.measures if item.end.reason != "technical" else None
     rule = scored.rules["paper"] if scored else None
@@ -198,4 +220,5 @@ def _trial(info: RunInfo, item: EpisodeRun | Answer) -> Trial:
         rule.dtg if rule else None,
         item.end.measures.scene_digest if item.end.measures else None,
         digest.hexdigest(),
+        beside_of(info),
     )  # fmt: skip

@@ -52,7 +52,7 @@ class Page:
     @property
     def counts(self) -> str:
         """How many episodes, homes, runs, people and agents there are."""
-        trials = [trial for section in self.sections for row in section.rows for trial in row.trials]
+        trials = {trial for section in self.sections for row in section.rows for trial in row.trials}
         num_people = len({(trial.who, trial.participant) for trial in trials if trial.who_kind == "human"})
         num_agents = len({(trial.who, trial.condition) for trial in trials if trial.who_kind == "agent"})
         keys = {row.key for section in self.sections for row in section.rows}

@@ -2,10 +2,12 @@
 
 import statistics
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from human_study.export.runs import NO_EXPOSURE
+from human_study.report.trials import is_first_condition, row_label
 from sim.homes.kind import scene_label
 from sim.tasks.metrics import MetricRow, metric_rows, reading_notes, rule_warnings
 from sim.tasks.run_files import Run
@@ -42,6 +44,8 @@ UNITS: Mapping[TaskKind, str] = {
 }
 _KINDS = {"scan": "scans", "schematic": "schematic homes", "invented": "invented homes"}
 """Kinds of homes in the order of their sections, with the words for them."""
+
+_UNSEEN = f"Agents without {{}} in their name had {NO_EXPOSURE}: they did not see the home before."
 
 Means = Mapping[FigureName, float | None]
 """Mean of each figure over the trials that have it; None where none has."""
@@ -85,6 +89,8 @@ class Section:
     rows: tuple[Row, ...]
     metrics: tuple[MetricRow, ...]
     """The paper's figures, people first."""
+    condition: str | None = None
+    """The people's condition, where agents ran on their study; None = there are no such agents, or no such people."""
 
     @property
     def figures(self) -> tuple[Figure, ...]:
@@ -99,7 +105,8 @@ class Section:
             return f"{task}, oracle maps"
         clutter = f", clutter {self.setting.clutter}" if self.setting.clutter else ""
         labels = ", categories written on objects" if self.setting.labels else ""
-        return f"{task}, {_KINDS[self.setting.kind]}{clutter}{labels}"
+        people = "" if self.condition is None else f": {row_label('human', self.condition)}"
+        return f"{task}, {_KINDS[self.setting.kind]}{clutter}{labels}{people}"
 
     @property
     def remark(self) -> str:
@@ -115,7 +122,8 @@ class Section:
     @property
     def notes(self) -> list[str]:
         """Notes on the paper's figures: the rule and its effect, and runs made for another rule."""
-        return [*reading_notes(self.metrics), *rule_warnings(self.metrics)]
+        seen = [] if self.task == "pog" or self.condition in (None, "none") else [_UNSEEN.format(self.condition)]
+        return [*seen, *reading_notes(self.metrics), *rule_warnings(self.metrics)]
 
     @property
     def kinds(self) -> dict[tuple[str, str], str]:
@@ -140,6 +148,9 @@ def sections(
 ) -> list[Section]:
     """The tables of a comparison: scans before other homes, PAN before POG, oracle maps last.
 
+    Where agents ran on the people's study, each condition of the people has a table of its own, with the agents that
+    stand beside it, on the episodes that people did.
+
     Raises:
         RunFileError: A run was never scored, or a trial would count twice.
     """
@@ -148,11 +159,47 @@ def sections(
         groups[trial.setting, trial.task].append(trial)
     found = []
     for (setting, task), members in sorted(groups.items(), key=lambda group: _place(*group[0])):
-        metrics = metric_rows(_runs_of(runs, setting, task))
-        kinds = {(trial.who, trial.condition): trial.who_kind for trial in members}
-        ordered = sorted(metrics, key=lambda row: kinds[row.who, row.condition] != "human")
-        found.append(Section(setting, task, tuple(_rows(members, task, queries, folders)), tuple(ordered)))
+        of_task = _runs_of(runs, setting, task)
+        for condition, chosen in _by_condition(members).items():
+            known = {(trial.run_id, trial.key) for trial in chosen}
+            metrics = metric_rows([_with_trials(run, known) for run in of_task])
+            kinds = {(trial.who, trial.condition): trial.who_kind for trial in chosen}
+            ordered = sorted(
+                (row for row in metrics if (row.who, row.condition) in kinds),
+                key=lambda row: kinds[row.who, row.condition] != "human",
+            )
+            rows = tuple(_rows(chosen, task, queries, folders))
+            found.append(Section(setting, task, rows, tuple(ordered), condition))
     return found
+
+
+def _by_condition(members: Sequence[Trial]) -> dict[str | None, list[Trial]]:
+    """The trials of each table of one task and setting, by the people's condition; one table without studies."""
+    if not any(trial.beside for trial in members):
+        return {None: list(members)}
+    people = [trial for trial in members if trial.who_kind == "human"]
+    conditions = sorted({trial.condition for trial in people}, key=lambda each: (not is_first_condition(each), each))
+    found: dict[str | None, list[Trial]] = {}
+    for condition in conditions:
+        done = {trial.key for trial in people if trial.condition == condition}
+        found[condition] = [trial for trial in members if _stands_in(trial, condition, done)]
+    agents = (trial for trial in members if trial.who_kind != "human")
+    left = [trial for trial in agents if not set(trial.beside or conditions) & set(conditions)]
+    return found | ({None: left} if left else {})
+
+
+def _stands_in(trial: Trial, condition: str, done: Container[EpisodeKey]) -> bool:
+    """Whether a trial stands in the table of one condition of people, who did these episodes."""
+    if trial.who_kind == "human":
+        return trial.condition == condition
+    return not trial.beside or (condition in trial.beside and trial.key in done)
+
+
+def _with_trials(run: Run, known: Container[tuple[str, EpisodeKey]]) -> Run:
+    """The run with these trials only, named by run and episode."""
+    episodes = tuple(item for item in run.episodes if (run.info.run_id, item.key) in known)
+    answers = tuple(item for item in run.answers if (run.info.run_id, item.key) in known)
+    return run.model_copy(update={"episodes": episodes, "answers": answers})
 
 
 def means_of(trials: Iterable[Trial], task: TaskKind) -> dict[Group, Means]:

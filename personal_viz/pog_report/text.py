@@ -102,8 +102,8 @@ def _runs_table(report: PogReport) -> Cells:
         for row in table.rows:
             seeds = ", ".join(map(str, row.seeds)) or "-"
             commits = ", ".join(commit[:12] for commit in row.commits)
-            by_rules = f" ({row.num_fallbacks} with phrases by rules)" if row.num_fallbacks else ""
-            lines.append((row.name, str(number), ", ".join(row.run_ids), seeds, commits, f"{row.num_trials}{by_rules}"))
+            without = f" ({row.num_fallbacks} without the language model)" if row.num_fallbacks else ""
+            lines.append((row.name, str(number), ", ".join(row.run_ids), seeds, commits, f"{row.num_trials}{without}"))
     return ("method", "table", "runs", "seeds", "code at commit", "answers"), lines
 
 

@@ -1,10 +1,13 @@
 """The plan and the texts of a study before anybody takes part."""
 
 import hashlib
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from human_study.design.plan import PRACTICE_FOLDER, StudyPlan, StudyScene, save_plan
 from human_study.design.planning import Practice, make_plan
@@ -15,19 +18,39 @@ from human_study.design.study import (
     load_study,
 )
 from human_study.export.manifest import Manifest
+from human_study.private_files import write_private
 from human_study.store.records import DATABASE_FILE
 from human_study.texts.participants import TEXT_FILES, freeze_texts
 from human_study.texts.words import open_places
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import StudyError
+from sim.errors import StudyError, line_from_validation_error
+from sim.files import bounded_json
 from sim.homes.kind import scene_kind
 from sim.homes.plan import HOMES_VERSION, plan_digest
 from sim.tasks.provenance import program_release
 from sim.types import EpisodeKey
 
 PRACTICE_HOME = "PracticeHome"
+PLACES_FILE = "places.json"
 _IN_VIEW = 0.004
 """Least share of the first picture that the target of an attention trial fills."""
+
+
+class StudyPlaces(BaseModel):
+    """`places.json`: where the plan's dataset lay, seen from the study's folder; neither hashed nor exported."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    dataset: str
+    evidence: tuple[str, ...] = ()
+    scenes_dir: str | None = None
+
+
+class FoundPlaces(NamedTuple):
+    """The same as absolute paths."""
+
+    dataset: Path
+    evidence: tuple[Path, ...]
+    scenes_dir: Path | None
 
 
 def plan_study(
@@ -50,7 +73,49 @@ def plan_study(
     made = make_plan(config, scenes, keys, practice=_practice(folder, config), is_pilot=pilot)
     made = made.model_copy(update={"texts": freeze_texts(folder, config, made)})
     save_plan(folder, made)
+    note_places(folder, dataset, evidence, scenes_dir)
     return made
+
+
+def note_places(folder: Path, dataset: Path, evidence: Sequence[Path], scenes_dir: Path | None) -> None:
+    """Writes `places.json` of a study folder.
+
+    Raises:
+        StudyError: It cannot be written.
+    """
+    base = folder.resolve()
+
+    def seen(path: Path) -> str:
+        return os.path.relpath(path.resolve(), base)
+
+    places = StudyPlaces(
+        dataset=seen(dataset),
+        evidence=tuple(seen(each) for each in evidence),
+        scenes_dir=None if scenes_dir is None else seen(scenes_dir),
+    )
+    write_private(folder / PLACES_FILE, places.model_dump_json(indent=1) + "\n")
+
+
+def places_of(folder: Path) -> FoundPlaces:
+    """Where the dataset of a study's plan lay.
+
+    Raises:
+        StudyError: The study was planned by a version that did not note it, or the file is damaged.
+    """
+    path = folder / PLACES_FILE
+    try:
+        places, base = StudyPlaces.model_validate_json(bounded_json(path)), folder.resolve()
+    except OSError as error:
+        raise StudyError(
+            f"{path}: cannot be read ({error.strerror}); expected the place of the study's dataset. Give --dataset."
+        ) from None
+    except ValidationError as error:
+        raise StudyError(line_from_validation_error(path, error, advice="Give --dataset.")) from None
+    return FoundPlaces(
+        (base / places.dataset).resolve(),
+        tuple((base / each).resolve() for each in places.evidence),
+        None if places.scenes_dir is None else (base / places.scenes_dir).resolve(),
+    )
 
 
 def study_scene(config: StudyConfig, dataset: PersonalDataset, name: str, scenes_dir: Path | None) -> StudyScene:

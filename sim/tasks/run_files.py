@@ -2,7 +2,7 @@
 
 `runs/<run_id>/`: `run.json` (who and with what), `steps.jsonl` (one block of lines per PAN episode: `episode`,
 `step`..., `end`), `answers.jsonl` (one line per POG answer), `reported.jsonl` (one line per PAN episode whose figures
-another program reported). Blocks are appended whole; files are never edited.
+another program reported), `chat.jsonl` (chat_turns.py). Blocks are appended whole; files are never edited.
 """
 
 import hashlib
@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from sim.episodes.editions import edition_of
 from sim.episodes.schema import Finite, Vector3
@@ -257,7 +257,7 @@ class Answer(BaseModel):
 
     model_config = _MODEL
     kind: Literal["answer"] = "answer"
-    schema_version: Literal[1] = 1
+    schema_version: Literal[1, 2] = 2
     split: Split
     scene: str
     episode_id: str
@@ -272,8 +272,9 @@ class Answer(BaseModel):
     t_s: Finite | None = None
     """Seconds from showing the texts to the answer; an earlier look at the home is not counted."""
     reason: EndReason = "click"
-    phrases_fell_back: bool = False
-    """Whether rules read the phrases because the language model in run.json gave none."""
+    fell_back: bool = Field(default=False, validation_alias=AliasChoices("fell_back", "phrases_fell_back"))
+    """Whether the language model in run.json gave nothing that can be used: rules read the phrases, or a method without
+    a model answered. Version 1 called it `phrases_fell_back`."""
     measures: AnswerMeasures | None = None
 
     @property

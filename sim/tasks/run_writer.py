@@ -1,16 +1,17 @@
 """Appends finished runs to a run folder, so that a kill loses only unfinished episodes."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from sim.errors import RunFileError
 from sim.files import append_whole, write_whole
 from sim.types import EpisodeKey
 
+from .chat_turns import CHAT_FILE, NO_CHAT, ChatTurn, Transcript
 from .run_files import Answer, EpisodeRun, Reported, RunInfo, read_run, read_run_info
 
 
@@ -38,27 +39,30 @@ class RunWriter:
                     _cut_incomplete_tail(folder / name)
                 run = read_run(folder, with_reported=True)
                 self.done |= {item.key for item in (*run.episodes, *run.answers, *run.reported)}
+                _cut_unfinished_turns(folder / CHAT_FILE, self.done)
                 for episode in run.episodes:
                     self._require_same_scene(episode)
         except OSError as error:
             raise self._unwritable(error) from None
 
-    def add_episode(self, run: EpisodeRun) -> None:
-        """Appends one block; it is on disk when this returns.
+    def add_episode(self, run: EpisodeRun, *, chat: Transcript = NO_CHAT) -> None:
+        """Appends one block, after what its agent asked of a chat model; both are on disk when this returns.
 
         Raises:
             RunFileError: The folder cannot be written, or holds episodes on another version of this scene.
         """
         self._require_same_scene(run)
+        self._add_chat(chat)
         self._append("steps.jsonl", (run.start, *run.steps, run.end))
         self.done.add(run.key)
 
-    def add_answers(self, answers: Sequence[Answer]) -> None:
-        """Appends one line each; they are on disk when this returns.
+    def add_answers(self, answers: Sequence[Answer], *, chat: Transcript = NO_CHAT) -> None:
+        """Appends one line each, after what was asked of a chat model for them; all is on disk when this returns.
 
         Raises:
             RunFileError: The folder cannot be written.
         """
+        self._add_chat(chat)
         self._append("answers.jsonl", answers)
         self.done.update(answer.key for answer in answers)
 
@@ -70,6 +74,16 @@ class RunWriter:
         """
         self._append("reported.jsonl", figures)
         self.done.update(item.key for item in figures)
+
+    def _add_chat(self, chat: Transcript) -> None:
+        try:
+            for name, png in chat.pictures.items():
+                if not (self.folder / name).exists():
+                    write_whole(self.folder / name, png)
+        except OSError as error:
+            raise self._unwritable(error) from None
+        if chat.turns:
+            self._append(CHAT_FILE, chat.turns)
 
     def _append(self, name: str, lines: Sequence[BaseModel]) -> None:
         text = "".join(line.model_dump_json() + "\n" for line in lines)
@@ -134,6 +148,23 @@ def _cut_incomplete_tail(path: Path) -> None:
         whole -= 1
     if whole < len(lines):
         write_whole(path, "".join(lines[:whole]))
+
+
+def _cut_unfinished_turns(path: Path, done: Container[object]) -> None:
+    """Drops the turns of episodes that a kill left without a result: they are asked again."""
+    if not path.is_file():
+        return
+    lines = path.read_bytes().splitlines(keepends=True)
+    kept = [line for line in lines if line.endswith(b"\n") and _key_of_turn(line) in done]
+    if len(kept) < len(lines):
+        write_whole(path, b"".join(kept))
+
+
+def _key_of_turn(line: bytes) -> EpisodeKey | None:
+    try:
+        return ChatTurn.model_validate_json(line).key
+    except ValidationError:
+        return None
 
 
 def _closes_a_block(line: str) -> bool:

@@ -1,5 +1,6 @@
 """The only loop that steps an environment for agents; resumable episode by episode, results independent of `jobs`."""
 
+import dataclasses
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,11 +12,12 @@ from sim.episodes.schema import Episode
 from sim.errors import AgentError, RecordingError
 from sim.mesh import Scene
 from sim.plugins import call_plugin
-from sim.types import PAPER6, Camera, ClutterLevel, EpisodeKey, Observation, Task
+from sim.types import MAX_STEPS, PAPER6, Action, Camera, ClutterLevel, EpisodeKey, Observation, Pose, Task
 from sim.walk.navigation_map import NavigationMap
 
 from .agent_makers import AgentMaker
 from .agents import Agent, next_action
+from .looks import HomeLook, LooksFirst
 from .observers import Explains, Insight, Observer
 from .pan import PanEnv
 from .rules import score_run
@@ -25,6 +27,22 @@ from .workers import SceneJob, Workers, results, without
 
 BATCH = 8
 """Episodes that a worker process runs before it hands them over; a kill can lose this many per process."""
+
+
+@dataclass(frozen=True, slots=True)
+class WalkTerms:
+    """What an agent may do in each episode, and with which camera; a study's terms are those of its people."""
+
+    actions: tuple[Action, ...] = PAPER6
+    max_steps: int = MAX_STEPS
+    query_index: int = 0
+    """Which of the query's paraphrases the agent reads."""
+    camera: Camera = Camera()  # noqa: RUF009 - frozen value
+
+    def task(self, episode: Episode) -> Task:
+        """The part of an episode that the agent may see."""
+        task = episode.task("pan", query_index=self.query_index, actions=self.actions)
+        return dataclasses.replace(task, max_steps=self.max_steps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +58,9 @@ class AgentJob(SceneJob):
     """Whether pictures name the category of each object in view."""
     make_observer: Callable[[Scene], Observer] | None = None
     """Makes the observer of the scene's episodes; like the whole job, it must be picklable and comparable."""
+    terms: WalkTerms = WalkTerms()
+    look_at: Callable[[Scene, Pose], HomeLook] | None = None
+    """Makes the look at the home before an episode with this start, for an agent that `LooksFirst`; None = none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,18 +144,31 @@ def play(
     return run_from_env(episode, env, scene_digest=home.digest, navigation=home.navigation)
 
 
-def play_episode(agent: Agent, env: PanEnv, task: Task, *, seed: int, watch: Watch | None = None) -> None:
+def play_episode(
+    agent: Agent, env: PanEnv, task: Task, *, seed: int, watch: Watch | None = None, look: HomeLook | None = None
+) -> None:
     """Resets `env` and steps it with the agent's actions until the episode is over.
 
-    `seed` is that of the agent's random numbers; `watch` gets each step, and never changes observations or actions.
+    Args:
+        agent: The agent.
+        env: Its environment.
+        task: What it may know; the steps of both are limited alike.
+        seed: Seed of the agent's random numbers.
+        watch: Gets each step, and never changes observations or actions.
+        look: A look at the home, which the agent takes before it knows the task.
 
     Raises:
-        AgentError: The agent raised, or returned something that is not one of the task's actions.
+        AgentError: The agent raised, returned something that is not one of the task's actions, or cannot look first.
     """
+    assert env.max_steps == task.max_steps, (env.max_steps, task.max_steps)
     observation = env.reset()
     if watch is not None:
         watch.reset(observation)
-    call_plugin("agent", agent.reset, task, env.camera, seed=seed)
+    if look is None:
+        call_plugin("agent", agent.reset, task, env.camera, seed=seed)
+    else:
+        _look(agent, look)
+        call_plugin("agent", agent.reset, task, env.camera, seed=seed, keep_memory=True)
     while not env.is_over:
         try:
             action = next_action(agent, task, observation)
@@ -196,10 +230,11 @@ def open_job(job: AgentJob) -> Callable[[EpisodeKey], Played]:
     def run_episode(key: EpisodeKey) -> Played:
         episode = episodes[key]
         watch = Watch(observer, episode)
-        env = PanEnv(episode.start, scene.navigation, renderer=renderer, camera=Camera())
+        terms, look = job.terms, job.look_at(scene, episode.start) if job.look_at is not None else None
+        task = terms.task(episode)
+        env = PanEnv(episode.start, scene.navigation, renderer=renderer, camera=terms.camera, max_steps=terms.max_steps)
         try:
-            task = episode.task("pan", actions=PAPER6)
-            play_episode(agent_of(episode), env, task, seed=episode_seed(job.seed, key), watch=watch)
+            play_episode(agent_of(episode), env, task, seed=episode_seed(job.seed, key), watch=watch, look=look)
         except AgentError as error:
             watch.break_off()
             raise AgentError(f"{key}: {error}") from error
@@ -233,6 +268,15 @@ def run_agent(
 def episode_seed(seed: int, key: EpisodeKey) -> int:
     """A seed for one episode that does not depend on which others are run."""
     return zlib.crc32(f"{seed}/{key}".encode())
+
+
+def _look(agent: Agent, look: HomeLook) -> None:
+    if not isinstance(agent, LooksFirst) or look.kind not in agent.looks:
+        raise AgentError(
+            f"{type(agent).__name__}: cannot take a look of kind {look.kind!r} at the home; expected a method look() "
+            "and that kind in its `looks`. Run it without."
+        )
+    call_plugin("agent", agent.look, look)
 
 
 def _insight_of(agent: Agent) -> Insight | None:

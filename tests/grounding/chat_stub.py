@@ -2,7 +2,7 @@
 
 import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -16,6 +16,13 @@ class ChatStub:
         self.status = 200
         self.body: bytes | None = None
         """The whole body of the answer; None = a chat completion with `content`."""
+        self.failures: list[tuple[int, dict[str, str]]] = []
+        """Status and headers of the next answers, before the right ones."""
+        self.think: Callable[[dict], str] | None = None
+        """Makes `content` from a request."""
+        self.tokens: tuple[int, int] | None = None
+        """Tokens of prompt and answer, as the server counts them."""
+        self.refusal: str | None = None
         self.is_stuck = False
         """Whether the server waits for `released` instead of answering."""
         self.released = threading.Event()
@@ -26,11 +33,15 @@ class ChatStub:
     def answer(self) -> bytes:
         if self.body is not None:
             return self.body
-        message = {"role": "assistant", "content": self.content}
+        content = self.think(self.requests[-1]) if self.think is not None else self.content
+        message = {"role": "assistant", "content": content, "refusal": self.refusal}
         choice = {"index": 0, "message": message, "finish_reason": "stop"}
-        return json.dumps(
-            {"id": "1", "object": "chat.completion", "created": 0, "model": "stub", "choices": [choice]}
-        ).encode()
+        answer = {"id": "1", "object": "chat.completion", "created": 0, "model": "stub", "choices": [choice]}
+        if self.tokens is not None:
+            prompt, completion = self.tokens
+            usage = {"prompt_tokens": prompt, "completion_tokens": completion, "total_tokens": prompt + completion}
+            answer["usage"] = usage
+        return json.dumps(answer).encode()
 
 
 @contextmanager
@@ -45,8 +56,11 @@ def chat_stub() -> Iterator[ChatStub]:
             if stub.is_stuck:
                 stub.released.wait(30)
                 return
+            status, headers = stub.failures.pop(0) if stub.failures else (stub.status, {})
             answer = stub.answer()
-            self.send_response(stub.status)
+            self.send_response(status)
+            for name, value in headers.items():
+                self.send_header(name, value)
             self.send_header("Content-Type", "application/json")
             self.send_header("Content-Length", str(len(answer)))
             self.end_headers()

@@ -39,7 +39,7 @@ def test_the_limit_counts_per_split_and_takes_one_episode_of_every_scene_first(s
 def test_query_scoring_gives_the_answers_computed_by_hand(small_root: Path) -> None:
     dataset = PersonalDataset(small_root)
     (job,) = select_jobs(dataset, GroundSettings("qs"), splits=("hard",))
-    answers = [open_job(job)(key) for key in job.keys]
+    answers = [open_job(job)(key).answer for key in job.keys]
     assert [answer.episode_id for answer in answers] == ["0", "1", "2"]
     # "Find Carl's mirror": the only text with "mirror" is at x 0.5, z 4.5, the centre of a cell
     assert answers[2].candidates[0] == (0.5, 0.0, 4.5)

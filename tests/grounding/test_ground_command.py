@@ -199,7 +199,7 @@ def test_answers_with_phrases_by_rules_are_counted_over_processes(
     with chat_stub() as stub:
         stub.content = "I cannot say."
         found = document(capsys, **base, method="phrase", llm_url=stub.url)
-    assert (found["n"], found["phrases_by_rules"]) == (11, 11)
+    assert (found["n"], found["fell_back"]) == (11, 11)
 
 
 def test_answers_with_phrases_by_rules_are_counted_over_calls(
@@ -211,20 +211,20 @@ def test_answers_with_phrases_by_rules_are_counted_over_calls(
     with chat_stub() as stub:
         stub.content = "I cannot say."
         options = {**base, "llm_url": stub.url, "method": "phrase"}
-        assert document(capsys, **options, limit=2)["phrases_by_rules"] == 4
+        assert document(capsys, **options, limit=2)["fell_back"] == 4
         found = document(capsys, **options)
-        assert (found["n"], found["phrases_by_rules"]) == (11, 11)
+        assert (found["n"], found["fell_back"]) == (11, 11)
         assert ground(**options) == 0
-        assert "gave no phrases for 11 of 11 answers: rules read those" in capsys.readouterr().out
+        assert "gave nothing to use for 11 of 11 answers" in capsys.readouterr().out
         asked = len(stub.requests)
         unused = document(capsys, **{**options, "method": "qs"})
-    assert (unused["phrases"], unused["phrases_by_rules"]) == ("none", None)
+    assert (unused["phrases"], unused["fell_back"]) == ("none", None)
     assert len(stub.requests) == asked, "a method without phrases does not ask the model"
     run = read_run(Path(found["run"]))
-    assert all(answer.phrases_fell_back for answer in run.answers)
+    assert all(answer.fell_back for answer in run.answers)
     rules = document(capsys, dataset=small_root, out=tmp_path, method="phrase", phrases="rules")
     assert rules["sr"] == found["sr"]
-    assert not any(answer.phrases_fell_back for answer in read_run(Path(rules["run"])).answers)
+    assert not any(answer.fell_back for answer in read_run(Path(rules["run"])).answers)
 
 
 @pytest.mark.release

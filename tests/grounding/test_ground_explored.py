@@ -19,8 +19,9 @@ from personal_viz.cli.grounding.ground import Ground
 from personal_viz.progress import counted
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError
+from sim.render.raycast import Raycaster
 from sim.tasks.run_files import read_run
-from sim.types import GridSpec
+from sim.types import Camera, Frame, GridSpec
 
 from .short_walks import write_short_walks
 from .tiny_models import save_clip
@@ -107,6 +108,32 @@ def test_the_centre_of_an_explored_home_is_the_middle_of_the_seen_area(small_roo
     assert memory.centre_xz != pytest.approx(home.centre_xz, abs=0.01)
     corner = np.floor(home.centre_xz) - 25  # the cells are those of the oracle map
     assert memory.grid == GridSpec((corner[0], corner[1]), 1.0, (50, 50))
+
+
+def test_a_sweep_renders_each_view_once_and_makes_the_maps_of_separate_runs(
+    small_root: Path, runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    views = []
+
+    def counted(self: Raycaster, T_world_camera: np.ndarray, camera: Camera) -> Frame:
+        views.append(T_world_camera)
+        return render(self, T_world_camera, camera)
+
+    render = Raycaster.render
+    monkeypatch.setattr(Raycaster, "render", counted)
+    numbers = {}
+    for out, sweep in (("one", "view-noise=0.1"), ("three", "view-noise=0,0.1,0.3"), ("texts", "paraphrase=0,3")):
+        shutil.copytree(runs / "explorations", tmp_path / out / "explorations")
+        views.clear()
+        options = {"scene": ("HomeTwo",), "out": tmp_path / out, "json": True, "map": "explore", "run_id": "run"}
+        assert Ground(small_root, "qs", sweep=sweep, **options).run() == 0
+        numbers[out] = len(views)
+    assert numbers["one"] == numbers["three"] == numbers["texts"] > 0
+    alone, among = (maps_of(tmp_path / out, "run-view-noise0.1") / "HomeTwo.npz" for out in ("one", "three"))
+    assert alone.read_bytes() == among.read_bytes()
+    found = {path.read_bytes() for path in tmp_path.glob("three/map-*/maps/HomeTwo.npz")}
+    assert len(found) == 3
+    assert len({path.read_bytes() for path in tmp_path.glob("texts/map-*/maps/HomeTwo.npz")}) == 2
 
 
 def test_notes_show_the_work_in_progress_and_disappear_when_it_ends(tmp_path: Path) -> None:

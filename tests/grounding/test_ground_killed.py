@@ -21,8 +21,8 @@ from sim.tasks.run_writer import RunWriter
 evaluate._WRITE_EVERY_S = 0.0
 write, number = RunWriter.add_answers, int(sys.argv[1])
 
-def write_and_die(self, answers):
-    write(self, answers)
+def write_and_die(self, answers, *, chat):
+    write(self, answers, chat=chat)
     if len(self.done) >= number:
         os.kill(os.getpid(), signal.SIGKILL)
 

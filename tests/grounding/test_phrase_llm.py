@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from grounding.phrases.llm import ChatPhrases, LlmOptions
+from grounding.chat.endpoint import Endpoint, LlmOptions
+from grounding.phrases.llm import ChatPhrases
 from grounding.phrases.rules import RulePhrases
 from grounding.phrases.sources import make_phrases
 from sim.errors import AgentError
@@ -44,8 +45,8 @@ class Source:
 
     def __init__(self, stub: ChatStub, **options: object) -> None:
         self.warnings: list[str] = []
-        settings = LlmOptions.model_validate({"base_url": stub.url, "model": "small", **options})
-        self.source = ChatPhrases(settings, warn=self.warnings.append)
+        settings = LlmOptions.model_validate({"base_url": stub.url, "model": "small", "max_retries": 0, **options})
+        self.source = ChatPhrases(Endpoint(settings), warn=self.warnings.append)
 
     def ask(self, task: Task = TASK) -> tuple[str, ...]:
         return self.source.phrases(task)
@@ -103,17 +104,12 @@ def test_rules_read_the_text_if_the_server_does_not_answer_in_time(stub: ChatStu
     "content",
     ["I cannot say.", "", "<think>Ada?</think>", '{"ownership": "Ada"}', '{"owners": []}', '{"ownership": [', None],
 )
-def test_rules_read_the_text_if_the_answer_is_not_the_requested_json_and_it_is_not_cached(
-    stub: ChatStub, content: str | None
-) -> None:
-    right = stub.content
+def test_rules_read_the_text_if_the_answer_is_not_the_requested_json(stub: ChatStub, content: str | None) -> None:
     stub.content = content
     broken = Source(stub)
     assert broken.ask() == RulePhrases().phrases(TASK)
     assert broken.source.num_fallbacks == 1
     assert broken.warnings[0].endswith("read by rules instead")
-    stub.content = right
-    assert broken.ask() == PHRASES
 
 
 @pytest.mark.parametrize("body", [b"<html>busy</html>", b"{}", b'{"choices": []}', b"null"])
@@ -137,13 +133,9 @@ def test_owners_that_the_text_does_not_name_are_left_out(stub: ChatStub) -> None
     assert source.source.num_fallbacks == 1
 
 
-def test_rules_replace_a_failing_server_which_is_no_longer_asked_after_five_failures(
-    stub: ChatStub, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rules_replace_a_failing_server_which_is_no_longer_asked_after_five_failures(stub: ChatStub) -> None:
     stub.status = 500
     source = Source(stub)
-    chat = source.source._chat
-    monkeypatch.setattr(chat, "_client", chat._client.with_options(max_retries=0))
     tasks = [Task("pog", f"{TEXT} There are {number} rooms.", TASK.queries) for number in range(8)]
     assert [source.ask(task) for task in tasks] == [RulePhrases().phrases(task) for task in tasks]
     assert source.source.num_fallbacks == 8
@@ -152,16 +144,9 @@ def test_rules_replace_a_failing_server_which_is_no_longer_asked_after_five_fail
     assert "no longer asked after 5 failures" in source.warnings[-1]
 
 
-@pytest.mark.parametrize("status", [401, 404])
-def test_a_refused_key_or_model_stops_the_run(stub: ChatStub, status: int) -> None:
-    stub.status = status
-    with pytest.raises(AgentError, match=f"HTTP {status}"):
-        Source(stub).ask()
-
-
 def test_sources_are_made_by_name(stub: ChatStub) -> None:
     options = LlmOptions.model_validate({"base_url": stub.url, "model": "small"})
-    assert make_phrases("llm", llm=options).name == "llm:small"
+    assert make_phrases("llm", chat=Endpoint(options)).name == "llm:small"
     assert make_phrases("rules").name == "rules"
     assert make_phrases("dataset").name == "dataset"
     with pytest.raises(AgentError, match="--llm-url"):

@@ -101,7 +101,7 @@ def test_differences_are_paired_on_common_episodes(table: PogTable) -> None:
 
 def test_answers_by_rules_are_counted_seeds_averaged_and_missing_defaults_need_no_other_table() -> None:
     shown = answers(9)
-    shown[0] = shown[0].model_copy(update={"phrases_fell_back": True})
+    shown[0] = shown[0].model_copy(update={"fell_back": True})
     assert row(only(pog_report([run_of("rpg", shown)])), "rpg").num_fallbacks == 1
     runs = [run_of("random", answers(12), seed=0), run_of("random", answers(0), seed=1)]
     found = row(only(pog_report(runs)), "random")

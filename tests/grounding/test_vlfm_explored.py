@@ -5,7 +5,10 @@ import pytest
 
 from grounding.agents.vlfm.explored import ExploredArea, frontier_midpoints
 from sim.frames import T_world_camera
+from sim.render.raycast import Raycaster
 from sim.types import Camera, GridSpec, Pose
+
+from .two_rooms import two_room_scene
 
 GRID = GridSpec((-10.0, -10.0), 0.05, (400, 400))
 CAMERA = Camera(64, 48)
@@ -104,3 +107,21 @@ def test_only_the_area_around_the_robot_is_kept() -> None:
     area.see(blind, T_world_camera(Pose((0.0, 0.0, 5.0), np.pi), CAMERA), CAMERA, floor_y=0.0)
     z = GRID.xz_from_rc(np.argwhere(area.explored))[:, 1]
     assert z.min() > 4.9
+
+
+def test_kept_frontiers_are_those_of_the_whole_grid_along_a_walk() -> None:
+    scene = two_room_scene()
+    renderer, area = Raycaster(scene.mesh), ExploredArea(GRID)
+    turns = [Pose((1.0, 0.0, 1.0), 0.5 + k * np.pi / 6) for k in range(13)]
+    walk = [Pose((1.0 + 0.25 * k, 0.0, 1.0 + 0.08 * k), -np.pi / 2) for k in range(12)]
+    num_kept, last = 0, np.zeros((0, 2))
+    for pose in [*turns, *turns[:2], *walk]:
+        T = T_world_camera(pose, CAMERA)
+        area.see(renderer.depth(T, CAMERA), T, CAMERA, floor_y=0.0)
+        found = area.frontiers()
+        num_kept += found is last
+        again = GRID.xz_from_uv(frontier_midpoints(area.explored, ~area.blocked, least_cells=600))
+        np.testing.assert_allclose(found, again, atol=1e-12)
+        last = found
+    assert num_kept >= 2, "the robot turned to two views that it knew"
+    assert len(last) > 0

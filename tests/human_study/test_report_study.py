@@ -7,15 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from human_study.design.study import StudyAggregate
+from human_study.design.study import Condition, StudyAggregate
+from human_study.export.runs import study_facts
 from human_study.export.trial_table import TrialRow
 from human_study.report.counts import flow_counts
 from human_study.report.render import html_text, markdown
-from human_study.report.report import StudyReport, study_report
-from human_study.report.source import StudyRecords, read_source
+from human_study.report.report import NOBODY_YET, StudyReport, study_report
+from human_study.report.source import StudyRecords, own_agents, read_source
 from human_study.report.trials import trial_groups
 from personal_viz.cli.study.report import StudyReportVerb
 from sim.errors import PersonalVizError, RunFileError, StudyError
+from sim.tasks.run_files import Run
 
 from .report_examples import (
     KEYS,
@@ -365,3 +367,48 @@ def test_people_of_two_studies_are_refused(rows: list[TrialRow]) -> None:
     mixed = [*runs, *people_runs([row for row in rows if row.participant == "p02"], CONFIG)]
     with pytest.raises(StudyError, match="expected one, because people's codes"):
         study_report(mixed)
+
+
+def on_study(run: Run, *conditions: Condition, condition: str = "none", version: str | None = None) -> Run:
+    """The run of an agent as `run --study` writes it."""
+    facts = study_facts(CONFIG, conditions) | ({"study_version": version} if version else {})
+    return run.model_copy(update={"info": run.info.model_copy(update={"condition": condition, "config": facts})})
+
+
+def test_agents_that_ran_on_the_study_stand_beside_the_people_of_their_condition_only(rows: list[TrialRow]) -> None:
+    blind = agent_run("walker", 0, CONFIG, rate=0.5)
+    seeing, unlike = agent_run("mapper", 0, CONFIG, rate=0.5), agent_run("mapper", 1, CONFIG, rate=0.5)
+    agents = [
+        on_study(blind, "none", "topdown"),
+        on_study(seeing, "none"),
+        on_study(unlike, "topdown", condition="memory_topdown"),
+    ]
+    report = study_report([*people_runs(rows, CONFIG), *agents], records=StudyRecords(CONFIG, tuple(rows)))
+    pairs = {(row.who, row.condition): row for row in report.rows if (row.split, row.measure) == ("total", "sr")}
+    assert {names for names in pairs if " - " in names[0]} == {
+        ("human - walker", "none"),
+        ("human - walker (no exposure)", "memory_topdown"),
+        ("human - mapper", "none"),
+        ("human - mapper (memory_topdown)", "memory_topdown"),
+    }
+    for agent, people in (("human - mapper", "none"), ("human - mapper (memory_topdown)", "memory_topdown")):
+        assert pairs[agent, people].n == pairs["human", people].n
+        assert pairs[agent, people].num_episodes == pairs["human", people].num_episodes == 12
+    with pytest.raises(StudyError, match=r"walker-0: ran on study version ffffffffffff; expected .*that of the people"):
+        study_report([*people_runs(rows, CONFIG), on_study(blind, "none", version="f" * 64)])
+
+
+def test_agents_in_a_condition_that_nobody_has_done_yet_are_left_out_and_said_so(rows: list[TrialRow]) -> None:
+    agents = [on_study(agent_run("walker", 0, CONFIG, rate=0.5), "glb", condition="memory_glb")]
+    report = study_report([*people_runs(rows, CONFIG), *agents], records=StudyRecords(CONFIG, tuple(rows)))
+    assert [(left.who, left.n) for left in report.left_out if left.reason == NOBODY_YET] == [("walker", 12)]
+    assert not any("walker" in row.who for row in report.rows)
+
+
+def test_a_studys_own_runs_of_agents_are_read_unless_some_are_named(tmp_path: Path) -> None:
+    run = agent_run("walker", 0, CONFIG, rate=0.5)
+    assert own_agents(tmp_path, []) is None
+    write_runs(tmp_path / "runs", [run])
+    assert own_agents(tmp_path, [tmp_path / "elsewhere"]) == tmp_path / "runs"
+    assert own_agents(tmp_path, [tmp_path / "runs"]) is None
+    assert own_agents(tmp_path, [tmp_path / "runs" / run.info.run_id]) is None

@@ -73,7 +73,7 @@ def test_unknown_scenes_and_folders_are_one_line(demo_root: Path, tmp_path: Path
 
 
 def test_usage_errors_exit_with_2() -> None:
-    assert personal_viz("run", "--agent", "random").returncode == 2
+    assert personal_viz("run", "--dataset", "data").returncode == 2
     done = subprocess.run([sys.executable, "-m", "personal_viz", "fly"], capture_output=True, timeout=120, check=False)
     assert done.returncode == 2
 

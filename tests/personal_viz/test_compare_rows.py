@@ -130,3 +130,48 @@ def test_an_answer_whose_scene_is_a_path_writes_nothing(tmp_path: Path) -> None:
 def test_no_folder_at_all_is_an_error_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(RunFileError, match="found no run folder on the command line"):
         gather([], dataset_digest="d", episodes={}, into=tmp_path)
+
+
+def test_agents_on_the_peoples_study_stand_in_the_tables_of_their_conditions_on_the_same_episodes() -> None:
+    done, left = EpisodeKey("easy", "Hut", "1"), EpisodeKey("easy", "Hut", "2")
+    trials = [
+        trial("human", success=True, key=done, run_id="p-none"),
+        trial("human", success=False, key=done, run_id="p-map", condition="memory_topdown"),
+        *(trial("blind", success=True, key=key, beside=("none", "memory_topdown")) for key in (done, left)),
+        trial("seer", success=True, key=done, condition="memory_topdown", beside=("memory_topdown",)),
+        trial("stranger", success=True, key=left),
+    ]
+    facts = {"p-none": ("human", "none"), "p-map": ("human", "memory_topdown"), "seer": ("agent", "memory_topdown")}
+    runs = []
+    for name in dict.fromkeys(one.run_id for one in trials):
+        kind, condition = facts.get(name, ("agent", "none"))
+        walks = tuple(
+            pan_episode(one.key, success=bool(one.success), steps=1, code=one.participant)
+            for one in trials
+            if one.run_id == name
+        )
+        who = "human" if kind == "human" else name
+        runs.append(Run(info=info(name, who=who, who_kind=kind, condition=condition), episodes=walks))
+    keys = dict.fromkeys((done, left), "Find it.")
+    plain, mapped = sections(trials, runs, queries=keys, folders={(HOME, key): "f" for key in keys})
+    shown = {
+        section.condition: [(row.who, row.n) for row in section.metrics if row.split == "total"]
+        for section in (plain, mapped)
+    }
+    assert shown == {
+        "none": [("human", 1), ("blind", 1), ("stranger", 1)],
+        "memory_topdown": [("human", 1), ("blind", 1), ("seer", 1), ("stranger", 1)],
+    }
+    assert plain.title.endswith("schematic homes: Human")
+    assert mapped.title.endswith(": Human with memory (top-down map)")
+    assert mapped.notes[0].startswith("Agents without memory_topdown in their name had no exposure")
+    assert [row.means["agents"]["sr"] for row in mapped.rows] == [100.0, 100.0]
+
+
+def test_agents_that_ran_on_another_study_than_the_people_are_refused(tmp_path: Path) -> None:
+    people = info("p", who="human", who_kind="human", config={"study_version": "a" * 64})
+    agent = info("walker", config={"study_version": "b" * 64, "study_conditions": "none"})
+    for one in (people, agent):
+        written(Run(info=one, episodes=(walk("d" * 64),)), tmp_path / "runs")
+    with pytest.raises(RunFileError, match="walker: ran on study version bbbbbbbbbbbb; expected aaaaaaaaaaaa"):
+        gathered(tmp_path / "runs", tmp_path / "aside")

@@ -184,7 +184,7 @@ def test_the_verbs_parse() -> None:
 
 def made_run(dataset: Path, out: Path, *, scene: str, run_id: str) -> Path:
     """A run of the shortest-path agent on one episode of one scene."""
-    Run(dataset, "shortest-path", out=out, scene=(scene,), run_id=run_id, split=("easy",), limit=1).run()
+    Run(dataset=dataset, agent="shortest-path", out=out, scene=(scene,), run_id=run_id, split=("easy",), limit=1).run()
     return out / run_id
 
 

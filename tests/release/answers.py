@@ -85,7 +85,7 @@ def answers_in(document: dict[str, Any], folder: Path) -> dict[str, Any]:
     Processors differ in the last digit of some scores, so scores are in no digest; the order of candidates is.
     """
     figures = {key: document[key] for key in ("n", "n_per_split", "sr", "top3", "pooled", "storey_given")}
-    fields = ("split", "scene", "episode_id", "candidates", "storey_given", "reason", "phrases_fell_back")
+    fields = ("split", "scene", "episode_id", "candidates", "storey_given", "reason", "fell_back")
     measures = ("success", "top3_success", "planar_distance", "distance_3d", "planar_distances")
     homes: dict[str, list[str]] = {}
     scores: dict[str, list[float]] = {}

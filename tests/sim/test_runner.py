@@ -9,12 +9,16 @@ from personal_viz.cli.runs.import_runs import Import
 from personal_viz.cli.runs.run import Run
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError, SceneError
+from sim.homes.open_home import open_scene
 from sim.tasks.agent_makers import AgentMaker, MakesPlugin, MakesShortestPath
+from sim.tasks.agents import RandomAgent
+from sim.tasks.looks import HomeLook
+from sim.tasks.pan import PanEnv
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import EpisodeRun, read_run
 from sim.tasks.run_writer import RunWriter
-from sim.tasks.runner import AgentJob, run_agent
-from sim.types import Action, Camera, Observation, Task
+from sim.tasks.runner import AgentJob, WalkTerms, play_episode, run_agent
+from sim.types import PAPER4, Action, Camera, Observation, Task
 
 from .synthetic import write_dataset
 
@@ -167,3 +171,36 @@ def test_bad_options_are_refused_in_one_line_before_any_work(tmp_path: Path, cha
         with pytest.raises(PersonalVizError, match=message):
             Import(files=(), dataset=nowhere, scenes_dir=None, out=nowhere, who="a", **change).run()
     assert not nowhere.exists()
+
+
+class Looks:
+    """Writes down what it is told, and stops at once."""
+
+    looks = frozenset({"topdown"})
+
+    def __init__(self) -> None:
+        self.told: list[object] = []
+
+    def look(self, home: HomeLook) -> None:
+        self.told.append(home)
+
+    def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
+        self.told.append((task.max_steps, keep_memory))
+
+    def act(self, observation: Observation) -> Action:
+        return Action.STOP
+
+
+def test_an_agent_looks_at_the_home_before_it_knows_the_task_and_keeps_what_it_saw(demo_root: Path) -> None:
+    episode = next(iter(PersonalDataset(demo_root).episodes(scenes=("Demo",))))
+    agent, look, terms = Looks(), HomeLook("topdown"), WalkTerms(actions=PAPER4, max_steps=7, query_index=1)
+    env = PanEnv(episode.start, open_scene(PersonalDataset(demo_root), "Demo").navigation, renderer=None, max_steps=7)
+    task = terms.task(episode)
+    assert (task.actions, task.max_steps, task.queries) == (PAPER4, 7, (episode.record.query[1],))
+    play_episode(agent, env, task, seed=0, look=look)
+    assert agent.told == [look, (7, True)]
+    play_episode(agent, env, task, seed=0)
+    assert agent.told[2:] == [(7, False)]
+    for other, kind in ((agent, "glb"), (RandomAgent(), "topdown")):
+        with pytest.raises(AgentError, match=rf"cannot take a look of kind '{kind}'.*Run it without"):
+            play_episode(other, env, task, seed=0, look=HomeLook(kind))

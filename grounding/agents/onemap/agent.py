@@ -7,7 +7,7 @@ the differences from the published code.
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from grounding.perception.protocol import Perception
 from sim.errors import AgentError
 from sim.frames import wrap_angle, yaw_towards
+from sim.tasks.looks import HomeLook, LookKind
 from sim.tasks.observers import Detection, Insight
 from sim.types import STOREY_GAP, TURN_STEP, Action, Camera, Frame, Observation, Task
 
@@ -46,6 +47,9 @@ class _Ban(NamedTuple):
 class OneMapAgent:
     """An `Agent` that looks for one described thing on the storey where it starts."""
 
+    looks: ClassVar[frozenset[LookKind]] = frozenset({"glb"})
+    """It can use the views of a walk, not a picture from above."""
+
     def __init__(self, perception: Perception | Callable[[], Perception], goal_text: Callable[[Task], str]) -> None:
         """Makes an agent.
 
@@ -65,6 +69,22 @@ class OneMapAgent:
         """
         self._next_T = np.array(T_map_start, np.float64)
 
+    def look(self, home: HomeLook) -> None:
+        """Makes a new map of the views of a walk; `reset(..., keep_memory=True)` keeps it.
+
+        Raises:
+            AgentError: A view has no colours or no depth.
+        """
+        self._step, self._T_map_start, self._steps_before = -1, None, 0
+        for view in home.views():
+            if self._T_map_start is None:
+                self._T_map_start = np.eye(4)
+                self._seeker, self._map = Seeker(view.camera, can_look=False), FeatureGrid()
+            self._step = view.step
+            self._see(view)
+            self._add(self._opened().frame_of(view))
+        self._next_T = self._T_map_start
+
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """Starts a new episode.
 
@@ -72,8 +92,7 @@ class OneMapAgent:
         and which cells were checked are forgotten. Without `carry`, or on another storey, the map is forgotten too.
         `seed` changes nothing: nothing is drawn.
         """
-        if not isinstance(self._perception, Perception):
-            self._perception = self._perception()
+        perception = self._opened()
         T, self._next_T = self._next_T, None
         is_kept = keep_memory and T is not None and self._T_map_start is not None and abs(T[1, 3]) < STOREY_GAP
         if is_kept:
@@ -85,8 +104,8 @@ class OneMapAgent:
             self._T_map_start, self._steps_before = np.eye(4), 0
             self._seeker, self._map = Seeker(camera, can_look=False), FeatureGrid()
         text = self._goal_text(task)
-        self._map.set_query(self._perception.encoder.encode_texts([f"a {text}"])[0])
-        self._perception.detector.set_query(text)
+        self._map.set_query(perception.encoder.encode_texts([f"a {text}"])[0])
+        perception.detector.set_query(text)
         self._turns_left = 0 if is_kept else FULL_TURN
         self._target: Target | None = None
         self._goal: MapGoal | None = None
@@ -102,15 +121,9 @@ class OneMapAgent:
         Raises:
             AgentError: The observation has no colours or no depth.
         """
-        if observation.rgb is None or observation.depth_m is None:
-            raise AgentError(
-                f"step {observation.step}: the observation has no picture; expected colours and depth, from which the "
-                "map is made. Run this agent with a renderer."
-            )
         self._step = observation.step + self._steps_before
-        self._seeker.see(self._in_map(observation))
-        assert isinstance(self._perception, Perception)
-        self._look(self._perception.frame_of(observation))
+        self._see(self._in_map(observation))
+        self._look_for_it(self._opened().frame_of(observation))
         if self._turns_left:
             self._turns_left -= 1
             self._note = "looking around at the start"
@@ -139,16 +152,34 @@ class OneMapAgent:
             note=self._note,
         )
 
-    def _look(self, frame: Frame) -> None:
-        """Adds a view to the map, and looks for the target in it."""
-        assert isinstance(self._perception, Perception)
+    def _opened(self) -> Perception:
+        """The perception, which is made when it is first needed."""
+        if not isinstance(self._perception, Perception):
+            self._perception = self._perception()
+        return self._perception
+
+    def _see(self, observation: Observation) -> None:
+        """Adds an observation in the map's frame to the seeker's map."""
+        if observation.rgb is None or observation.depth_m is None:
+            raise AgentError(
+                f"step {observation.step}: the observation has no picture; expected colours and depth, from which the "
+                "map is made. Run this agent with a renderer."
+            )
+        self._seeker.see(observation)
+
+    def _add(self, frame: Frame) -> NDArray[np.int32]:
+        """Adds a view, in the start frame, to the map of features; (H, W) cell of each pixel, -1 where it has none."""
         assert self._T_map_start is not None
-        patches = self._perception.encoder.encode_patches([frame])[0]
-        cells = self._map.add(frame.depth_m, self._T_map_start @ frame.T_world_camera, frame.camera, patches)
+        patches = self._opened().encoder.encode_patches([frame])[0]
+        return self._map.add(frame.depth_m, self._T_map_start @ frame.T_world_camera, frame.camera, patches)
+
+    def _look_for_it(self, frame: Frame) -> None:
+        """Adds a view to the map, and looks for the target in it."""
+        perception, cells = self._opened(), self._add(frame)
         part = self._map.box
         is_hot = np.zeros(self._map.grid.shape, bool)
         is_hot[part] = hot_cells(self._map.similarity[part], self._map.confidence[part] > 0)
-        placed = placed_detections(frame, self._perception.detector, self._perception.segmenter)
+        placed = placed_detections(frame, perception.detector, perception.segmenter)
         self._detections = tuple(detection for detection, _ in placed)
         found = [
             believed(mask, frame.depth_m, cells, is_hot=is_hot, similarity=self._map.similarity) for _, mask in placed

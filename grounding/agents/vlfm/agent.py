@@ -84,7 +84,6 @@ class VlfmAgent:
         self._explored, self._cloud = ExploredArea(grid), ObjectCloud()
         self._values = ValueMap(grid, num_texts=len(self._texts), fusion=self._fusion)
         self._turns_left = FULL_TURN
-        self._frontiers = np.zeros((0, 2))
         self._detections: tuple[Detection, ...] = ()
         self._goal: tuple[float, float, float] | None = None
         self._frontier: tuple[float, float] | None = None
@@ -123,7 +122,7 @@ class VlfmAgent:
             grid=memory.grid,
             occupancy=memory.cells,
             similarity=np.where(seen, self._values.values[..., 0], np.float32(np.nan)),
-            frontiers=self._frontiers,
+            frontiers=self._explored.frontiers(),
             detections=self._detections,
             candidates=self._cloud.nearest(memory.xz, most=_MOST_CANDIDATES),
             goal=self._goal,
@@ -134,7 +133,6 @@ class VlfmAgent:
         """Adds a view to the maps, and looks for the target in it."""
         T, floor_y = frame.T_world_camera, self._seeker.memory.floor_y
         self._explored.see(frame.depth_m, T, frame.camera, floor_y=floor_y)
-        self._frontiers = self._explored.frontiers()
         self._values.add(frame.depth_m, T, frame.camera, perception.scorer.score(frame, self._texts))
         found = [(each, perception.segmenter.mask(frame, each)) for each in perception.detector.detect(frame)]
         self._detections = tuple(self._cloud.add(frame, found, rng=self._rng))
@@ -157,8 +155,9 @@ class VlfmAgent:
 
     def _explore(self) -> Action:
         """The next action towards the best frontier; STOP if none is left."""
+        frontiers = self._explored.frontiers()
         while True:
-            left = [xz for xz in self._frontiers.tolist() if not self._is_banned((xz[0], xz[1]))]
+            left = [xz for xz in frontiers.tolist() if not self._is_banned((xz[0], xz[1]))]
             while left:
                 action = self._towards_best(np.array(left))
                 if action is not None:
@@ -171,7 +170,7 @@ class VlfmAgent:
             self._seeker.squeeze()
             self._bans = [ban for ban in self._bans if ban.until == FOR_EVER]
         self._goal = None
-        self._note = f"{len(self._frontiers)} frontiers are left, none of which can be reached"
+        self._note = f"{len(frontiers)} frontiers are left, none of which can be reached"
         return Action.STOP
 
     def _towards_best(self, places: NDArray[np.float64]) -> Action | None:

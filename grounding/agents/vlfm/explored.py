@@ -45,6 +45,7 @@ class ExploredArea:
         self.explored = np.zeros(grid.shape, bool)
         """(rows, cols) not blocked, one connected area."""
         self._box = (grid.shape[0], -1, grid.shape[1], -1)
+        self._frontiers: NDArray[np.float64] | None = None  # None = not known since the last change
 
     def see(
         self, depth_m: NDArray[np.float32], T_start_camera: NDArray[np.float64], camera: Camera, *, floor_y: float
@@ -59,7 +60,7 @@ class ExploredArea:
         """
         assert depth_m.shape == (camera.height, camera.width), depth_m.shape
         u, v = self.grid.uv_from_xz(T_start_camera[[0, 2], 3])
-        _mark_obstacles(
+        is_new = _mark_obstacles(
             np.ascontiguousarray(depth_m, np.float32),
             np.ascontiguousarray(T_start_camera[:3, :3], np.float64),
             (float(u), float(v), float(T_start_camera[1, 3]) - floor_y),
@@ -70,15 +71,23 @@ class ExploredArea:
             self.explored,
         )
         heading = math.atan2(T_start_camera[2, 0], T_start_camera[0, 0])  # of the camera's right, from u to v
-        box = _lift_fog(
+        is_wider, box = _lift_fog(
             self.blocked, self.explored, (float(u), float(v)), heading, self.grid.cell, math.radians(camera.hfov_deg)
         )
         r0, r1, c0, c1 = self._box
-        self._box = (min(r0, box[0]), max(r1, box[1]), min(c0, box[2]), max(c1, box[3]))
-        self._keep_one_area(float(u), float(v))
+        box = (min(r0, box[0]), max(r1, box[1]), min(c0, box[2]), max(c1, box[3]))
+        if is_new or is_wider or box != self._box:
+            self._box, self._frontiers = box, None
+            self._keep_one_area(float(u), float(v))
 
     def frontiers(self) -> NDArray[np.float64]:
-        """(N, 2) (x, z) way-points, metres."""
+        """(N, 2) (x, z) way-points, metres; found again only after a cell has changed."""
+        if self._frontiers is None:
+            self._frontiers = self._found_frontiers()
+            self._frontiers.setflags(write=False)
+        return self._frontiers
+
+    def _found_frontiers(self) -> NDArray[np.float64]:
         part = self._part(_MARGIN)
         uv = frontier_midpoints(
             self.explored[part], ~self.blocked[part], least_cells=round(LEAST_ISLAND / self.grid.cell**2)
@@ -137,12 +146,15 @@ def _islands(unexplored: NDArray[np.bool_], inside: NDArray[np.bool_], least_cel
     sizes[0] = least_cells
     sizes[np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))] = least_cells
     islands = np.zeros(unexplored.shape, bool)
-    boxes = ndimage.find_objects(labels)
-    for label in np.flatnonzero(sizes < least_cells).tolist():
+    small = np.flatnonzero(sizes < least_cells).tolist()
+    boxes = ndimage.find_objects(labels) if small else []
+    for label in small:
         part = boxes[label - 1]
-        filled = np.asarray(ndimage.binary_fill_holes(labels[part] == label), bool)
-        if filled.sum() < least_cells and not (filled & inside[part]).any():
-            islands[part] |= labels[part] == label
+        filled = is_island = labels[part] == label
+        if min(filled.shape) > 2:  # else nothing lies inside
+            filled = np.asarray(ndimage.binary_fill_holes(is_island), bool)
+        if np.count_nonzero(filled) < least_cells and not (filled & inside[part]).any():
+            islands[part] |= is_island
     return islands
 
 
@@ -157,6 +169,8 @@ def _borders(
 
 def _runs(points: NDArray[np.float64], flags: NDArray[np.bool_]) -> list[tuple[NDArray[np.float64], int, int]]:
     """Points in the order of the border, and the first and last index of each open stretch of two or more."""
+    if not flags.any():
+        return []
     if flags.all():
         return [(points, 0, len(points) - 1)] if len(points) > 1 else []
     first_closed = int(np.flatnonzero(~flags)[0])
@@ -221,33 +235,39 @@ def _is_in(inside, row, col):
 
 @njit(cache=True, nogil=True)
 def _mark_obstacles(depth, R, eye, lens, cell, obstacles, blocked, explored):
-    """Marks the obstacles that a view shows within RANGE, and the cells near them; changes the last three."""
+    """Marks the obstacles that a view shows within RANGE, and the cells near them; changes the last three.
+
+    Returns:
+        Whether there was a new one.
+    """
     fx, fy, cx, cy = lens
     rows, cols = obstacles.shape
+    right = (np.arange(depth.shape[1]) + 0.5 - cx) / fx
+    right_x, right_y, right_z = R[0, 0] * right, R[1, 0] * right, R[2, 0] * right
+    is_new = False
     for i in range(0, depth.shape[0], _EVERY):
         down = (i + 0.5 - cy) / fy
+        down_x, down_y, down_z = R[0, 1] * down, R[1, 1] * down, R[2, 1] * down
         for j in range(0, depth.shape[1], _EVERY):
             d = depth[i, j]
-            if not 0 < d < RANGE:
+            height = eye[2] + d * (right_y[j] + down_y + R[1, 2])
+            if not (OBSTACLE_LOW <= height <= OBSTACLE_HIGH and 0 < d < RANGE):
                 continue
-            right = (j + 0.5 - cx) / fx
-            height = eye[2] + d * (R[1, 0] * right + R[1, 1] * down + R[1, 2])
-            if not OBSTACLE_LOW <= height <= OBSTACLE_HIGH:
-                continue
-            c = math.floor(eye[0] + d * (R[0, 0] * right + R[0, 1] * down + R[0, 2]) / cell)
-            r = math.floor(eye[1] + d * (R[2, 0] * right + R[2, 1] * down + R[2, 2]) / cell)
+            c = math.floor(eye[0] + d * (right_x[j] + down_x + R[0, 2]) / cell)
+            r = math.floor(eye[1] + d * (right_z[j] + down_z + R[2, 2]) / cell)
             if not (0 <= r < rows and 0 <= c < cols) or obstacles[r, c]:
                 continue
-            obstacles[r, c] = True
+            is_new = obstacles[r, c] = True
             for near_r in range(max(r - OBSTACLE_REACH, 0), min(r + OBSTACLE_REACH + 1, rows)):
                 for near_c in range(max(c - OBSTACLE_REACH, 0), min(c + OBSTACLE_REACH + 1, cols)):
                     blocked[near_r, near_c] = True
                     explored[near_r, near_c] = False
+    return is_new
 
 
 @njit(cache=True, nogil=True)
 def _lift_fog(blocked, explored, middle, heading, cell, fov):
-    """Marks the open cells on rays from the robot, and those beside them, as explored; returns a box around them.
+    """Marks the open cells on rays from the robot, and those beside them, as explored.
 
     Args:
         blocked: (rows, cols).
@@ -258,9 +278,12 @@ def _lift_fog(blocked, explored, middle, heading, cell, fov):
         fov: Radians.
 
     Returns:
-        First and last row, first and last column.
+        Whether one was unexplored; first and last row, first and last column of a box around them.
     """
     rows, cols = blocked.shape
+    is_new, reach = False, math.ceil(RANGE / cell) + 1
+    corner = math.floor(middle[1]) - reach, math.floor(middle[0]) - reach
+    is_marked = np.zeros((2 * reach + 1, 2 * reach + 1), np.bool_)
     r0, r1, c0, c1 = rows, -1, cols, -1
     num_rays = math.ceil(2 * fov * RANGE / cell) + 1
     for ray in range(num_rays):
@@ -276,9 +299,12 @@ def _lift_fog(blocked, explored, middle, heading, cell, fov):
                     break
                 continue
             has_left = True
+            if is_marked[r - corner[0], c - corner[1]]:
+                continue
+            is_marked[r - corner[0], c - corner[1]] = True
             for near_r in range(max(r - 1, 0), min(r + 2, rows)):
                 for near_c in range(max(c - 1, 0), min(c + 2, cols)):
-                    if not blocked[near_r, near_c]:
-                        explored[near_r, near_c] = True
+                    if not (blocked[near_r, near_c] or explored[near_r, near_c]):
+                        is_new = explored[near_r, near_c] = True
             r0, r1, c0, c1 = min(r0, r - 1), max(r1, r + 1), min(c0, c - 1), max(c1, c + 1)
-    return max(r0, 0), min(r1, rows - 1), max(c0, 0), min(c1, cols - 1)
+    return is_new, (max(r0, 0), min(r1, rows - 1), max(c0, 0), min(c1, cols - 1))

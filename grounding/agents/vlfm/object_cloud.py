@@ -86,16 +86,19 @@ class ObjectCloud:
 
     def retract(self, frame: Frame) -> None:
         """Forgets the untrusted points of each view of which one lies within RECHECK and in the picture's sector."""
-        eye = frame.T_world_camera[:3, 3]
-        offsets = self.points - eye
+        is_doubtful = self.marks != TRUSTED
+        if not is_doubtful.any():
+            return
+        offsets, marks = self.points[is_doubtful] - frame.T_world_camera[:3, 3], self.marks[is_doubtful]
         right = frame.T_world_camera[[0, 2], 0]
         aside = offsets[:, [0, 2]] @ right
         forward = offsets[:, [0, 2]] @ np.array([right[1], -right[0]])
         half_fov = math.radians(frame.camera.hfov_deg) / 2
         is_faced = (np.linalg.norm(offsets, axis=1) <= RECHECK) & (np.abs(np.arctan2(aside, forward)) <= half_fov)
-        gone = np.unique(self.marks[is_faced & (self.marks != TRUSTED)])
-        kept = ~np.isin(self.marks, gone)
-        self.points, self.marks, self.middles = self.points[kept], self.marks[kept], self.middles[kept]
+        gone = np.unique(marks[is_faced])
+        if len(gone):
+            kept = ~np.isin(self.marks, gone)
+            self.points, self.marks, self.middles = self.points[kept], self.marks[kept], self.middles[kept]
 
     def goal(self, xz: tuple[float, float]) -> tuple[float, float, float] | None:
         """The middle of the thing to walk to from here; None without points.

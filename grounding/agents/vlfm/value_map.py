@@ -96,24 +96,13 @@ class ValueMap:
 
         Cells outside the grid do not count.
         """
-        return np.array([self._value_at(place) for place in np.asarray(xz, float)]).reshape(-1, self.values.shape[2])
-
-    def _value_at(self, xz: NDArray[np.float64]) -> NDArray[np.float64]:
-        row, col = self.grid.rc_from_xz(xz).tolist()
-        reach = round(VALUE_RADIUS / self.grid.cell)
-        part = np.s_[max(row - reach, 0) : max(row + reach + 1, 0), max(col - reach, 0) : max(col + reach + 1, 0)]
-        confidence = self.confidence[part]
-        rows = np.arange(confidence.shape[0])[:, None] + part[0].start - row
-        cols = np.arange(confidence.shape[1])[None] + part[1].start - col
-        is_seen = (rows**2 + cols**2 <= reach**2) & (confidence > 0)
-        if not is_seen.any():
-            return np.full(self.values.shape[2], -np.inf)
-        return np.median(self.values[part][is_seen].astype(np.float64), axis=0)
+        rc = self.grid.rc_from_xz(np.asarray(xz, float).reshape(-1, 2))
+        return _medians(self.values, self.confidence, rc, round(VALUE_RADIUS / self.grid.cell))
 
 
 def depth_row(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
     """(W,) the farthest depth of each column, metres, in [NEAREST, RANGE]; no return counts as RANGE."""
-    is_hole = (depth_m == 0).any(axis=0)
+    is_hole = depth_m.min(axis=0) == 0
     return np.where(is_hole, np.float32(RANGE), np.clip(depth_m.max(axis=0), NEAREST, RANGE)).astype(np.float32)
 
 
@@ -155,12 +144,13 @@ def _fuse_cone(values, confidence, depth, middle, right, cell, half_fov, scores,
         to_v = v + RANGE / cell * (along * ahead[1] + aside * right[1])
         u0, u1, v0, v1 = min(u0, to_u), max(u1, to_u), min(v0, to_v), max(v1, to_v)
     grown = RANGE / cell * (1 - math.cos(half_fov / 16)) + 1
+    deepest, is_narrow = depth.max(), half_fov < math.pi / 2
     for row in range(max(math.floor(v0 - grown), 0), min(math.ceil(v1 + grown) + 1, rows)):
         for col in range(max(math.floor(u0 - grown), 0), min(math.ceil(u1 + grown) + 1, cols)):
             dx, dz = (col + 0.5 - u) * cell, (row + 0.5 - v) * cell
             forward, aside = dx * ahead[0] + dz * ahead[1], dx * right[0] + dz * right[1]
-            if forward**2 + aside**2 > RANGE**2:
-                continue
+            if forward > deepest or (is_narrow and forward < 0) or forward**2 + aside**2 > RANGE**2:
+                continue  # as the lines below say too, but without the bearing
             bearing = math.atan2(aside, forward)
             if abs(bearing) > half_fov:
                 continue
@@ -173,3 +163,23 @@ def _fuse_cone(values, confidence, depth, middle, right, cell, half_fov, scores,
                 value, after = fuse(float(values[row, col, text]), float(was), scores[text], new_confidence, fusion)
                 values[row, col, text] = value
                 confidence[row, col] = after
+
+
+@njit(cache=True, nogil=True)
+def _medians(values, confidence, rc, reach):
+    """(N, C) medians of the values of the seen cells within `reach` cells of each place (N, 2); -inf where none is."""
+    rows, cols, num_texts = values.shape
+    found = np.full((len(rc), num_texts), -np.inf)
+    near = np.empty((num_texts, (2 * reach + 1) ** 2))
+    for k in range(len(rc)):
+        count, (at_row, at_col) = 0, rc[k]
+        for row in range(max(at_row - reach, 0), min(at_row + reach + 1, rows)):
+            for col in range(max(at_col - reach, 0), min(at_col + reach + 1, cols)):
+                if (row - at_row) ** 2 + (col - at_col) ** 2 <= reach**2 and confidence[row, col] > 0:
+                    near[:, count] = values[row, col]
+                    count += 1
+        if count:
+            for text in range(num_texts):
+                ordered = np.sort(near[text, :count])
+                found[k, text] = (ordered[(count - 1) // 2] + ordered[count // 2]) / 2
+    return found

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tyro.conf import Positional, UseAppendAction, arg
 
+from grounding.chat.endpoint import Endpoint
 from grounding.encoders.by_name import is_model, require_no_model_options
 from grounding.encoders.protocol import ModelOptions
 from grounding.evaluation.known_home import KnownHome, home_of_dataset, home_of_scan
@@ -20,6 +21,7 @@ from grounding.maps.best_views import PosedView, Sight, best_views
 from grounding.maps.files import MapSource, load_memory, read_map_header
 from grounding.maps.home_map import HomeMemory, merged_storeys
 from grounding.methods.by_name import takes_objects
+from grounding.methods.chat_grounders import CHAT_METHODS
 from grounding.methods.free_text import Asker, FoundPlace, Reply, encoder_of_queries
 from grounding.phrases.sources import PhraseSource, make_phrases
 from grounding.robot.frames import read_robot_frames
@@ -30,7 +32,18 @@ from sim.homes.open_home import SCAN_SUFFIXES, open_scene
 from sim.mesh import Scene
 from sim.types import SPLITS
 
-from ..options import Evidence, Json, ModelAutocast, ModelBatch, ModelDevice, ScenesDir, WithPixels
+from ..options import (
+    Evidence,
+    Json,
+    LlmKeyEnv,
+    LlmModel,
+    LlmUrl,
+    ModelAutocast,
+    ModelBatch,
+    ModelDevice,
+    ScenesDir,
+    WithPixels,
+)
 from ..output import print_json, print_table, say
 from ..refusals import check_options, writing
 from .asked_home import asked_home
@@ -81,11 +94,9 @@ class Ask:
         arg(help="A method of `ground`; by default joint on grid maps, object-dual on maps of objects and in homes."),
     ] = None
     phrases: Annotated[str, arg(help="Reader of the description: rules, llm, or package.module:factory.")] = "rules"
-    llm_url: Annotated[str, arg(help="OpenAI-compatible endpoint, such as http://127.0.0.1:11434/v1.")] = ""
-    llm_model: Annotated[str, arg(help="Name of the language model at that endpoint.")] = ""
-    llm_key_env: Annotated[
-        str, arg(help="Environment variable that holds the endpoint's key; the key is not written anywhere.")
-    ] = ""
+    llm_url: LlmUrl = ""
+    llm_model: LlmModel = ""
+    llm_key_env: LlmKeyEnv = ""
     encoder: Annotated[
         str, arg(help="Encoder of the map; what the map file says by default, for homes hashed (oracle perception).")
     ] = ""
@@ -121,7 +132,7 @@ class Ask:
         if not is_model(name):
             require_no_model_options(f"--encoder {name}", self._model)
         encoder = encoder_of_queries(merged, name, options=self._model)
-        asker = Asker(asked.home, encoder=encoder, phrases=phrases, method=self.method)
+        asker = Asker(asked.home, encoder=encoder, phrases=phrases, method=self.method, chat=self._chat)
         replies = [asker.ask(query, description=description) for query in self.query]
         scores: list[AskedScore] = []
         for truth in truths:
@@ -146,15 +157,16 @@ class Ask:
 
     def _require_options(self) -> None:
         """Refuses options that would be ignored."""
-        is_home, has_llm = not (self._is_map or self._is_scan), self.phrases == "llm"
+        is_home, has_llm = not (self._is_map or self._is_scan), self.phrases == "llm" or self.method in CHAT_METHODS
+        with_llm = "--phrases llm or a method that asks a chat model"
         for option, is_given, fits, where in (
             ("--dataset", self.dataset is not None, not self._is_map, "the name of a home or a scan's file"),
             ("--evidence", bool(self.evidence), is_home, "the name of a home"),
             ("--up", self.up is not None, self._is_scan, "a scan's file"),
             ("--scenes-dir", self.scenes_dir is not None, is_home, "the name of a home"),
-            ("--llm-url", bool(self.llm_url), has_llm, "--phrases llm"),
-            ("--llm-model", bool(self.llm_model), has_llm, "--phrases llm"),
-            ("--llm-key-env", bool(self.llm_key_env), has_llm, "--phrases llm"),
+            ("--llm-url", bool(self.llm_url), has_llm, with_llm),
+            ("--llm-model", bool(self.llm_model), has_llm, with_llm),
+            ("--llm-key-env", bool(self.llm_key_env), has_llm, with_llm),
         ):
             if is_given and not fits:
                 raise PersonalVizError(
@@ -192,7 +204,12 @@ class Ask:
                 "--phrases is 'dataset'; expected rules, llm, or your own as package.module:factory, because free text "
                 "has no phrases of a dataset. Leave it out for rules."
             )
-        return make_phrases(self.phrases, llm=self._settings.llm)
+        return make_phrases(self.phrases, chat=self._chat)
+
+    @cached_property
+    def _chat(self) -> Endpoint | None:
+        """The model of the phrases or of the method."""
+        return self._settings.endpoint()
 
     @property
     def _settings(self) -> GroundSettings:
@@ -362,6 +379,8 @@ def _all(documents: list[dict[str, Any]], scores: Sequence[AskedScore]) -> Any:
 def _print(home: HomeMemory, replies: Sequence[Reply], source: MapSource) -> None:
     for reply in replies:
         print(f"{reply.query}: {reply.phrase or 'no phrase of the description means it'}")
+        if reply.grounding.fell_back:
+            print("  the chat model gave nothing to use: a method without one answered")
         for rank, place in enumerate(reply.places, start=1):
             recorded = _in_recording(place, source)
             own = f", in the recording {_words(recorded)}" if recorded is not None else ""

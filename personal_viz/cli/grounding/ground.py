@@ -6,10 +6,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
+from tyro import MISSING
 from tyro.conf import arg
 
+from grounding.chat.budget import Budget
 from grounding.encoders.by_name import (
     PLUGIN,
     encoder_called,
@@ -40,31 +42,43 @@ from sim.tasks.workers import RayCluster, Workers
 from sim.types import SPLITS
 
 from ...progress import counted
+from ..chat_cost import require_chat_for_limits
 from ..options import (
     Address,
     Clutter,
-    Dataset,
+    DatasetOrStudy,
     Evidence,
     Jobs,
     Json,
     Label,
     Limit,
+    LlmKeyEnv,
+    LlmModel,
+    LlmUrl,
+    MaxCalls,
+    MaxTokens,
     ModelAutocast,
     ModelBatch,
     ModelDevice,
     On,
+    Out,
+    Price,
     RunId,
     SampleSeed,
     Scenes,
     ScenesDir,
     Shard,
     Splits,
+    StudyFolder,
     workers_of,
 )
 from ..output import print_json
-from ..refusals import check_options, nothing_chosen
+from ..refusals import check_options, nothing_chosen, require_dataset
 from .ground_maps import cell_of_maps, layout_of_maps
 from .ground_tables import GroundResult, ground_document, print_ground_table
+
+if TYPE_CHECKING:
+    from ...study_app.planned_study import PlannedStudy
 
 EXPLORATIONS = "explorations"
 """Folder below --out that all maps of explored homes share."""
@@ -79,15 +93,17 @@ _EXPLORED = "Explored maps: "
 class Ground:
     """Ground POG episodes on oracle maps, on maps of homes that our explorer walks, or on maps made before."""
 
-    dataset: Dataset
+    dataset: DatasetOrStudy = None
     method: Annotated[
         str,
         arg(
             help="random, center, qs, rpg, rpg-authors, rpg-literal, phrase, dual, dual-smooth, dual-smooth-point or "
-            "joint; object-phrase or object-dual on maps of objects; or your own as package.module:factory, which "
-            "gets the map's encoder."
+            "joint; object-phrase or object-dual on maps of objects; with a chat model (--llm-url, --llm-model) "
+            "object-list-llm or map-image-vlm on maps of objects, and frames-vlm on explored homes; or your own as "
+            "package.module:factory, which gets the map's encoder."
         ),
-    ]
+    ] = MISSING
+    study: StudyFolder = None
     map: Annotated[
         str,
         arg(help="oracle (texts of the episode files), explore (walk each home, map it), or a folder of <Scene>.npz."),
@@ -106,11 +122,12 @@ class Ground:
             "reads it), or your own as package.module:factory."
         ),
     ] = "dataset"
-    llm_url: Annotated[str, arg(help="OpenAI-compatible endpoint, such as http://127.0.0.1:11434/v1.")] = ""
-    llm_model: Annotated[str, arg(help="Name of the language model at that endpoint.")] = ""
-    llm_key_env: Annotated[
-        str, arg(help="Environment variable that holds the endpoint's key; the key is not written anywhere.")
-    ] = ""
+    llm_url: LlmUrl = ""
+    llm_model: LlmModel = ""
+    llm_key_env: LlmKeyEnv = ""
+    max_calls: MaxCalls = None
+    max_tokens: MaxTokens = None
+    price: Price = None
     all_storeys: Annotated[bool, arg(help="Do not tell the target's storey.")] = False
     layout: Annotated[
         Literal["grid", "fine", "objects"] | None,
@@ -135,7 +152,7 @@ class Ground:
     sweep: Annotated[str | None, arg(help="NAME=V1,V2,...: one run per value, e.g. object-noise=0,0.1,0.2.")] = None
     evidence: Evidence = ()
     scenes_dir: ScenesDir = None
-    out: Path = Path("runs")
+    out: Out = None
     scene: Scenes = ()
     split: Splits = ()
     limit: Limit = None
@@ -163,13 +180,16 @@ class Ground:
     def run(self) -> int:
         self.check()
         self._workers()
-        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
+        if self.study is not None:
+            return self._of_study().run()
+        episodes = PersonalDataset(require_dataset(self.dataset), evidence=self.evidence)
         settings = self.settings(episodes)
         check_options(self)
+        require_chat_for_limits(self, has_chat=settings.has_chat)
         if not is_model(self.encoder):
             require_no_model_options(f"--encoder {self.encoder}", self._model)
         documents = []
-        for each in [settings] if self.sweep is None else swept(settings, self.sweep):
+        for each in self._swept(settings):
             found = [self._grounded(episodes, one) for one in (each, *_beside(each))]
             if self.json:
                 document, *beside = [ground_document(result) for result in found]
@@ -195,6 +215,37 @@ class Ground:
         kind = "files" if self._folder else "explore" if self.map == "explore" else "oracle"
         return GroundSettings(map=kind, layout=layout, home_clutter=self.clutter, **values)
 
+    def _of_study(self) -> "_GroundStudy":
+        """The same on what the study's people point at: in its homes, without being told the target's storey.
+
+        Raises:
+            PersonalVizError: An option contradicts the plan, or the study, its dataset or a home cannot be used.
+        """
+        from ...study_app.planned_study import agent_runs, open_planned, require_plans_choices
+
+        assert self.study is not None
+        require_plans_choices(self, ("scene", "split", "limit", "sample_seed", "clutter"))
+        study = open_planned(
+            self.study, "pog", dataset=self.dataset, evidence=self.evidence, scenes_dir=self.scenes_dir
+        )
+        homes = study.scenes("pog")
+        same = {field.name: getattr(self, field.name) for field in fields(self)}
+        placed = {
+            "study": None,
+            "dataset": study.dataset.root,
+            "evidence": tuple(edition.root for edition in study.dataset.evidence),
+            "scenes_dir": study.scenes_dir,
+            "scene": tuple(home.name for home in homes),
+            "clutter": homes[0].clutter if self.map == "explore" else 0,
+            "all_storeys": True,
+            "out": agent_runs(study, self.out),
+        }
+        return _GroundStudy(**{**same, **placed}, planned=study)
+
+    @property
+    def _out(self) -> Path:
+        return self.out or Path("runs")
+
     @property
     def _folder(self) -> Path | None:
         """The folder of map files, for `--map PATH`; otherwise None."""
@@ -214,18 +265,20 @@ class Ground:
         whole = self._info(episodes, settings)
         jobs = {job.scene: job for job in self._work(episodes, settings, whole)}
         if not jobs:
-            raise nothing_chosen(self.dataset)
+            raise nothing_chosen(require_dataset(self.dataset))
         shard, keys = shard_from_text(self.shard), {name: job.keys for name, job in jobs.items()}
         info = shard.run_info(whole, keys)
-        folder = shard.folder(self.out, info)
-        work = [jobs[name] for name in shard.part(keys)]
+        folder = shard.folder(self._out, info)
+        budget = Budget(folder, self.max_calls, self.max_tokens) if settings.has_chat else None
+        work = [replace(jobs[name], budget=budget) for name in shard.part(keys)]
         self._answer(work, folder, info)
         run = read_run(folder)
         chosen = {key for job in work for key in job.keys}
         answers = tuple(answer for answer in run.answers if answer.key in chosen)
         rows = {row.split: row for row in metric_rows([run.model_copy(update={"answers": answers})])}
-        fallbacks = sum(answer.phrases_fell_back for answer in answers)  # of all processes and earlier calls
-        return GroundResult(settings, info, rows, folder, phrases_by_rules=fallbacks)
+        fallbacks = sum(answer.fell_back for answer in answers)  # of all processes and earlier calls
+        usage = None if budget is None else budget.used()
+        return GroundResult(settings, info, rows, folder, fell_back=fallbacks, chat=usage, price=self.price)
 
     def _answer(self, work: Sequence[GroundJob], folder: Path, info: RunInfo) -> None:
         """Answers the episodes that the run folder does not hold yet."""
@@ -240,10 +293,6 @@ class Ground:
 
     def _work(self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
         """One job per scene."""
-        folders = None
-        if settings.map != "oracle":
-            maps = self._folder or self.out / str(info.config["maps"])
-            folders = MapFolders(maps, self.out / EXPLORATIONS, self.scenes_dir)
         return select_jobs(
             episodes,
             settings,
@@ -251,9 +300,16 @@ class Ground:
             scenes=self.scene or None,
             limit=self.limit,
             sample_seed=self.sample_seed,
-            folders=folders,
+            folders=self._folders(settings, info),
             model=self._model,
         )
+
+    def _folders(self, settings: GroundSettings, info: RunInfo) -> MapFolders | None:
+        """Folders of maps and explorations; None for oracle maps."""
+        if settings.map == "oracle":
+            return None
+        maps = self._folder or self._out / str(info.config["maps"])
+        return MapFolders(maps, self._out / EXPLORATIONS, self.scenes_dir, swept=self._swept_maps(settings, info))
 
     def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
         """The contents of run.json."""
@@ -288,6 +344,17 @@ class Ground:
             config=config,
         )
 
+    def _swept(self, settings: GroundSettings) -> list[GroundSettings]:
+        """The settings of each value of the sweep; these alone without one."""
+        return [settings] if self.sweep is None else swept(settings, self.sweep)
+
+    def _swept_maps(self, settings: GroundSettings, info: RunInfo) -> tuple[tuple[GroundSettings, Path], ...]:
+        """The settings of the sweep's other values, and the folders of their maps; none where maps are files."""
+        if self._folder is not None or self.sweep is None:
+            return ()
+        maps = {f"{map_name(each, info.dataset_digest, info.scene_kind)}/maps": each for each in self._swept(settings)}
+        return tuple((each, self._out / name) for name, each in maps.items() if name != info.config["maps"])
+
     def _swept_id(self, settings: GroundSettings) -> str:
         """The run's own name, followed by the swept setting's value and by the phrases if they were not asked for."""
         phrases = "" if settings.phrases == self.phrases else f"-{settings.phrases}"
@@ -295,6 +362,38 @@ class Ground:
             return fitting_run_id(f"{self.run_id}{phrases}")
         name = self.sweep.partition("=")[0].strip().replace("-", "_")
         return fitting_run_id(f"{self.run_id}-{name.replace('_', '-')}{getattr(settings, name)}{phrases}")
+
+
+@dataclass
+class _GroundStudy(Ground):
+    """`Ground` on the episodes of a planned study; its other options are those of the plan."""
+
+    planned: "PlannedStudy | None" = None
+
+    def _work(self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
+        """One job per scene."""
+        assert self.planned is not None
+        keys = sorted({key for found in self.planned.episodes("pog").values() for key in found})
+        index = self.planned.config.query_index
+        return select_jobs(
+            episodes,
+            settings,
+            folders=self._folders(settings, info),
+            model=self._model,
+            keys=keys,
+            query_index=index,
+        )
+
+    def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
+        """The contents of run.json, with the study and all its conditions: a grounder answers alike in each."""
+        from human_study.export.runs import study_facts
+
+        assert self.planned is not None
+        config, info = self.planned.config, super()._info(episodes, settings)
+        clutter = self.planned.scenes("pog")[0].clutter
+        facts = {"clutter": clutter, **study_facts(config, tuple(self.planned.episodes("pog")))}
+        run_id = info.run_id if self.run_id else fitting_run_id(f"{config.study}-{info.run_id}")
+        return info.model_copy(update={"run_id": run_id, "config": {**info.config, **facts}})
 
 
 def _facts(settings: GroundSettings) -> Grounder:
@@ -347,8 +446,9 @@ def run_name(settings: GroundSettings, *, label: str | None = None) -> str:
     storey = "all-storeys" if settings.all_storeys else "storey-given"
     who = label or own_name(_facts(settings), settings.method)
     parts = [who, settings.map, encoder_slug(settings.encoder), *_unusual(settings), storey]
-    if settings.phrases != "dataset":
-        parts.append(phrases_called(settings.phrases) + re.sub(r"[^A-Za-z0-9.]", "", settings.llm_model)[:20])
+    if settings.phrases != "dataset" or settings.has_chat:
+        source = "" if settings.phrases == "dataset" else phrases_called(settings.phrases)
+        parts.append(source + re.sub(r"[^A-Za-z0-9.]", "", settings.llm_model)[:20])
     return fitting_run_id(f"ground-{'-'.join(parts)}-seed{settings.seed}")
 
 

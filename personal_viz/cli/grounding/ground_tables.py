@@ -4,13 +4,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from grounding.chat.budget import ChatUsage
 from grounding.encoders.by_name import encoder_called
 from grounding.evaluation.settings import GroundSettings
+from grounding.methods.chat_grounders import CHAT_METHODS, STANDS_IN
 from grounding.report.sources import PAPER_IS, PAPER_POG, pog_notes
 from sim.tasks.metrics import MetricRow
 from sim.tasks.run_files import RunInfo
 from sim.types import SPLITS
 
+from ..chat_cost import chat_document, chat_line
 from ..output import print_table
 
 _TOTAL_IS = "plain mean of the splits"
@@ -26,8 +29,12 @@ class GroundResult:
     rows: Mapping[str, MetricRow]
     """By split, and `total`."""
     folder: Path
-    phrases_by_rules: int
-    """Number of answers whose phrases were read by rules because the language model gave none."""
+    fell_back: int
+    """Number of answers for which the chat model gave nothing to use."""
+    chat: ChatUsage | None = None
+    """The run's use of a chat model, over all calls; None for runs without one."""
+    price: tuple[float, float] | None = None
+    """Money for a million tokens of prompts and of answers."""
 
 
 def ground_document(result: GroundResult) -> dict[str, object]:
@@ -39,7 +46,8 @@ def ground_document(result: GroundResult) -> dict[str, object]:
         "method": info.who,
         "encoder": encoder_called(settings.map_encoder),
         "phrases": info.config["phrases"],
-        "phrases_by_rules": result.phrases_by_rules if info.config["phrases"] == "llm" else None,
+        "fell_back": result.fell_back if _asks(result) else None,
+        "chat": chat_document(result.chat, result.price) if result.chat is not None and _asks(result) else None,
         "map": settings.map,
         "edition": info.edition,
         "scene_kind": info.scene_kind,
@@ -92,13 +100,25 @@ def print_ground_table(results: Sequence[GroundResult]) -> None:
     for note in [*([f"{info.scene_label}."] if info.scene_label else []), *pog_notes([each.info for each in results])]:
         print(note)
     for result in results:
-        if result.phrases_by_rules:
-            print(
-                f"The language model gave no phrases for {result.phrases_by_rules} of {result.rows['total'].n} "
-                "answers: rules read those."
+        if result.fell_back:
+            instead = (
+                "rules read those phrases"
+                if result.info.config["phrases"] == "llm"
+                else f"{STANDS_IN[settings.method]} gave those"
             )
+            print(
+                f"The chat model gave nothing to use for {result.fell_back} of {result.rows['total'].n} answers: "
+                f"{instead}."
+            )
+        if result.chat is not None and _asks(result):
+            print(chat_line(result.chat, result.price))
     folders = " ".join(str(result.folder) for result in results)
     print(f"Written to {folders}; see it with: personal-viz metrics {folders}")
+
+
+def _asks(result: GroundResult) -> bool:
+    """Whether the answers depend on a chat model."""
+    return result.info.config["phrases"] == "llm" or result.settings.method in CHAT_METHODS
 
 
 def _pooled(figures: Sequence[tuple[float | None, int]]) -> float | None:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from grounding.agents.by_name import SEEING, MakesSeeing, SeeingName
+from grounding.agents.by_name import SEEING, MakesSeeing, SeeingName, looks_of
 from grounding.agents.goal_text import GoalText
 from grounding.encoders.by_name import require_no_model_options
 from grounding.encoders.protocol import ModelOptions
@@ -11,6 +11,7 @@ from sim.errors import AgentError
 from sim.plugins import is_plugin, own_name, plugin_digest
 from sim.tasks.agent_makers import AgentMaker, MakesPlugin, MakesRandom, MakesShortestPath
 from sim.tasks.agents import load_agent
+from sim.tasks.looks import LookKind, LooksFirst
 from sim.types import SuccessRule
 
 RANDOM_FRONTIER = MakesPlugin("grounding.agents.random_frontier:random_frontier")
@@ -39,6 +40,8 @@ class NamedAgent:
     condition: str = ""
     """What it sees with and looks for, in words for rows of tables; empty for agents without perception."""
     config: dict[str, str] = field(default_factory=dict)
+    looks: frozenset[LookKind] = frozenset()
+    """The looks at a home that it can take before the task."""
 
 
 def named_agent(name: str, options: AgentOptions, *, seed: int) -> NamedAgent:
@@ -61,7 +64,9 @@ def named_agent(name: str, options: AgentOptions, *, seed: int) -> NamedAgent:
         case _ if name in SEEING:
             return _seeing(name, options, seed=seed)
         case _ if is_plugin(name):
-            return NamedAgent(MakesPlugin(name), own_name(load_agent(name), name), config=_code("agent", name))
+            own = load_agent(name)
+            looks = own.looks if isinstance(own, LooksFirst) else frozenset()
+            return NamedAgent(MakesPlugin(name), own_name(own, name), config=_code("agent", name), looks=looks)
     raise AgentError(
         f"--agent is {name!r}; expected random, random-frontier, {', '.join(SEEING)}, shortest-path, or your own as "
         "package.module:factory."
@@ -90,6 +95,7 @@ def _seeing(name: SeeingName, options: AgentOptions, *, seed: int) -> NamedAgent
             "autocast": options.model.autocast,
             **code,
         },
+        looks=looks_of(name),
     )
 
 

@@ -3,10 +3,11 @@
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
+from tyro import MISSING
 from tyro.conf import arg
 
 from grounding.agents.goal_text import GoalText
@@ -17,21 +18,22 @@ from sim.errors import PersonalVizError
 from sim.homes.kind import common_kind
 from sim.mesh import Scene
 from sim.tasks.agent_makers import AgentMaker
+from sim.tasks.looks import HomeLook
 from sim.tasks.observers import Observer
 from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
 from sim.tasks.run_writer import RunWriter
-from sim.tasks.runner import AgentJob, run_agent
+from sim.tasks.runner import AgentJob, WalkTerms, run_agent
 from sim.tasks.shards import shard_from_text
 from sim.tasks.workers import Workers
-from sim.types import EpisodeKey, SceneKind, SuccessRule
+from sim.types import ClutterLevel, EpisodeKey, Pose, SceneKind, SuccessRule
 from sim.words.english import how_many
 
 from ...progress import counted
 from ..options import (
     Address,
     Clutter,
-    Dataset,
+    DatasetOrStudy,
     Evidence,
     Jobs,
     Label,
@@ -40,6 +42,7 @@ from ..options import (
     ModelAutocast,
     ModelDevice,
     On,
+    Out,
     Rerun,
     RunId,
     SampleSeed,
@@ -47,30 +50,36 @@ from ..options import (
     ScenesDir,
     Shard,
     Splits,
+    StudyFolder,
     WithPixels,
     workers_of,
 )
 from ..output import recorded
-from ..refusals import check_options, require_no_scan, sampled
+from ..refusals import check_options, require_dataset, require_no_scan, sampled
 from .named_agents import AgentOptions, NamedAgent, named_agent
+
+if TYPE_CHECKING:
+    from ...study_app.planned_study import PlannedStudy
+    from .study_walks import StudyWalk
 
 
 @dataclass
 class Run:
     """Run an agent over PAN episodes."""
 
-    dataset: Dataset
+    dataset: DatasetOrStudy = None
     agent: Annotated[
         str,
         arg(
-            help="random, random-frontier, vlfm or onemap (both with --perception), shortest-path (knows the goal), or "
-            "your own as package.module:factory."
+            help="random, random-frontier; vlfm, onemap, frontier-geometry or nearest-frontier (these with "
+            "--perception); shortest-path (knows the goal); or your own as package.module:factory."
         ),
-    ]
+    ] = MISSING
+    study: StudyFolder = None
     perception: Annotated[
         str | None,
         arg(
-            help="vlfm and onemap: what they see with. oracle, oracle:mild or oracle:strong (the simulator's ids, with "
+            help="Agents that see: with what. oracle, oracle:mild or oracle:strong (the simulator's ids, with "
             "errors); encoder=clip:ID,detector=owlv2:ID (models by id or folder; also siglip:, blip2-itc256:, "
             "grounding-dino:, yolox:FILE); or your own as package.module:factory."
         ),
@@ -78,13 +87,13 @@ class Run:
     goal_text: Annotated[
         GoalText,
         arg(
-            help="vlfm and onemap: what they look for. phrase (the thing's words in the description), query, or "
+            help="Agents that see: what they look for. phrase (the thing's words in the description), query, or "
             "caption (the authors' protocol: ground truth, named in every row)."
         ),
     ] = "phrase"
     device: ModelDevice = "cpu"
     autocast: ModelAutocast = "off"
-    out: Path = Path("runs")
+    out: Out = None
     evidence: Evidence = ()
     scenes_dir: ScenesDir = None
     scene: Scenes = ()
@@ -113,28 +122,16 @@ class Run:
     def run(self) -> int:
         agent = self._agent()
         check_options(self)
-        episodes = PersonalDataset(self.dataset, evidence=self.evidence)
-        chosen = self._chosen(episodes)
-        kind = common_kind(episodes, {item.key.scene for item in chosen}, self.scenes_dir)
+        if self.study is not None:
+            self._run_study(agent)
+            return 0
+        episodes = PersonalDataset(require_dataset(self.dataset), evidence=self.evidence)
+        keys = [item.key for item in self._chosen(episodes)]
+        kind = common_kind(episodes, {key.scene for key in keys}, self.scenes_dir)
         require_no_scan(kind, clutter=self.clutter)
-        workers = self._workers()
-        shard = shard_from_text(self.shard)
-        by_scene = keys_by_scene(chosen, self.scenes_dir)
-        info = shard.run_info(self._info(episodes, kind, agent), by_scene)
-        by_scene = shard.part(by_scene)
-        folder = shard.folder(self.out, info)
-        writer = RunWriter(folder, info)
-        keys = [item.key for item in chosen if item.key.scene in by_scene]
-        left = [key for key in keys if key not in writer.done]
-        print(
-            f"{how_many(len(keys), 'episode')} in {how_many(len(by_scene), 'scene')} ({kind}), "
-            f"{len(keys) - len(left)} done before"
-        )
-        with _observing(self.rerun, left, info, with_pixels=self.with_pixels) as make_observer:
-            jobs = self._jobs(by_scene, make_observer, agent.maker)
-            with counted(info.who, len(left)) as progress:
-                run_agent(jobs, writer, processes=workers, on_episode=progress.add)
-            print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
+        self._workers()
+        settings = _Settings(episodes, self.scenes_dir, self.clutter, self.labels == "on", agent.maker)
+        self._play(settings, keys, self._info(episodes, kind, agent), out=self.out or Path("runs"))
         return 0
 
     def check(self) -> None:
@@ -182,35 +179,126 @@ class Run:
             labels=self.labels == "on",
         )
 
-    def _jobs(
+    def _run_study(self, agent: NamedAgent) -> None:
+        """Plays what the study's people do: once without a look at the home, and once for each look that it can take.
+
+        Raises:
+            PersonalVizError: An option contradicts the plan, or the study, its dataset or a home cannot be used.
+        """
+        from ...study_app.planned_study import agent_runs, open_planned, require_plans_choices
+        from .study_walks import study_walks, walk_terms
+
+        assert self.study is not None
+        require_plans_choices(self, ("scene", "split", "limit", "sample_seed", "clutter", "labels", "episode"))
+        study = open_planned(
+            self.study, "pan", dataset=self.dataset, evidence=self.evidence, scenes_dir=self.scenes_dir
+        )
+        if self.agent == "shortest-path" and self.rule is None:
+            agent = replace(self, rule=study.config.success)._agent()
+        out, homes = agent_runs(study, self.out), study.scenes("pan")
+        kind = common_kind(study.dataset, {home.name for home in homes}, study.scenes_dir)
+        clutter, labels = homes[0].clutter, homes[0].labels
+        settings = _Settings(study.dataset, study.scenes_dir, clutter, labels, agent.maker, walk_terms(study))
+        for walk in study_walks(study, agent.looks, out=out, seed=self.seed):
+            info = self._study_info(study, walk, kind, agent)
+            self._play(replace(settings, look_at=walk.look_at), walk.keys, info, out=out)
+
+    def _play(self, settings: "_Settings", keys: Sequence[EpisodeKey], whole: RunInfo, *, out: Path) -> None:
+        """Plays the episodes of this shard of the run `whole` that its folder does not hold yet."""
+        workers, shard, by_scene = (
+            self._workers(),
+            shard_from_text(self.shard),
+            keys_by_scene(keys, settings.scenes_dir),
+        )
+        info, by_scene = shard.run_info(whole, by_scene), shard.part(by_scene)
+        folder = shard.folder(out, info)
+        writer = RunWriter(folder, info)
+        own = [key for key in keys if key.scene in by_scene]
+        left = [key for key in own if key not in writer.done]
+        print(
+            f"{how_many(len(own), 'episode')} in {how_many(len(by_scene), 'scene')} ({info.scene_kind}), "
+            f"{len(own) - len(left)} done before"
+        )
+        with _observing(self.rerun, left, info, with_pixels=self.with_pixels) as make_observer:
+            jobs = settings.jobs(by_scene, make_observer, seed=self.seed)
+            with counted(info.who, len(left)) as progress:
+                run_agent(jobs, writer, processes=workers, on_episode=progress.add)
+            print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
+
+    def _study_info(self, study: "PlannedStudy", walk: "StudyWalk", kind: SceneKind, agent: NamedAgent) -> RunInfo:
+        """The contents of run.json for episodes of a study."""
+        from human_study.export.runs import study_facts
+
+        who, home = self.label or agent.who, study.scenes("pan")[0]
+        parts = [study.config.study, who, *([self.perception, self.goal_text] if self.perception else [])]
+        told = [self.run_id] if self.run_id else [*parts, f"seed{self.seed}"]
+        told += [] if walk.condition == "none" else [walk.condition.replace(" ", "-")]
+        return make_run_info(
+            fitting_run_id("-".join(told).replace(":", ".")),
+            who=fitting_name(who),
+            who_kind="agent",
+            condition=", ".join(part for part in (walk.condition, agent.condition) if part not in ("", "none"))
+            or "none",
+            scene_kind=kind,
+            dataset_digest=study.config.dataset.sha256,
+            seed=self.seed,
+            config={
+                "actions": study.config.actions,
+                "max_steps": study.config.steps,
+                "clutter": home.clutter,
+                **study_facts(study.config, walk.conditions),
+                **evidence_config(study.dataset),
+                **agent.config,
+            },
+            made_for=agent.made_for,
+            labels=home.labels,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Settings:
+    """What the jobs of all scenes share."""
+
+    dataset: PersonalDataset
+    scenes_dir: Path | None
+    clutter: ClutterLevel
+    labels: bool
+    maker: AgentMaker
+    terms: WalkTerms = WalkTerms()  # noqa: RUF009 - frozen value
+    look_at: Callable[[Scene, Pose], HomeLook] | None = None
+
+    def jobs(
         self,
         by_scene: Mapping[str, Sequence[EpisodeKey]],
         make_observer: Callable[[Scene], Observer] | None,
-        maker: AgentMaker,
+        *,
+        seed: int,
     ) -> list[AgentJob]:
         """One job per scene, in order of their names."""
         return [
             AgentJob(
-                self.dataset,
+                self.dataset.root,
                 name,
                 tuple(keys),
-                evidence=self.evidence,
+                evidence=tuple(edition.root for edition in self.dataset.evidence),
                 scenes_dir=self.scenes_dir,
-                agent=maker,
-                seed=self.seed,
+                agent=self.maker,
+                seed=seed,
                 clutter=self.clutter,
-                labels=self.labels == "on",
+                labels=self.labels,
                 make_observer=make_observer,
+                terms=self.terms,
+                look_at=self.look_at,
             )
             for name, keys in sorted(by_scene.items())
         ]
 
 
-def keys_by_scene(chosen: Sequence[Episode], scenes_dir: Path | None) -> dict[str, list[EpisodeKey]]:
-    """The episodes' keys, scene by scene; raises SceneError if a scene has no scan below `scenes_dir`."""
+def keys_by_scene(keys: Sequence[EpisodeKey], scenes_dir: Path | None) -> dict[str, list[EpisodeKey]]:
+    """The episodes, scene by scene; raises SceneError if a scene has no scan below `scenes_dir`."""
     found: dict[str, list[EpisodeKey]] = {}
-    for episode in chosen:
-        found.setdefault(episode.key.scene, []).append(episode.key)
+    for key in keys:
+        found.setdefault(key.scene, []).append(key)
     if scenes_dir is not None:
         from sim.homes.open_home import find_scan
 

@@ -15,7 +15,7 @@ from ..output import print_json, print_table
 from ..refusals import check_options, writing
 
 if TYPE_CHECKING:
-    from grounding.phrases.llm import Chat
+    from grounding.chat.protocol import Chat
     from sim.authoring.edition import Generated
 
 _SHOWN_LEFT_OUT = 5
@@ -131,9 +131,9 @@ class Generate:
             )
         if self.describe == "templates":
             return None
-        from grounding.phrases.llm import Chat, llm_options
+        from grounding.chat.endpoint import Endpoint, llm_options
 
-        return Chat(llm_options(self.llm_url, self.llm_model, self.llm_key_env))
+        return Endpoint(llm_options(self.llm_url, self.llm_model, self.llm_key_env))
 
 
 def _print_summary(made: "Generated", out: Path) -> None:

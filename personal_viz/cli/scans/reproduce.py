@@ -139,7 +139,8 @@ class Reproduce:
         check_options(self)
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         chosen = sampled(episodes, splits=self.split, scenes=self.scene, limit=self.limit, seed=self.sample_seed)
-        shard, by_home = shard_from_text(self.shard), keys_by_scene(chosen, self.scenes_dir)
+        by_home = keys_by_scene([item.key for item in chosen], self.scenes_dir)
+        shard = shard_from_text(self.shard)
         homes = tuple(shard.part(by_home))
         chosen = [item for item in chosen if item.key.scene in homes]
         self._workers()

@@ -16,7 +16,7 @@ from human_study.store.database import require_free_space
 from human_study.store.store import StudyStore, open_store
 from personal_viz.study_app.gateway.http import listen
 from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
-from personal_viz.study_app.study_files import require_same_homes, require_texts, study_scene
+from personal_viz.study_app.study_files import note_places, require_same_homes, require_texts, study_scene
 from sim.episodes.dataset import PersonalDataset, sample_keys
 from sim.errors import StudyError
 from sim.homes.kind import scene_kind
@@ -120,6 +120,7 @@ class StudyServe:
         home = study_scene(config, episodes, scene, self.scenes_dir)
         plan = self._kept_plan(folder, config, home, keys)
         require_same_homes(plan, plan.scenes, episodes, self.scenes_dir)
+        note_places(folder, self.dataset, self.evidence, self.scenes_dir)
         return folder, config, plan
 
     def _config(self, episodes: PersonalDataset, scene: str) -> StudyConfig:
