@@ -9,6 +9,7 @@ from personal_viz.cli.grounding.ground import Ground
 from personal_viz.cli.runs.merge import Merge
 from personal_viz.cli.runs.run import Run
 from sim.errors import PersonalVizError, RunFileError
+from sim.tasks.chat_turns import ChatTurn, read_turns
 from sim.tasks.shards import SHARDS, Shard, joined_run, shard_from_text
 
 EPISODES = {"A": 9, "B": 1, "C": 4, "D": 4, "E": 2}
@@ -64,6 +65,23 @@ def test_merged_answers_are_those_of_the_run_without_shards(answered: Path, tmp_
     (merged / "answers.jsonl").write_text("")
     with pytest.raises(RunFileError, match=r"exists and is not what these shards give; expected no such folder"):
         Merge(tmp_path, tuple(_shards(answered / "parts"))).run()
+
+
+def test_prompts_and_pictures_of_a_chat_model_come_along(answered: Path, tmp_path: Path) -> None:
+    shards = [shutil.copytree(shard, tmp_path / shard.name) for shard in _shards(answered / "parts")]
+    for shard, scene in zip(shards, ("HomeTwo", "HomeOne"), strict=True):
+        turn = ChatTurn(split="easy", scene=scene, episode_id="0", call=1, model="m", system="s", parts=())
+        (shard / "chat.jsonl").write_text(turn.model_dump_json() + "\n")
+        (shard / "chat").mkdir()
+        (shard / "chat" / f"{scene}.png").write_bytes(scene.encode())
+    for _ in ("written", "found"):
+        assert Merge(tmp_path / "out", tuple(shards)).run() == 0
+    (merged,) = (tmp_path / "out").iterdir()
+    assert [turn.scene for turn in read_turns(merged)] == ["HomeOne", "HomeTwo"]
+    assert {path.name: path.read_bytes() for path in (merged / "chat").iterdir()} == {
+        "HomeOne.png": b"HomeOne",
+        "HomeTwo.png": b"HomeTwo",
+    }
 
 
 def _same_run(merged: Path, whole: Path) -> bool:

@@ -2,7 +2,7 @@
 
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +11,7 @@ from tyro.conf import Positional, arg
 
 from sim.errors import RunFileError
 from sim.files import write_whole
+from sim.tasks.chat_turns import CHAT_FILE, read_turns
 from sim.tasks.metrics import run_folders
 from sim.tasks.run_files import run_texts
 from sim.tasks.shards import joined_run, shards_by_run
@@ -31,14 +32,23 @@ class Merge:
     def run(self) -> int:
         groups = list(shards_by_run(run_folders(self.shards)).values())
         runs = [joined_run(folders) for folders in groups]
-        texts = {self.out / run.info.run_id: run_texts(run) for run in runs}
+        texts = {
+            self.out / run.info.run_id: run_texts(run) | _chat(folders)
+            for run, folders in zip(runs, groups, strict=True)
+        }
         done = {folder for folder, files in texts.items() if _holds(folder, files)}
         for folder, folders, run in zip(texts, groups, runs, strict=True):
             if folder not in done:
-                _write(folder, texts[folder])
+                _write(folder, texts[folder], pictures_of=folders)
             episodes = how_many(len(run.episodes) + len(run.answers), "episode")
             print(f"{episodes} of {len(folders)} shards {'were' if folder in done else 'written'} in {folder}")
         return 0
+
+
+def _chat(folders: Sequence[Path]) -> dict[str, str]:
+    """What the shards asked of a chat model, in the order of homes; no file where they asked nothing."""
+    turns = sorted((turn for folder in folders for turn in read_turns(folder)), key=lambda turn: turn.scene)
+    return {CHAT_FILE: "".join(f"{turn.model_dump_json()}\n" for turn in turns)} if turns else {}
 
 
 def _holds(folder: Path, texts: Mapping[str, str]) -> bool:
@@ -49,7 +59,7 @@ def _holds(folder: Path, texts: Mapping[str, str]) -> bool:
     """
     if not folder.exists():
         return False
-    paths = {path.name: path for path in folder.iterdir()}
+    paths = {path.name: path for path in folder.iterdir() if path.is_file()}
     if paths.keys() == texts.keys() and all(paths[name].read_text("utf-8") == text for name, text in texts.items()):
         return True
     raise RunFileError(
@@ -58,11 +68,14 @@ def _holds(folder: Path, texts: Mapping[str, str]) -> bool:
     )
 
 
-def _write(folder: Path, texts: Mapping[str, str]) -> None:
+def _write(folder: Path, texts: Mapping[str, str], *, pictures_of: Sequence[Path]) -> None:
     """Writes a run folder; it has its name only when it is whole."""
     part = folder.with_name(folder.name + ".part")
     with writing(folder, "OUT"):
         shutil.rmtree(part, ignore_errors=True)
+        for picture in (path for shard in pictures_of for path in shard.glob("chat/*.png")):
+            (part / "chat").mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(picture, part / "chat" / picture.name)
         for name, text in sorted(texts.items(), reverse=True):  # run.json last: without it a folder is no run
             write_whole(part / name, text)
         os.rename(part, folder)
