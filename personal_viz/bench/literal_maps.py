@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from grounding.agents.onemap.confidence import observation_confidence
+from grounding.agents.onemap.feature_grid import START_CONFIDENCE, START_REACH
 from grounding.agents.onemap.projection import cells_of_pixels
 from grounding.agents.vlfm.explored import (
     LEAST_ISLAND,
@@ -140,6 +141,7 @@ class LiteralFeatures:
 
     def add(self, frame: Frame, patches: NDArray[np.float32]) -> None:
         """Adds a view with its patches (h, w, E)."""
+        is_first = not self.confidence.any()
         confidence = observation_confidence(frame.depth_m, frame.camera.lens)
         cells, _ = cells_of_pixels(frame.depth_m, confidence, frame.T_world_camera, frame.camera, self.grid)
         touched, index = np.unique(cells, return_inverse=True)
@@ -157,6 +159,10 @@ class LiteralFeatures:
         share = (new / (old + new))[:, None]
         self.features[own] += share * (seen - self.features[own])
         self.confidence[own] = old + new
+        if is_first:
+            row, col = self.grid.rc_from_xz(frame.T_world_camera[[0, 2], 3]).tolist()
+            around = self.confidence.reshape(self.grid.shape)
+            around[row - START_REACH : row + START_REACH, col - START_REACH : col + START_REACH] += START_CONFIDENCE
 
 
 def _pixel_vectors(patches: NDArray[np.float32], height: int, width: int) -> Iterator[tuple[int, torch.Tensor]]:

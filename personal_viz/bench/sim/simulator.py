@@ -76,6 +76,8 @@ NOTES = (
     "Recovered homes: CPU time; plan = recovered from episodes with an empty cache, build = from a kept plan to the "
     "mesh with its light and navigation map.",
 )
+_INSTRUCTIONS = {16: "AVX-512", 8: "AVX or AVX2", 4: "SSE"}
+"""The vector instructions of Embree by the width of its packets; Open3D's Embree picks the same ones."""
 _LOAD_FIGURES = ("load_s", "load_wall_s", "rss_mb", "trimesh_s", "trimesh_wall_s", "trimesh_rss_mb")
 """Figures of `measured_loads`; None if loading is left out."""
 
@@ -212,7 +214,11 @@ def measure(settings: BenchSettings, progress: Progress) -> Findings:
         {"sizes": sizes, "homes": homes, "browser": copies},
         notes=(*NOTES, f"Renderer: {backend.reason}"),
         left_out=run.left_out,
-        versions={"renderer": f"{backend.name}, packets of {backend.packet_width}", **_more_versions()},
+        versions={
+            "renderer": f"{backend.name}, packets of {backend.packet_width}",
+            "instructions": _INSTRUCTIONS.get(backend.packet_width, "unknown"),
+            **_more_versions(),
+        },
         seconds=None if settings.budget_s is None else since_process_start_s(),
     )
 
