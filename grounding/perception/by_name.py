@@ -173,8 +173,9 @@ def _models(name: str, options: ModelOptions | None) -> Perception:
     segmenter: Segmenter = DepthRegion()
     if "segmenter" in parts:
         segmenter = build_plugin(parts["segmenter"], option="segmenter", methods=("mask",))
+    names = [encoder_called(parts["encoder"]), own_name(detector, parts["detector"]), own_name(segmenter, "own")]
     return Perception(
-        name=perception_called(name),
+        name=" + ".join(names),
         frame_of=frame_of_observation,
         scorer=EncoderScorer(encoder),
         encoder=encoder,

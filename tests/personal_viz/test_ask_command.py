@@ -131,7 +131,7 @@ def test_licensed_scans_are_answered_and_not_drawn(map_file: Path) -> None:
         (("--query", "a", "--method", "joint"), ("got a map of", "expected a grid map")),
         (("--query", "a", "--method", "best"), ("--method is 'best'",)),
         (("--query", "a", "--dataset", "data"), ("--dataset is given", "the name of a home or a scan's file only")),
-        (("--query", "a", "--llm-url", "http://x"), ("--llm-url is given", "--phrases llm only")),
+        (("--query", "a", "--llm-url", "http://x"), ("--llm-url is given", "--phrases llm or a method that asks")),
         (("--query", "a", "--autocast", "bfloat16"), ("--autocast is 'bfloat16' with --encoder hashed",)),
     ],
 )
