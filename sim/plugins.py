@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from sim.errors import AgentError
+from sim.errors import AgentError, PersonalVizError
 
 _FORM = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 _OURS = frozenset({"sim", "grounding", "human_study", "recordings", "personal_viz"})
@@ -72,9 +72,12 @@ def call_plugin(kind: str, function: Callable[..., Any], *args: Any, **kwargs: A
 
     Raises:
         AgentError: It raised something; the message asks to correct the `kind`, such as "agent".
+        PersonalVizError: It raised this, which already says what to do.
     """
     try:
         return function(*args, **kwargs)
+    except PersonalVizError:
+        raise
     except Exception as error:  # the plug-in door
         name = getattr(function, "__qualname__", "the factory").rpartition("<locals>.")[2]
         reason = " ".join(str(error).split())

@@ -38,8 +38,8 @@ STOP_DISTANCE = 0.6
 """Agents stop this near to the middle of what they see of a thing, metres; its centre is farther."""
 _NEAR_ENOUGH = 1.0
 """They stop within this distance (metres) where they can come no nearer."""
-_STOPS = (0.55, 0.7, 1.0, 1.25, 1.5, 2.0, 2.5)
-"""Distances (metres) from there at which a way to the thing may end, the first that works."""
+_STOPS = (0.55, 0.7, 1.0, 1.25, 1.5)
+"""Distances (metres) from there at which a way to the thing may end, the first that works; no rule counts more."""
 FOR_EVER = int(np.iinfo(np.int32).max)
 _NEWS = 100
 """Cells of new floor that justify another round: a quarter of a square metre."""

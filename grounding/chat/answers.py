@@ -25,5 +25,5 @@ def read_answer(answer: str, wanted: type[Wanted]) -> Wanted:
 
 
 def said_in(answer: str) -> str:
-    """An answer without the model's reasoning before it."""
-    return re.sub(r"<think>.*?</think>", "", answer, flags=re.DOTALL).strip()
+    """An answer without the model's reasoning before it; some servers send only the end of its mark."""
+    return answer.rpartition("</think>")[2].strip()

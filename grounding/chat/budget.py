@@ -1,11 +1,10 @@
 """What a run spends on a chat model, and the most that it may spend.
 
 One small file in the run folder, `chat_usage.json`, which all worker processes of the run and all later calls that
-continue it add to.
+continue it add to; `chat_usage.lock` beside it keeps them apart.
 """
 
 import fcntl
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +12,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from sim.errors import AgentError, RunFileError
+from sim.files import write_whole
 
 USAGE_FILE = "chat_usage.json"
 _MILLION = 1e6
@@ -97,21 +97,15 @@ class Budget:
     def _change(self, more: ChatUsage, *, is_limited: bool = False) -> ChatUsage:
         """Adds to the file under a lock; returns the new sums."""
         try:
-            if more != ChatUsage():
-                self.folder.mkdir(parents=True, exist_ok=True)
-            elif not self.file.exists():
-                return more
-            with self.file.open("a+b") as file:
-                fcntl.flock(file, fcntl.LOCK_EX)
-                file.seek(0)
-                used = self._read(file.read())
+            if more == ChatUsage():
+                return self._read()
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with self.file.with_suffix(".lock").open("w") as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX)
+                used = self._read()
                 if is_limited:
                     self._require_left(used)
-                if more != ChatUsage():
-                    file.truncate(0)
-                    file.write((used + more).model_dump_json().encode() + b"\n")
-                    file.flush()
-                    os.fsync(file.fileno())
+                write_whole(self.file, (used + more).model_dump_json() + "\n")
                 return used + more
         except OSError as error:
             raise RunFileError(
@@ -119,9 +113,12 @@ class Budget:
                 "another --out, or make room."
             ) from None
 
-    def _read(self, text: bytes) -> ChatUsage:
+    def _read(self) -> ChatUsage:
+        if not self.file.exists():
+            return ChatUsage()
+        text = self.file.read_bytes()
         try:
-            return ChatUsage.model_validate_json(text) if text else ChatUsage()
+            return ChatUsage.model_validate_json(text)
         except ValidationError:
             raise RunFileError(
                 f"{self.file}: found {text[:60]!r}; expected the run's chat usage. Delete the file to count from zero."

@@ -22,9 +22,11 @@ from .pictures import data_url, png_of
 from .protocol import NoAnswer, NoWords, Part
 
 GIVE_UP_AFTER = 5
-"""Questions without an answer in a row after which no more are sent: a dead server would cost minutes for each."""
+"""Questions without an answer in a row that end the run: a dead server would give all that is left to a fallback."""
 _VERSION = 1
 """Part of the cache's key."""
+_MOST_SAID = 300
+"""Characters of a server's words that errors repeat."""
 _REFUSALS = {401: "the key", 403: "the key", 404: "--llm-url and --llm-model"}
 """HTTP statuses that a second question will not change, and the setting to correct."""
 
@@ -117,7 +119,7 @@ class Endpoint:
 
         Raises:
             NoAnswer: None came.
-            AgentError: The server refuses the key or the model, or the budget is spent.
+            AgentError: The server refuses the key or the model or gave no answer several times, or the budget is spent.
         """
         reply = self.reply(system, parts, is_json=is_json)
         if reply.problem is not None:
@@ -150,9 +152,6 @@ class Endpoint:
 
     def _asked(self, system: str, sent: Sequence[str | bytes], *, is_json: bool) -> tuple[str, ChatUsage]:
         """The answer of the server; `_Failed` where none came."""
-        if self._failures_in_a_row >= GIVE_UP_AFTER:
-            self._count(ChatUsage(no_answer=1))
-            raise _Failed(NoAnswer(f"no longer asked after {GIVE_UP_AFTER} failures in a row"), ChatUsage(no_answer=1))
         if self._budget is not None:
             self._budget.take_call()
         more = {"response_format": {"type": "json_object"}} if is_json else {}
@@ -169,6 +168,11 @@ class Endpoint:
             problem = NoAnswer(f"the server's answer is not JSON: {error}")
         is_dead = problem is not None and not isinstance(problem, NoWords)
         self._failures_in_a_row = self._failures_in_a_row + 1 if is_dead else 0
+        if self._failures_in_a_row >= GIVE_UP_AFTER:
+            raise AgentError(
+                f"{self.options.base_url}: gave no answer {GIVE_UP_AFTER} times in a row ({problem}); expected one. "
+                "What is done is kept: correct --llm-model or the server, and run the same command again."
+            )
         used = ChatUsage(
             no_answer=problem is not None,
             retries=max(0, self._requests - 1),
@@ -196,7 +200,8 @@ class Endpoint:
                 f"{self.options.base_url}: refused the request for model {self.options.model!r} (HTTP {status}); "
                 f"expected an answer. Correct {_REFUSALS[status]}."
             ) from None
-        return f"HTTP {status}" if status else str(error) or type(error).__name__
+        said = " ".join(str(error).split())[:_MOST_SAID] or type(error).__name__
+        return f"HTTP {status}: {said}" if status else said
 
 
 class _Failed(Exception):
@@ -236,8 +241,10 @@ def _answer_of(made: object) -> tuple[str, NoAnswer | None]:
     choices = getattr(made, "choices", None) or ()
     message = getattr(choices[0], "message", None) if choices else None
     content = getattr(message, "content", None)
+    if getattr(choices[0] if choices else None, "finish_reason", None) == "length":
+        return "", NoWords("the answer is cut off at the server's limit of tokens")
     if isinstance(content, str) and content.strip():
-        return content, None
+        return content.encode("utf-8", "replace").decode(), None  # half a surrogate pair cannot be written
     refusal = getattr(message, "refusal", None)
     return "", NoWords(f"the model refuses: {refusal}" if refusal else "the answer holds no text")
 

@@ -11,7 +11,7 @@ from typing import Annotated, Protocol
 
 import numpy as np
 from annotated_types import Len
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 
 from sim.errors import AgentError
 from sim.types import Frame, GridSpec, Task
@@ -62,14 +62,12 @@ one to three places, the most probable first."""
 class _Ids(BaseModel):
     """The answer to a question about things."""
 
-    model_config = ConfigDict(extra="forbid")
-    ids: Annotated[tuple[int, ...], Len(1, NUM_CANDIDATES)]
+    ids: Annotated[tuple[int, ...], Len(1)]
 
 
 class _FramePixel(BaseModel):
     """A pixel of a picture."""
 
-    model_config = ConfigDict(extra="forbid")
     frame: int
     x: Annotated[float, Field(allow_inf_nan=False)]
     y: Annotated[float, Field(allow_inf_nan=False)]
@@ -78,8 +76,7 @@ class _FramePixel(BaseModel):
 class _Places(BaseModel):
     """The answer to a question about pictures."""
 
-    model_config = ConfigDict(extra="forbid")
-    places: Annotated[tuple[_FramePixel, ...], Len(1, NUM_CANDIDATES)]
+    places: Annotated[tuple[_FramePixel, ...], Len(1)]
 
 
 class Seen(Protocol):
@@ -152,7 +149,7 @@ class ChatGrounder:
             frames = self._required_seen().key_frames(memory)
             answer = read_answer(chat.ask(FRAMES_PROMPT, frames_question(task, frames), is_json=True), _Places)
             floors = np.unique([grid_map.floor_y, *grid_map.cell_y])
-            return np.array([_lifted(place, frames, floors) for place in answer.places]), grid_map.grid
+            return np.array([_lifted(place, frames, floors) for place in answer.places[:NUM_CANDIDATES]]), grid_map.grid
         objects = require_objects(memory, self.name, self._encoder)
         things = numbered_things(objects)
         if not any(item.caption for _, item in things):
@@ -243,7 +240,7 @@ def _middles(answer: _Ids, things: dict[int, ObjectInstance], floor_y: float) ->
     unknown = [number for number in answer.ids if number not in things]
     if unknown:
         raise NoAnswer(f"the answer names {unknown[0]}, and the objects have the numbers 1 to {len(things)}")
-    centres = [things[number].centre for number in dict.fromkeys(answer.ids)]
+    centres = [things[number].centre for number in dict.fromkeys(answer.ids[:NUM_CANDIDATES])]
     return np.array([(x, floor_y, z) for x, _, z in centres])
 
 

@@ -23,6 +23,8 @@ class ChatStub:
         self.tokens: tuple[int, int] | None = None
         """Tokens of prompt and answer, as the server counts them."""
         self.refusal: str | None = None
+        self.finish = "stop"
+        """Why the server says that the answer ends."""
         self.is_stuck = False
         """Whether the server waits for `released` instead of answering."""
         self.released = threading.Event()
@@ -35,7 +37,7 @@ class ChatStub:
             return self.body
         content = self.think(self.requests[-1]) if self.think is not None else self.content
         message = {"role": "assistant", "content": content, "refusal": self.refusal}
-        choice = {"index": 0, "message": message, "finish_reason": "stop"}
+        choice = {"index": 0, "message": message, "finish_reason": self.finish}
         answer = {"id": "1", "object": "chat.completion", "created": 0, "model": "stub", "choices": [choice]}
         if self.tokens is not None:
             prompt, completion = self.tokens

@@ -1,8 +1,10 @@
 """The endpoint of chat models against a stub server that also misbehaves: cache, retries, budget, transcript."""
 
 import json
+import multiprocessing
 from base64 import b64decode
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from io import BytesIO
 from pathlib import Path
 
@@ -93,6 +95,36 @@ def test_a_refusal_is_told_and_the_server_is_asked_on(stub: ChatStub) -> None:
         with pytest.raises(NoWords, match="the model refuses: I cannot help"):
             chat.ask("Count.", ["a"])
     assert len(stub.requests) == 7
+
+
+def test_an_answer_that_is_cut_off_is_none_and_is_not_kept(stub: ChatStub) -> None:
+    stub.content, stub.finish = '{"number": 1', "length"
+    chat = endpoint(stub)
+    with pytest.raises(NoWords, match="cut off"):
+        chat.ask("Count.", ["a"])
+    stub.content, stub.finish = "\ud83d seven", "stop"
+    assert chat.ask("Count.", ["a"]) == "? seven", "half a surrogate pair cannot be written to a file"
+
+
+def test_a_server_that_takes_no_pictures_ends_the_run_with_its_own_words(stub: ChatStub) -> None:
+    stub.status, stub.body = 400, b'{"error": {"message": "this model reads no images"}}'
+    chat = endpoint(stub)
+    for text in "abcd":
+        with pytest.raises(NoAnswer, match=r"HTTP 400: .*this model reads no images"):
+            chat.ask("Count.", [text])
+    with pytest.raises(AgentError, match=r"5 times in a row .*this model reads no images.*run the same command again"):
+        chat.ask("Count.", ["e"])
+
+
+def test_calls_of_two_processes_are_all_counted(tmp_path: Path) -> None:
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
+        list(pool.map(_count_fifty, [tmp_path, tmp_path]))
+    assert Budget(tmp_path).used() == ChatUsage(calls=100)
+
+
+def _count_fifty(folder: Path) -> None:
+    for _ in range(50):
+        Budget(folder, max_calls=100).take_call()
 
 
 @pytest.mark.parametrize("status", [401, 403, 404])

@@ -136,7 +136,7 @@ BAD = {
     "object-list-llm": [
         "", "no", '{"ids": []}', '{"ids": [0]}', '{"ids": [1, 4]}', '{"ids": [1', '{"ids": ["red"]}', '{"id": 1}',
     ],
-    "map-image-vlm": ['{"ids": [4]}', '{"ids": [1, 2, 3, 1]}'],
+    "map-image-vlm": ['{"ids": [4]}'],
     "frames-vlm": [
         '{"places": [{"frame": 0, "x": 1, "y": 1}]}', '{"places": [{"frame": 2, "x": 1, "y": 1}]}',
         '{"places": [{"frame": 1, "x": 41, "y": 1}]}', '{"places": [{"frame": 1, "x": -1, "y": 1}]}',

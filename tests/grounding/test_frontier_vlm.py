@@ -161,7 +161,7 @@ def test_a_question_holds_the_task_a_map_and_at_most_eight_pictures_of_each_kind
         assert max(pictures[0].shape) == 512
         known = [TASK.description, TASK.queries[0], "Map of what is known so far:"]
         rest = [line for line in words.split("\n") if line and not any(text in line for text in known)]
-        forms = r"Frontier F\d, about \d+ m to walk(:|; no picture shows it\.)"
+        forms = r"Frontier F\d, [\d.]+ m away(:|; no picture shows it\.)"
         forms += r"|Snapshot S\d, [\d.]+ m away, detected in \d+ pictures?, score \d\.\d\d:"
         assert [line for line in rest if not re.fullmatch(forms, line)] == [], "nothing of the episode or the home"
 

@@ -4,6 +4,7 @@ import pytest
 
 from personal_viz.bench.search.figures import GEOMETRY, Outcome, Search, group_figures, search_document
 from personal_viz.bench.search.page import curves_png, rewritten
+from sim.errors import RunFileError
 from sim.types import EpisodeKey
 
 
@@ -35,12 +36,13 @@ def test_a_method_stands_beside_geometry_on_the_same_episodes() -> None:
 
 
 def test_runs_of_different_episodes_are_no_pairs() -> None:
-    with pytest.raises(ValueError, match="found runs of 6 and 5 episodes"):
+    with pytest.raises(RunFileError, match="found runs of 6 and 5 episodes"):
         group_figures("invented", {**two_agents(), Search("onemap", "oracle:mild"): outcomes("11111")})
 
 
 def test_the_page_gets_the_table_between_its_marks_and_a_picture() -> None:
-    document = search_document([group_figures("invented", two_agents())])
+    document = search_document([group_figures("invented", two_agents())], git_commits=["b", "a", "b"])
+    assert document.git_commits == ("a", "b")
     page = rewritten("before\n<!-- search -->\nold\n<!-- end -->\nafter\n", document)
     assert page.startswith("before\n<!-- search -->\n")
     assert page.endswith("\n<!-- end -->\nafter\n")
@@ -48,4 +50,6 @@ def test_the_page_gets_the_table_between_its_marks_and_a_picture() -> None:
     assert "| vlfm | mild | 66.7 |" in page
     assert "+33.3" in page
     assert "no human baseline" in page
+    with pytest.raises(RunFileError, match="Add both lines"):
+        rewritten("no marks", document)
     assert curves_png(document).startswith(b"\x89PNG")

@@ -15,7 +15,7 @@ from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
 
 from ..frontiers import Frontier
 from ..seeking import Seeker
-from .choices import MOST_FRONTIERS, MOST_THINGS, Choices, Judge
+from .choices import MOST_THINGS, Choices, Judge
 from .things import SeenThings, Thing
 
 FULL_TURN = round(2 * math.pi / TURN_STEP)
@@ -190,8 +190,8 @@ class JudgedFrontierAgent:
         return Choices(self._task, tuple(frontiers), tuple(things), memory.ground(), robot, memory.floor_y)
 
     def _open_frontiers(self) -> list[Frontier]:
-        """At most MOST_FRONTIERS that a way leads to."""
-        return [each for each in self._seeker.frontiers() if math.isfinite(each.cost)][:MOST_FRONTIERS]
+        """Those that a way leads to."""
+        return [each for each in self._seeker.frontiers() if math.isfinite(each.cost)]
 
     def _fitting(self, least_views: int) -> list[Thing]:
         """At most MOST_THINGS that are not left out, highest score first."""

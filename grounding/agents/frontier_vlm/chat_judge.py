@@ -1,13 +1,14 @@
 """The judge of `frontier-vlm`: a chat model that sees a numbered map, views towards frontiers, and things."""
 
 import math
+from dataclasses import replace
 
 from sim.types import Frame
 
 from ...chat.protocol import Chat, NoAnswer
 from ..frontiers import Frontier
 from .agent import NEW_CELLS, NEW_DISTANCE
-from .choices import Choices, GeometryJudge, Verdict
+from .choices import MOST_FRONTIERS, Choices, GeometryJudge, Verdict
 from .question import PROMPT, choice_of, question
 from .things import Thing
 from .views import KeptViews
@@ -43,6 +44,7 @@ class ChatJudge:
         Raises:
             AgentError: The server refuses the key or the model, or the budget is spent.
         """
+        choices = replace(choices, frontiers=choices.frontiers[:MOST_FRONTIERS])
         onwards = self._onwards(choices)
         if onwards is not None:
             return Verdict(onwards, f"on around the frontier that {self._chat.name} chose{self._counts()}")

@@ -24,7 +24,7 @@ class Choices:
 
     task: Task
     frontiers: tuple[Frontier, ...]
-    """At most MOST_FRONTIERS with a way to them, cheapest for their size first (`find_frontiers`)."""
+    """Those with a way to them, cheapest for their size first (`find_frontiers`)."""
     things: tuple[Thing, ...]
     """At most MOST_THINGS that fit the goal text, highest score first."""
     ground: Ground

@@ -19,7 +19,6 @@ from grounding.methods.map_picture import draw_numbers, draw_scale, floor_pictur
 from sim.frames import forward_from_yaw
 from sim.plan_view.view import PlanView
 from sim.tasks.observers import FREE
-from sim.types import FORWARD_STEP
 
 from ..frontiers import Frontier
 from .choices import Choices
@@ -45,7 +44,7 @@ _LEAST_CROP = 64
 class Chosen(BaseModel):
     """The answer: one of the two."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+    model_config = ConfigDict(frozen=True)
     frontier: int | None = None
     snapshot: int | None = None
 
@@ -68,7 +67,7 @@ def question(choices: Choices, crops: Sequence[NDArray[np.uint8] | None]) -> lis
         map_picture(choices),
     ]
     for number, (frontier, crop) in enumerate(zip(choices.frontiers, crops, strict=True), start=1):
-        words = f"Frontier F{number}, about {frontier.cost * FORWARD_STEP:.0f} m to walk"
+        words = f"Frontier F{number}, {math.dist(choices.robot[:2], choices.place_of(frontier)):.1f} m away"
         parts += [f"{words}; no picture shows it."] if crop is None else [f"{words}:", _enlarged(crop)]
     for number, thing in enumerate(choices.things, start=1):
         away = math.dist(choices.robot[:2], thing.xz)

@@ -7,6 +7,7 @@ hours; `--jobs` shares them. `personal_viz.bench.search.page` writes the table a
 """
 
 import io
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stdout
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from typing import Literal
 import tyro
 
 from sim.files import write_whole
+from sim.tasks.run_files import Run as RunFiles
 from sim.tasks.run_files import read_run
 
 from ...cli.invent import Invent
@@ -50,13 +52,17 @@ class Compare:
         """Makes what is missing, then writes the document."""
         invented = self.out / "invented-homes"
         if not invented.is_dir():
-            _quietly(Invent(out=invented, homes=NUM_INVENTED, seed=_SEED).run)
+            part = invented.with_name(f"{invented.name}.part")
+            shutil.rmtree(part, ignore_errors=True)
+            _quietly(Invent(out=part, homes=NUM_INVENTED, seed=_SEED).run)
+            part.rename(invented)
         roots: dict[Homes, Path] = {"schematic": self.dataset, "invented": invented}
+        runs = {homes: {name: read_run(run) for name, run in self._runs(homes, root)} for homes, root in roots.items()}
         groups = [
-            group_figures(homes, {name: _outcomes(run) for name, run in self._runs(homes, root)})
-            for homes, root in roots.items()
+            group_figures(homes, {name: _outcomes(run) for name, run in found.items()}) for homes, found in runs.items()
         ]
-        write_whole(self.json, search_document(groups).model_dump_json(indent=1) + "\n")
+        commits = [run.info.git_commit for found in runs.values() for run in found.values()]
+        write_whole(self.json, search_document(groups, git_commits=commits).model_dump_json(indent=1) + "\n")
         print(f"Written to {self.json}")
 
     def _runs(self, homes: Homes, root: Path) -> Iterator[tuple[Search, Path]]:
@@ -77,10 +83,10 @@ class Compare:
             yield name, self.out / run_id
 
 
-def _outcomes(folder: Path) -> list[Outcome]:
+def _outcomes(run: RunFiles) -> list[Outcome]:
     """How each episode of a run ended."""
     found = []
-    for episode in read_run(folder).episodes:
+    for episode in run.episodes:
         measures = episode.end.measures
         assert measures is not None, "the runner measures every episode"
         found.append(Outcome.of(episode.key, measures))

@@ -4,7 +4,7 @@ Outcomes of the same episodes -> `GroupFigures` of each kind of homes -> `Search
 """
 
 import datetime
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from grounding.report.statistics import HomeDraws, Range, mean_of_splits
+from sim.errors import RunFileError
 from sim.homes.plan import HOMES_VERSION
-from sim.tasks.provenance import git_commit
 from sim.tasks.run_files import Measures
 from sim.types import EpisodeKey, SceneKind
 
@@ -92,16 +92,17 @@ class SearchDocument(BaseModel):
 
     model_config = _MODEL
     created_utc: str
-    git_commit: str | None
+    git_commits: tuple[str, ...]
+    """Code of the runs."""
     homes_version: int
     groups: tuple[GroupFigures, ...]
 
 
-def search_document(groups: Sequence[GroupFigures]) -> SearchDocument:
-    """The document of the groups, made now by this program."""
+def search_document(groups: Sequence[GroupFigures], *, git_commits: Iterable[str | None]) -> SearchDocument:
+    """The document of the groups, made now; a long comparison may hold runs of several commits."""
     return SearchDocument(
         created_utc=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        git_commit=git_commit(),
+        git_commits=tuple(sorted({commit or "unknown" for commit in git_commits})),
         homes_version=HOMES_VERSION,
         groups=tuple(groups),
     )
@@ -111,13 +112,14 @@ def group_figures(homes: SceneKind, found: Mapping[Search, Sequence[Outcome]]) -
     """The rows of outcomes; every run holds the same episodes.
 
     Raises:
-        ValueError: Two runs hold different episodes.
+        RunFileError: Two runs hold different episodes.
     """
     runs = {name: sorted(outcomes, key=lambda each: str(each.key)) for name, outcomes in found.items()}
     (keys, *others) = dict.fromkeys(tuple(each.key for each in outcomes) for outcomes in runs.values())
     if others:
-        raise ValueError(
-            f"search: found runs of {len(keys)} and {len(others[0])} episodes, not the same; expected pairs"
+        raise RunFileError(
+            f"runs in {homes} homes: found runs of {len(keys)} and {len(others[0])} episodes; expected the same "
+            "episodes in all. Delete the run folders of one of them and run the comparison again."
         )
     draws = HomeDraws([key.scene for key in keys], seed=_SEED)
     return GroupFigures(

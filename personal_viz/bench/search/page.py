@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from grounding.report.statistics import Range
 from human_study.export.text_tables import markdown_table
+from sim.errors import RunFileError
 from sim.homes.kind import scene_label
 
 from .figures import GroupFigures, SearchDocument, SearchRow
@@ -41,7 +42,13 @@ _LOOKS = {
 
 
 def rewritten(page: str, document: SearchDocument) -> str:
-    """The page (Markdown) with the document's tables between its marks."""
+    """The page (Markdown) with the document's tables between its marks.
+
+    Raises:
+        RunFileError: It has no marks.
+    """
+    if _PLACE.search(page) is None:
+        raise RunFileError("page: found no line <!-- search -->; expected it above <!-- end -->. Add both lines.")
     parts = [_section(group) for group in document.groups]
     origin = f"Run {document.created_utc[:10]}, homes version {document.homes_version}."
     return _PLACE.sub(lambda found: f"{found[1]}\n{origin}\n\n" + "\n\n".join(parts) + f"\n\n{found[2]}", page)
