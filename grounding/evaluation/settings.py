@@ -83,11 +83,12 @@ class GroundSettings:
             raise AgentError(f"--confusion is {self.confusion!r}; expected a share of 0 to 1. Give another one.")
         if self.paraphrase not in range(4):
             raise AgentError(f"--paraphrase is {self.paraphrase!r}; expected 0 to 3. Give another one.")
-        if self.has_chat != bool(self.llm_url and self.llm_model):
+        given = (self.llm_url, self.llm_model, self.llm_key_env)
+        if self.has_chat != bool(self.llm_url and self.llm_model) or (any(given) and not self.has_chat):
             raise AgentError(
                 f"--method is {self.method!r} and --phrases is {self.phrases!r} with --llm-url {self.llm_url!r} and "
                 f"--llm-model {self.llm_model!r}; expected both for phrases llm and for {', '.join(CHAT_METHODS)}, and "
-                "none for the others. Add or leave them out."
+                "none, nor --llm-key-env, for the others. Add or leave them out."
             )
         _ = self.llm  # an invalid address is refused before anything is written
         self._require_meaning()

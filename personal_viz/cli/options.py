@@ -56,10 +56,10 @@ LlmKeyEnv = Annotated[
     str, arg(help="Environment variable that holds the endpoint's key; the key is not written anywhere.")
 ]
 MaxCalls = Annotated[
-    int | None, arg(help="Most questions to the chat model in this run, over all calls that continue it.")
+    int | None, arg(help="Most questions to the chat model in this run or shard, over all calls that continue it.")
 ]
 MaxTokens = Annotated[
-    int | None, arg(help="Most tokens of the chat model in this run, over all calls that continue it.")
+    int | None, arg(help="Most tokens of the chat model in this run or shard, over all calls that continue it.")
 ]
 Price = Annotated[
     tuple[float, float] | None, arg(help="Money for a million tokens of prompts and of answers, to print the cost.")

@@ -104,12 +104,13 @@ def read_turns(folder: Path) -> Iterator[ChatTurn]:
         return
     try:
         for number, line in enumerate(bounded_lines(path), start=1):
-            yield _turn_of(line, f"{path}:{number}")
+            yield turn_from_line(line, where=f"{path}:{number}")
     except OSError as error:
         raise RunFileError(f"{path}: cannot be read ({error}); expected JSON lines. Check the path.") from None
 
 
-def _turn_of(line: bytes, where: str) -> ChatTurn:
+def turn_from_line(line: bytes, *, where: str) -> ChatTurn:
+    """The turn of one line; raises RunFileError, which begins with `where`, for a damaged one."""
     try:
         return ChatTurn.model_validate_json(line)
     except ValidationError as error:

@@ -5,13 +5,13 @@ from collections.abc import Container, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from sim.errors import RunFileError
 from sim.files import append_whole, write_whole
 from sim.types import EpisodeKey
 
-from .chat_turns import CHAT_FILE, NO_CHAT, ChatTurn, Transcript
+from .chat_turns import CHAT_FILE, NO_CHAT, Transcript, turn_from_line
 from .run_files import Answer, EpisodeRun, Reported, RunInfo, read_run, read_run_info
 
 
@@ -151,20 +151,21 @@ def _cut_incomplete_tail(path: Path) -> None:
 
 
 def _cut_unfinished_turns(path: Path, done: Container[object]) -> None:
-    """Drops the turns of episodes that a kill left without a result: they are asked again."""
+    """Drops the turns of episodes that a kill left without a result: they are asked again.
+
+    Raises:
+        RunFileError: A line is damaged; an incomplete last one is dropped.
+    """
     if not path.is_file():
         return
     lines = path.read_bytes().splitlines(keepends=True)
-    kept = [line for line in lines if line.endswith(b"\n") and _key_of_turn(line) in done]
+    kept = [
+        line
+        for number, line in enumerate(lines, start=1)
+        if line.endswith(b"\n") and turn_from_line(line, where=f"{path}:{number}").key in done
+    ]
     if len(kept) < len(lines):
         write_whole(path, b"".join(kept))
-
-
-def _key_of_turn(line: bytes) -> EpisodeKey | None:
-    try:
-        return ChatTurn.model_validate_json(line).key
-    except ValidationError:
-        return None
 
 
 def _closes_a_block(line: str) -> bool:

@@ -83,7 +83,7 @@ def ground(method: str, chat: Scripted, home: Home | None = None) -> Grounding:
 
 @pytest.mark.parametrize("method", ["object-list-llm", "map-image-vlm"])
 def test_the_named_things_are_answered_in_order_on_the_floor(method: str) -> None:
-    chat = Scripted('<think>{2}</think>```json\n{"ids": [2, 1, 2]}\n```')
+    chat = Scripted('<think>{2}</think>```json\n{"ids": [2, 1, 2, 9], "why": "red"}\n```')
     found = ground(method, chat)
     assert [each.position for each in found.candidates] == [(2.0, 0.5, 0.0), (-1.0, 0.5, 3.0)]
     assert not found.fell_back

@@ -1,11 +1,13 @@
 """`run --agent frontier-vlm` in an invented home against a stub server: two runs, one table, and the questions."""
 
+import shutil
 from pathlib import Path
 
 import pytest
 
 from personal_viz.cli.runs.metrics import Metrics
 from personal_viz.cli.runs.run import Run
+from sim.errors import PersonalVizError, RunFileError
 from sim.tasks.chat_turns import read_turns
 from sim.tasks.run_files import read_run
 
@@ -36,3 +38,32 @@ def test_the_control_stands_beside_the_model_and_unusable_answers_are_counted(
     assert (model.key, model.end.reason) == (control.key, control.end.reason)
     Metrics((tmp_path / "asked",)).run()
     assert "frontier-geometry" in capsys.readouterr().out, "a table of the model alone does not exist"
+    (tmp_path / "alone").mkdir()
+    moved = shutil.move(tmp_path / "asked", tmp_path / "alone" / "asked")
+    with pytest.raises(RunFileError, match="found no run asked-frontier-geometry beside it"):
+        Metrics((moved,)).run()
+    Metrics((moved, tmp_path / "asked-frontier-geometry")).run()
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"max_calls": 0}, "--max-calls is 0; expected a whole number from 1"),
+        ({"price": (-1.0, 1.0)}, "--price is"),
+        ({"llm_key_env": "NO_SUCH_KEY"}, "environment variable NO_SUCH_KEY is not set"),
+    ],
+)
+def test_wrong_options_of_the_model_are_refused_before_the_control_runs(
+    tmp_path: Path, options: dict, expected: str
+) -> None:
+    run = Run(
+        dataset=tmp_path,
+        agent="frontier-vlm",
+        perception="oracle",
+        llm_url="http://127.0.0.1:9/v1",
+        llm_model="m",
+        out=tmp_path,
+        **options,
+    )
+    with pytest.raises(PersonalVizError, match=expected):
+        run.run()

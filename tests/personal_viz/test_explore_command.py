@@ -122,7 +122,7 @@ class DiesOnArrival:
 
 @pytest.mark.slow
 def test_a_worker_process_that_is_ended_from_outside_gives_one_line(tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(Explore, "_homes", lambda options: ([DiesOnArrival(), DiesOnArrival()], "invented"))
+    monkeypatch.setattr(Explore, "_jobs", lambda options, names: [DiesOnArrival() for _ in names])
     monkeypatch.setattr(sys, "argv", ["personal-viz", "explore", "--homes", "2", "--jobs", "2", "--out", str(tmp_path)])
     with pytest.raises(SystemExit) as ended:
         main()

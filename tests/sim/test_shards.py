@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from grounding.chat.budget import Budget, ChatUsage
 from personal_viz.cli.grounding.ground import Ground
 from personal_viz.cli.runs.merge import Merge
 from personal_viz.cli.runs.run import Run
@@ -72,12 +73,14 @@ def test_prompts_and_pictures_of_a_chat_model_come_along(answered: Path, tmp_pat
     for shard, scene in zip(shards, ("HomeTwo", "HomeOne"), strict=True):
         turn = ChatTurn(split="easy", scene=scene, episode_id="0", call=1, model="m", system="s", parts=())
         (shard / "chat.jsonl").write_text(turn.model_dump_json() + "\n")
+        Budget(shard).add(ChatUsage(calls=1, prompt_tokens=100))
         (shard / "chat").mkdir()
         (shard / "chat" / f"{scene}.png").write_bytes(scene.encode())
     for _ in ("written", "found"):
         assert Merge(tmp_path / "out", tuple(shards)).run() == 0
     (merged,) = (tmp_path / "out").iterdir()
     assert [turn.scene for turn in read_turns(merged)] == ["HomeOne", "HomeTwo"]
+    assert Budget(merged).used() == ChatUsage(calls=2, prompt_tokens=200)
     assert {path.name: path.read_bytes() for path in (merged / "chat").iterdir()} == {
         "HomeOne.png": b"HomeOne",
         "HomeTwo.png": b"HomeTwo",

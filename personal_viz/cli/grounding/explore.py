@@ -83,7 +83,8 @@ class Explore:
             )
         shard = shard_from_text(self.shard)
         names, kind = self._homes()
-        todo = self._jobs([name for name in names if name in shard.homes(dict.fromkeys(names, 1))])
+        own = shard.homes(dict.fromkeys(names, 1))
+        todo = self._jobs([name for name in names if name in own])
         with watching(self.rerun, todo, with_pixels=self.with_pixels) as watched:
             found: list[Exploration] = []
             with counted("explore", len(todo)) as progress:

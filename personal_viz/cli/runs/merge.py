@@ -9,6 +9,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from grounding.chat.budget import USAGE_FILE, Budget, ChatUsage
 from sim.errors import RunFileError
 from sim.files import write_whole
 from sim.tasks.chat_turns import CHAT_FILE, read_turns
@@ -46,9 +47,15 @@ class Merge:
 
 
 def _chat(folders: Sequence[Path]) -> dict[str, str]:
-    """What the shards asked of a chat model, in the order of homes; no file where they asked nothing."""
+    """What the shards asked of a chat model, in the order of homes, and its cost; no files where they asked nothing."""
     turns = sorted((turn for folder in folders for turn in read_turns(folder)), key=lambda turn: turn.scene)
-    return {CHAT_FILE: "".join(f"{turn.model_dump_json()}\n" for turn in turns)} if turns else {}
+    if not turns:
+        return {}
+    used = sum((Budget(folder).used() for folder in folders), ChatUsage())
+    return {
+        CHAT_FILE: "".join(f"{turn.model_dump_json()}\n" for turn in turns),
+        USAGE_FILE: used.model_dump_json() + "\n",
+    }
 
 
 def _holds(folder: Path, texts: Mapping[str, str]) -> bool:

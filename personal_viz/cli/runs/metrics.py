@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from tyro.conf import Positional, arg
 
 from grounding.report.sources import pog_notes
+from sim.errors import RunFileError
 from sim.homes.kind import scene_label
 from sim.tasks.metrics import (
     MetricRow,
@@ -85,13 +86,23 @@ class Metrics:
 
 
 def with_controls(folders: Sequence[Path]) -> list[Path]:
-    """The run folders in the named ones, and those that always stand beside them, where they exist."""
+    """The run folders in the named ones, and those that always stand beside them.
+
+    Raises:
+        RunFileError: One of these is missing.
+    """
     found = run_folders(folders)
     for folder in tuple(found):
-        name = read_run_info(folder).config.get(BESIDE)
-        control = folder.parent / str(name)
-        if name is not None and control.is_dir() and control.resolve() not in [each.resolve() for each in found]:
-            found.append(control)
+        config = read_run_info(folder).config
+        name, control = config.get(BESIDE), folder.parent / str(config.get(BESIDE))
+        if name is None or "shard" in config or name in [each.name for each in found]:
+            continue
+        if not control.is_dir():
+            raise RunFileError(
+                f"{folder}: found no run {name} beside it; expected its control, the same agent judged by geometry. "
+                "Move it there, or name its folder too."
+            )
+        found.append(control)
     return found
 
 

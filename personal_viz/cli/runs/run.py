@@ -13,7 +13,7 @@ from tyro.conf import arg
 from grounding.agents.by_name import CONTROLS, MakesSeeing
 from grounding.agents.goal_text import GoalText
 from grounding.chat.budget import Budget
-from grounding.chat.endpoint import llm_options
+from grounding.chat.endpoint import Endpoint, llm_options
 from grounding.encoders.protocol import ModelOptions
 from sim.episodes.dataset import PersonalDataset, key_from_text
 from sim.episodes.schema import Episode
@@ -142,10 +142,23 @@ class Run:
         if control is None:
             self._run(agent)
             return 0
+        self._require_chat(agent)
         folders = (*control._run(control._agent()), *self._run(agent))
         Metrics(folders, rule=self.rule or "paper").run()
         print_chat_use(folders, price=self.price)
         return 0
+
+    def _require_chat(self, agent: NamedAgent) -> None:
+        """Refuses wrong limits, a missing key and a missing package before the control runs for hours.
+
+        Raises:
+            PersonalVizError: One of them is wrong.
+        """
+        check_options(self)
+        require_chat_for_limits(self, has_chat=True)
+        assert isinstance(agent.maker, MakesSeeing)
+        assert agent.maker.llm is not None, "refused before"
+        Endpoint(agent.maker.llm)
 
     def _control(self) -> "Run | None":
         """The same command for the agent that is always run beside this one; None if there is none."""
@@ -177,7 +190,11 @@ class Run:
 
     def _agent(self) -> NamedAgent:
         model = ModelOptions(self.device, autocast=self.autocast)
-        llm = llm_options(self.llm_url, self.llm_model, self.llm_key_env) if self.llm_url or self.llm_model else None
+        llm = (
+            llm_options(self.llm_url, self.llm_model, self.llm_key_env)
+            if self.llm_url or self.llm_model or self.llm_key_env
+            else None
+        )
         options = AgentOptions(self.rule, self.perception, self.goal_text, model, llm)
         return named_agent(self.agent, options, seed=self.seed)
 
@@ -255,7 +272,7 @@ class Run:
         return folders
 
     def _play(self, settings: "_Settings", keys: Sequence[EpisodeKey], whole: RunInfo, *, out: Path) -> Path:
-        """Plays the episodes of this shard of the run `whole` that its folder does not hold yet; returns the folder."""
+        """Plays the episodes of this shard of `whole` that its folder does not hold yet; returns the folder."""
         workers, shard = self._workers(), shard_from_text(self.shard)
         by_scene = keys_by_scene(keys, settings.scenes_dir)
         info, by_scene = shard.run_info(whole, by_scene), shard.part(by_scene)
