@@ -29,6 +29,8 @@ _EVERY = 2
 """Every second row and column of pixels is used; at 5 m they are half a cell apart."""
 _MARGIN = 8
 _EIGHT = np.ones((3, 3))
+Box = tuple[int, int, int, int]
+"""First and last row, first and last column."""
 
 
 class ExploredArea:
@@ -60,7 +62,7 @@ class ExploredArea:
         """
         assert depth_m.shape == (camera.height, camera.width), depth_m.shape
         u, v = self.grid.uv_from_xz(T_start_camera[[0, 2], 3])
-        is_new = _mark_obstacles(
+        is_new, blocked_box = _mark_obstacles(
             np.ascontiguousarray(depth_m, np.float32),
             np.ascontiguousarray(T_start_camera[:3, :3], np.float64),
             (float(u), float(v), float(T_start_camera[1, 3]) - floor_y),
@@ -74,8 +76,7 @@ class ExploredArea:
         is_wider, box = _lift_fog(
             self.blocked, self.explored, (float(u), float(v)), heading, self.grid.cell, math.radians(camera.hfov_deg)
         )
-        r0, r1, c0, c1 = self._box
-        box = (min(r0, box[0]), max(r1, box[1]), min(c0, box[2]), max(c1, box[3]))
+        box = _around(_around(self._box, blocked_box), box)
         if is_new or is_wider or box != self._box:
             self._box, self._frontiers = box, None
             self._keep_one_area(float(u), float(v))
@@ -95,7 +96,7 @@ class ExploredArea:
         return self.grid.xz_from_uv(uv + np.array([part[1].start, part[0].start]))
 
     def _part(self, margin: int) -> tuple[slice, slice]:
-        """Rows and columns of all explored cells, and a margin."""
+        """Rows and columns of all explored and blocked cells, and a margin: beyond it all is open and unexplored."""
         r0, r1, c0, c1 = self._box
         return np.s_[max(r0 - margin, 0) : r1 + margin + 1, max(c0 - margin, 0) : c1 + margin + 1]
 
@@ -110,6 +111,11 @@ class ExploredArea:
         cells = np.argwhere(explored)
         away = (cells[:, 0] + part[0].start + 0.5 - v) ** 2 + (cells[:, 1] + part[1].start + 0.5 - u) ** 2
         self.explored[part] = labels == labels[tuple(cells[away.argmin()])]
+
+
+def _around(one: Box, other: Box) -> Box:
+    """The box around two."""
+    return min(one[0], other[0]), max(one[1], other[1]), min(one[2], other[2]), max(one[3], other[3])
 
 
 def frontier_midpoints(
@@ -238,9 +244,10 @@ def _mark_obstacles(depth, R, eye, lens, cell, obstacles, blocked, explored):
     """Marks the obstacles that a view shows within RANGE, and the cells near them; changes the last three.
 
     Returns:
-        Whether there was a new one.
+        Whether there was a new one; a box around the cells that it blocks.
     """
     fx, fy, cx, cy = lens
+    r0, r1, c0, c1 = obstacles.shape[0], -1, obstacles.shape[1], -1
     rows, cols = obstacles.shape
     right = (np.arange(depth.shape[1]) + 0.5 - cx) / fx
     right_x, right_y, right_z = R[0, 0] * right, R[1, 0] * right, R[2, 0] * right
@@ -258,11 +265,13 @@ def _mark_obstacles(depth, R, eye, lens, cell, obstacles, blocked, explored):
             if not (0 <= r < rows and 0 <= c < cols) or obstacles[r, c]:
                 continue
             is_new = obstacles[r, c] = True
+            r0, r1 = min(r0, max(r - OBSTACLE_REACH, 0)), max(r1, min(r + OBSTACLE_REACH, rows - 1))
+            c0, c1 = min(c0, max(c - OBSTACLE_REACH, 0)), max(c1, min(c + OBSTACLE_REACH, cols - 1))
             for near_r in range(max(r - OBSTACLE_REACH, 0), min(r + OBSTACLE_REACH + 1, rows)):
                 for near_c in range(max(c - OBSTACLE_REACH, 0), min(c + OBSTACLE_REACH + 1, cols)):
                     blocked[near_r, near_c] = True
                     explored[near_r, near_c] = False
-    return is_new
+    return is_new, (r0, r1, c0, c1)
 
 
 @njit(cache=True, nogil=True)
