@@ -200,8 +200,8 @@ class Endpoint:
                 f"{self.options.base_url}: refused the request for model {self.options.model!r} (HTTP {status}); "
                 f"expected an answer. Correct {_REFUSALS[status]}."
             ) from None
-        said = " ".join(str(error).split())[:_MOST_SAID] or type(error).__name__
-        return f"HTTP {status}: {said}" if status else said
+        said = " ".join(str(error).split()).removeprefix(f"Error code: {status}").lstrip(" -")[:_MOST_SAID]
+        return ": ".join(filter(None, (f"HTTP {status}" if status else "", said))) or type(error).__name__
 
 
 class _Failed(Exception):

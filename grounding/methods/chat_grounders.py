@@ -237,10 +237,11 @@ def _storey(item: ObjectInstance, heights: np.ndarray) -> int:
 
 def _middles(answer: _Ids, things: dict[int, ObjectInstance], floor_y: float) -> np.ndarray:
     """(M, 3) the named things' middles on the floor, each once."""
-    unknown = [number for number in answer.ids if number not in things]
+    ids = answer.ids[:NUM_CANDIDATES]
+    unknown = [number for number in ids if number not in things]
     if unknown:
         raise NoAnswer(f"the answer names {unknown[0]}, and the objects have the numbers 1 to {len(things)}")
-    centres = [things[number].centre for number in dict.fromkeys(answer.ids[:NUM_CANDIDATES])]
+    centres = [things[number].centre for number in dict.fromkeys(ids)]
     return np.array([(x, floor_y, z) for x, _, z in centres])
 
 

@@ -135,7 +135,7 @@ def _connected(ray: ModuleType, cluster: RayCluster) -> Iterator[None]:
 def _require_answer(address: str) -> None:
     """Refuses HOST:PORT where nothing listens, before Ray tries it for long."""
     host, colon, port = address.rpartition(":")
-    if address == "auto" or "/" in address:  # names that Ray resolves
+    if address in ("auto", "local") or "/" in address:  # names that Ray resolves
         return
     try:
         if not colon or not port.isdigit():
