@@ -8,14 +8,13 @@ from typing import Any
 
 import pytest
 
-from grounding.evaluation.evaluate import GroundJob, open_job, select_jobs
+from grounding.evaluation.evaluate import Answered, GroundJob, open_job, select_jobs
 from grounding.evaluation.home_maps import MapFolders
 from grounding.evaluation.settings import GroundSettings
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError
 from sim.tasks.on_ray import RayCluster
 from sim.tasks.provenance import make_run_info
-from sim.tasks.run_files import Answer
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.workers import SceneJob, Workers, results, run_jobs
 from sim.types import EpisodeKey
@@ -43,7 +42,7 @@ def cluster() -> Iterator[Any]:
     made.shutdown()
 
 
-def open_held(job: GroundJob) -> Callable[[EpisodeKey], Answer]:
+def open_held(job: GroundJob) -> Callable[[EpisodeKey], Answered]:
     """Answers episodes, and notes each that it begins; in `HELD`, the first time, it waits for the test.
 
     The job's folder of maps, which oracle maps do not need, holds the notes.
@@ -52,7 +51,7 @@ def open_held(job: GroundJob) -> Callable[[EpisodeKey], Answer]:
     assert job.folders is not None
     notes = job.folders.maps / "begun"
 
-    def held(key: EpisodeKey) -> Answer:
+    def held(key: EpisodeKey) -> Answered:
         is_first = str(key) not in notes.read_text().split()
         with notes.open("a") as file:
             file.write(f"{key} {os.getpid()}\n")
@@ -69,8 +68,8 @@ def answers(
     """The bytes of the answers that `workers` give; `each` gets the number of answers when one is written."""
     info = make_run_info("a", who="a", who_kind="agent", scene_kind="oracle-map", dataset_digest="d", seed=0)
     writer = RunWriter(out, info)
-    for answer in results(open_held if workers != 1 else open_job, jobs, processes=workers, batch=2):
-        writer.add_answers([answer])
+    for answered in results(open_held if workers != 1 else open_job, jobs, processes=workers, batch=2):
+        writer.add_answers([answered.answer])
         each(len(writer.done))
     return (out / "answers.jsonl").read_bytes()
 
