@@ -8,6 +8,7 @@ import errno
 import io
 import math
 import os
+import secrets
 import stat
 import zipfile
 import zlib
@@ -151,11 +152,13 @@ def _open_at_once(name: str, flags: int) -> int:
 def write_whole(path: Path, content: str | bytes) -> None:
     """Write a new file, then rename it: readers see the old file or the whole new one. Makes the folder.
 
+    Several processes may write one path at once; the last one stays.
+
     Raises:
         OSError: The folder or the file cannot be written; the file is as it was.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(path.name + ".part")
+    beside = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
     try:
         with beside.open("wb") as file:
             file.write(content.encode() if isinstance(content, str) else content)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.errors import AgentError
 from sim.frames import forward_from_yaw, wrap_angle, yaw_towards
 from sim.tasks.observers import OCCUPIED, UNKNOWN, Insight
 from sim.types import FORWARD_STEP, TURN_STEP, Action, Camera, Observation
@@ -447,3 +448,16 @@ class Seeker:
     def _corner(self, ground: Ground) -> NDArray[np.int64]:
         """(2,) row and column of the ground's first cell on the whole grid."""
         return self.memory.grid.rc_from_xz(np.array(ground.grid.origin_xz) + ground.grid.cell / 2)
+
+
+def require_picture(observation: Observation) -> None:
+    """Refuses an observation without colours or depth, for agents that look for things.
+
+    Raises:
+        AgentError: It has none.
+    """
+    if observation.rgb is None or observation.depth_m is None:
+        raise AgentError(
+            f"step {observation.step}: the observation has no picture; expected colours and depth, from which the maps "
+            "are made. Run this agent with a renderer."
+        )

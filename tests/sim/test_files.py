@@ -2,6 +2,7 @@
 
 import resource
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -40,3 +41,12 @@ def test_a_block_that_does_not_fit_is_removed_again(tmp_path: Path) -> None:
         append_whole(path, "x" * 2000)
     append_whole(path, "two\n")
     assert path.read_text() == "one\ntwo\n"
+
+
+def test_several_writers_of_one_file_leave_a_whole_one(tmp_path: Path) -> None:
+    path = tmp_path / "walk.json"
+    texts = [letter * 50_000 for letter in "abcd"]
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda text: [write_whole(path, text) for _ in range(25)], texts))
+    assert path.read_text() in texts
+    assert list(tmp_path.iterdir()) == [path]

@@ -9,12 +9,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from grounding.perception.protocol import Perception
-from sim.errors import AgentError
 from sim.tasks.observers import Detection, Insight
 from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
 
 from ..frontiers import Frontier
-from ..seeking import Seeker
+from ..seeking import Seeker, require_picture
 from .choices import MOST_THINGS, Choices, Judge
 from .things import SeenThings, Thing
 
@@ -79,11 +78,7 @@ class JudgedFrontierAgent:
         Raises:
             AgentError: The observation has no colours or no depth; or the judge's model cannot be asked.
         """
-        if observation.rgb is None or observation.depth_m is None:
-            raise AgentError(
-                f"step {observation.step}: the observation has no picture; expected colours and depth, from which the "
-                "map is made. Run this agent with a renderer."
-            )
+        require_picture(observation)
         assert isinstance(self._perception, Perception)
         self._step = observation.step
         self._seeker.see(observation)

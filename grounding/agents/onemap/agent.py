@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grounding.perception.protocol import Perception
-from sim.errors import AgentError
 from sim.frames import wrap_angle, yaw_towards
 from sim.tasks.looks import HomeLook, LookKind
 from sim.tasks.observers import Detection, Insight
 from sim.types import STOREY_GAP, TURN_STEP, Action, Camera, Frame, Observation, Task
 
-from ..seeking import FOR_EVER, Seeker
+from ..seeking import FOR_EVER, Seeker, require_picture
 from .feature_grid import FeatureGrid
 from .goals import STICK_CELLS, MapGoal, chosen, explored_region, frontiers, hot_cells, points_of_interest
 from .target import Target, believed, placed_detections, replaced
@@ -160,11 +159,7 @@ class OneMapAgent:
 
     def _see(self, observation: Observation) -> None:
         """Adds an observation in the map's frame to the seeker's map."""
-        if observation.rgb is None or observation.depth_m is None:
-            raise AgentError(
-                f"step {observation.step}: the observation has no picture; expected colours and depth, from which the "
-                "map is made. Run this agent with a renderer."
-            )
+        require_picture(observation)
         self._seeker.see(observation)
 
     def _add(self, frame: Frame) -> NDArray[np.int32]:

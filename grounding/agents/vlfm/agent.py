@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grounding.perception.protocol import Perception
-from sim.errors import AgentError
 from sim.tasks.observers import Detection, Insight
 from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
 
-from ..seeking import FOR_EVER, Seeker
+from ..seeking import FOR_EVER, Seeker, require_picture
 from .explored import ExploredArea
 from .object_cloud import SAME_GOAL, ObjectCloud
 from .value_map import Fusion, ValueMap, most_valuable
@@ -99,11 +98,7 @@ class VlfmAgent:
         Raises:
             AgentError: The observation has no colours or no depth.
         """
-        if observation.rgb is None or observation.depth_m is None:
-            raise AgentError(
-                f"step {observation.step}: the observation has no picture; expected colours and depth, from which the "
-                "maps are made. Run this agent with a renderer."
-            )
+        require_picture(observation)
         assert isinstance(self._perception, Perception)
         self._step = observation.step
         self._seeker.see(observation)
