@@ -8,15 +8,16 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, TypeVar
 
-from sim.cache import VARIABLE
 from sim.errors import PersonalVizError
 from sim.extras import require
 
-RESTARTS = 4
-"""How often a home's worker begins again on another core or machine; a home that ends it each time is given up."""
+MOST_LOSSES = 4
+"""How often a home's work begins again with another worker; a home that ends each of them is given up."""
 _ENVIRONMENT = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_NUM_REDIS_GET_RETRIES": "1"}
 """What Ray reads, unless the user has set it: it reports no use to others, and tries a silent address for 40 s, not for
 13 minutes."""
+_OURS = "PERSONAL_VIZ_"
+"""How the names of our environment variables begin: workers get this process's values."""
 _ANSWER_S = 10.0
 """Longest wait for the cluster's machine to answer."""
 Result = TypeVar("Result")
@@ -50,8 +51,9 @@ def done_on_ray(
     """Yields (chain, place in the chain, result) of each call of `work`, in the order in which calls end.
 
     Each chain has one worker of one core, which does its calls in order, as soon as the cluster has a core for it. The
-    calls that a lost worker had not ended are done by another one; no ended call is done twice, unless the machine with
-    a large result is lost before the result has come here.
+    call that a lost worker had not ended is done again by a new one: this is not left to Ray, whose own repetition of
+    an actor's call has once waited for ever. No ended call is done twice, unless the machine with a large result is
+    lost before the result has come here.
 
     Args:
         cluster: The cluster.
@@ -60,50 +62,63 @@ def done_on_ray(
 
     Raises:
         MissingDependencyError: Ray is not installed.
-        PersonalVizError: The cluster cannot be reached, a home's workers were lost `RESTARTS` + 1 times, or `work`
-            raised it.
+        PersonalVizError: The cluster cannot be reached, no machine has the graphics card it needs, a home's workers were
+            lost more than `MOST_LOSSES` times, or `work` raised it.
     """
     for name, value in _ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     ray = require("ray", extra="ray")
     with _connected(ray, cluster):
-        options = {"num_cpus": 1, "num_gpus": cluster.num_gpus}
-        retries = {
-            "max_restarts": RESTARTS,
-            "max_task_retries": -1,
-        }  # calls are tried until the machine's loss is known
-        new_worker = ray.remote(**options, **retries)(_Worker)
-        environment = {VARIABLE: os.environ[VARIABLE]} if VARIABLE in os.environ else {}
-        workers = {k: new_worker.remote(os.getcwd(), environment) for k, chain in enumerate(chains) if chain}
-        left = {k: len(chains[k]) for k in workers}
-        waiting = {
-            worker.do.remote(work, tuple(arguments)): (k, place)
-            for k, worker in workers.items()
-            for place, arguments in enumerate(chains[k])
-        }
+        if ray.cluster_resources().get("GPU", 0.0) < cluster.num_gpus:
+            raise PersonalVizError(
+                "--on ray: no machine of the cluster has a graphics card; expected one, because --device cuda was "
+                "given. Add one with `ray start --num-gpus 1`, or give --device cpu."
+            )
+        new_worker = ray.remote(num_cpus=1, num_gpus=cluster.num_gpus)(_Worker)
+        environment = {name: value for name, value in os.environ.items() if name.startswith(_OURS)}
+        workers: dict[int, Any] = {}
+        losses = [0] * len(chains)
+        waiting: dict[Any, tuple[int, int]] = {}
+
+        def begin(k: int, place: int) -> None:
+            if k not in workers:
+                workers[k] = new_worker.remote(os.getcwd(), environment)
+            waiting[workers[k].do.remote(work, tuple(chains[k][place]))] = k, place
+
         try:
+            for k, chain in enumerate(chains):
+                if chain:
+                    begin(k, 0)
             while waiting:
                 (ended,), _ = ray.wait(list(waiting), num_returns=1)
                 k, place = waiting.pop(ended)
-                yield k, place, _result(ray, ended)
-                left[k] -= 1
-                if not left[k]:
+                try:
+                    result = ray.get(ended)
+                except ray.exceptions.RayTaskError as error:
+                    raise error.cause from None
+                except ray.exceptions.RayError as error:
+                    losses[k] += 1
+                    _require_few(losses[k], error)
+                    ray.kill(workers.pop(k))
+                    begin(k, place)
+                    continue
+                if place + 1 < len(chains[k]):
+                    begin(k, place + 1)
+                else:
                     ray.kill(workers.pop(k))  # its core is for the next home
+                yield k, place, result
         finally:
             for worker in workers.values():
                 ray.kill(worker)
 
 
-def _result(ray: ModuleType, ended: Any) -> Any:
-    try:
-        return ray.get(ended)
-    except ray.exceptions.RayTaskError as error:
-        raise error.cause from None
-    except ray.exceptions.RayError as error:
+def _require_few(losses: int, error: Exception) -> None:
+    """Gives up a chain whose workers were lost too often."""
+    if losses > MOST_LOSSES:
         raise PersonalVizError(
-            f"--on ray: a worker was lost {RESTARTS + 1} times ({type(error).__name__}: {_first_line(error)}); "
-            "expected it to finish. Memory ran out, or a machine lacks this folder or this program: correct it and run "
-            "again, finished episodes are kept."
+            f"--on ray: a worker was lost {losses} times ({type(error).__name__}: {_first_line(error)}); expected it "
+            "to finish. Memory ran out, or a machine lacks this folder or this program: correct it and run again, "
+            "finished episodes are kept."
         ) from None
 
 

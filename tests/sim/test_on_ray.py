@@ -2,6 +2,7 @@
 
 import os
 import select
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -62,15 +63,12 @@ def open_held(job: GroundJob) -> Callable[[EpisodeKey], Answered]:
     return held
 
 
-def answers(
-    jobs: list[GroundJob], out: Path, workers: Workers, each: Callable[[int], None] = lambda count: None
-) -> bytes:
-    """The bytes of the answers that `workers` give; `each` gets the number of answers when one is written."""
+def answers(jobs: list[GroundJob], out: Path, workers: Workers) -> bytes:
+    """The bytes of the answers that `workers` give."""
     info = make_run_info("a", who="a", who_kind="agent", scene_kind="oracle-map", dataset_digest="d", seed=0)
     writer = RunWriter(out, info)
     for answered in results(open_held if workers != 1 else open_job, jobs, processes=workers, batch=2):
         writer.add_answers([answered.answer])
-        each(len(writer.done))
     return (out / "answers.jsonl").read_bytes()
 
 
@@ -86,21 +84,24 @@ def test_a_machine_lost_in_the_middle_costs_no_finished_episode_and_changes_no_b
     assert [job.scene for job in jobs] == list(HOMES)
     second = cluster.add_node(num_cpus=1, object_store_memory=STORE_BYTES, node_ip_address=LOOPBACK)
     cluster.wait_for_nodes()
+    ended: list[tuple[int, int]] = []
 
-    def lose_the_second(count: int) -> None:
-        if count == 1:
-            with holds[0].open("wb"), holds[1].open("wb"):  # each opens when that home's worker waits
-                pids = {int(line.split()[1]) for line in (tmp_path / "begun").read_text().splitlines()}
-                handles = [os.pidfd_open(pid) for pid in pids]
-                cluster.remove_node(second, allow_graceful=False)
-                lost, _, _ = select.select(
-                    handles, [], [], 60.0
-                )  # its worker ends soon after the machine's own process
-                for handle in handles:
-                    os.close(handle)
-            assert (len(handles), len(lost)) == (2, 1)
+    def lose_the_second() -> None:
+        """Notes of how many processes, which held their episodes, how many ended with the second machine."""
+        with holds[0].open("wb"), holds[1].open("wb"):  # each opens when that home's worker waits
+            pids = {int(line.split()[1]) for line in (tmp_path / "begun").read_text().splitlines()}
+            handles = [os.pidfd_open(pid) for pid in pids]
+            cluster.remove_node(second, allow_graceful=False)
+            lost, _, _ = select.select(handles, [], [], 60.0)  # its worker ends soon after the machine's own process
+            for handle in handles:
+                os.close(handle)
+        ended.append((len(handles), len(lost)))
 
-    found = answers(jobs, tmp_path / "ray", RayCluster(cluster.address), lose_the_second)
+    losing = threading.Thread(target=lose_the_second, daemon=True)
+    losing.start()
+    found = answers(jobs, tmp_path / "ray", RayCluster(cluster.address))
+    losing.join()
+    assert ended == [(2, 1)]
     assert found == answers(jobs, tmp_path / "one", 1)
     assert found.count(b"\n") == sum(len(job.keys) for job in jobs) == 11
     begun = (tmp_path / "begun").read_text().split()[::2]
@@ -128,7 +129,7 @@ def open_ended(job: SceneJob) -> Callable[[EpisodeKey], str]:
 
 
 def test_errors_of_the_work_and_of_the_cluster_are_one_line(cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim.tasks.on_ray.RESTARTS", 1)
+    monkeypatch.setattr("sim.tasks.on_ray.MOST_LOSSES", 1)
     workers = RayCluster(cluster.address)
     assert sorted(run_jobs(refuse, ["A", "C"], processes=workers)) == ["A", "C"]
     with pytest.raises(AgentError, match=r"^B: no\.$"):
@@ -137,5 +138,7 @@ def test_errors_of_the_work_and_of_the_cluster_are_one_line(cluster: Any, monkey
     jobs = [SceneJob(Path("nowhere"), home, (EpisodeKey("easy", home, "1"),)) for home in ("A", "C")]
     with pytest.raises(PersonalVizError, match=r"--on ray: a worker was lost 2 times \(.*; expected it to finish"):
         handed_over.extend(results(open_ended, jobs, processes=workers, batch=1))
+    with pytest.raises(PersonalVizError, match=r"no machine of the cluster has a graphics card; .* give --device cpu"):
+        list(run_jobs(refuse, ["A"], processes=RayCluster(cluster.address, num_gpus=1.0)))
     with pytest.raises(PersonalVizError, match=r"--address is '127.0.0.1:1' .*expected HOST:PORT of a running cluster"):
         list(run_jobs(refuse, ["A"], processes=RayCluster("127.0.0.1:1")))

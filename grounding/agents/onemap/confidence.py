@@ -34,9 +34,11 @@ def observation_confidence(
         return np.zeros(depth_m.shape, np.float32)
     depth = np.where(is_seen, depth_m, depth_m.max(where=is_seen, initial=0.0)).astype(np.float32)
     down, right = np.gradient(_spread(depth, np.minimum))
-    steepest = _spread(np.hypot(right * np.float32(width / lens[0]), down * np.float32(height / lens[1])), np.maximum)
+    down *= np.float32(height / lens[1])
+    right *= np.float32(width / lens[0])
+    steepest = np.sqrt(_spread(down * down + right * right, np.maximum))
     away = (depth - np.float32(BEST_DISTANCE)) / np.float32(SPREAD)
-    found = (1 - np.tanh(np.float32(EDGE_GAIN) * steepest)) * np.exp(-away * away / 3)
+    found = (1 - np.tanh(np.float32(EDGE_GAIN) * steepest)) * np.exp(away * away * np.float32(-1 / 3))
     return np.where(is_seen, found, np.float32(0))
 
 
@@ -44,11 +46,12 @@ def _spread(
     image: NDArray[np.float32], better: Callable[[NDArray[np.float32], NDArray[np.float32]], NDArray[np.float32]]
 ) -> NDArray[np.float32]:
     """(H, W) the best value in the window around each pixel, where `better` gives that of two."""
-    for _ in range(2):
-        wide = np.pad(image.T, ((REACH, REACH), (0, 0)), mode="edge")
-        size = 1  # of the window that each row stands for
-        while size < 2 * REACH + 1:
-            shift = min(size, 2 * REACH + 1 - size)
-            wide, size = better(wide[:-shift], wide[shift:]), size + shift
-        image = wide
-    return np.ascontiguousarray(image)
+    window = 2 * REACH + 1
+    wide = np.pad(image, REACH, mode="edge")
+    for along_columns in (False, True):
+        size = 1  # of the window that each pixel stands for
+        while size < window:
+            shift = min(size, window - size)
+            size += shift
+            wide = better(wide[:, :-shift], wide[:, shift:]) if along_columns else better(wide[:-shift], wide[shift:])
+    return wide
