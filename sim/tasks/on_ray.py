@@ -62,8 +62,8 @@ def done_on_ray(
 
     Raises:
         MissingDependencyError: Ray is not installed.
-        PersonalVizError: The cluster cannot be reached, no machine has the graphics card it needs, a home's workers were
-            lost more than `MOST_LOSSES` times, or `work` raised it.
+        PersonalVizError: The cluster cannot be reached, no machine has the graphics card it needs, a home's workers
+            were lost more than `MOST_LOSSES` times, or `work` raised it.
     """
     for name, value in _ENVIRONMENT.items():
         os.environ.setdefault(name, value)

@@ -99,8 +99,8 @@ class FeatureGrid:
         rows = self._rows_of(view.cells, view.features.shape[1])
         old, new = self.confidence.ravel()[view.cells], view.confidence
         share = np.asarray(new / (old + new), np.float32)
-        similarity = _fused(self._features, rows, view.features, share, self._text)
-        self.similarity.ravel()[view.cells] = similarity
+        text = np.zeros(view.features.shape[1], np.float32) if self._text is None else self._text
+        self.similarity.ravel()[view.cells] = _fused(self._features, rows, view.features, share, text)
         obstacle = self.obstacle.ravel()
         obstacle[view.cells] += share * (view.is_blocked - obstacle[view.cells])
         self.confidence.ravel()[view.cells] = old + new
@@ -163,21 +163,15 @@ class FeatureGrid:
 
 
 @njit(cache=True, nogil=True)
-def _mixed(features, rows, seen, share):
-    """Moves each row of the table towards what was seen, by its share."""
+def _fused(features, rows, seen, share, text):
+    """Moves each row of the table towards what was seen, by its share; (N,) similarity of these rows to the text.
+
+    One product a row: of all rows at once, BLAS would share it among threads, which wait for each other by computing.
+    """
+    similarity = np.empty(len(rows), np.float32)
     for k in range(len(rows)):
         row = features[rows[k]]
         for e in range(seen.shape[1]):
             row[e] += share[k] * (seen[k, e] - row[e])
-
-
-def _fused(
-    features: NDArray[np.float32],
-    rows: NDArray[np.int32],
-    seen: NDArray[np.float32],
-    share: NDArray[np.float32],
-    text: NDArray[np.float32] | None,
-) -> NDArray[np.float32]:
-    """Changes the table's rows; (N,) their similarity to the text, 0 without one."""
-    _mixed(features, rows, seen, share)
-    return features[rows] @ text if text is not None else np.zeros(len(rows), np.float32)
+        similarity[k] = np.dot(row, text)
+    return similarity

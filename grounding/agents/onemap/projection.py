@@ -92,19 +92,20 @@ def _located(depth, confidence, R, camera_xz, lens, corner, cell, shape):
     height, width = depth.shape
     cells = np.full((height, width), np.int32(-1))
     is_obstacle = np.zeros((height, width), np.bool_)
+    rights = (np.arange(width) + 0.5 - cx) / fx
     for r in range(height):
         down = (r + 0.5 - cy) / fy
+        x_down, up_down, z_down = R[0, 1] * down + R[0, 2], R[1, 1] * down + R[1, 2], R[2, 1] * down + R[2, 2]
         for c in range(width):
-            d = depth[r, c]
             if not confidence[r, c] > LEAST_CONFIDENCE:
                 continue
-            right = (c + 0.5 - cx) / fx
-            up = (R[1, 0] * right + R[1, 1] * down + R[1, 2]) * d
+            d, right = np.float64(depth[r, c]), rights[c]
+            up = (R[1, 0] * right + up_down) * d
             is_stair = up < STAIRS_BELOW
             if is_stair:
                 d *= FLOOR_BELOW / up
-            x = camera_xz[0] + (R[0, 0] * right + R[0, 1] * down + R[0, 2]) * d
-            z = camera_xz[1] + (R[2, 0] * right + R[2, 1] * down + R[2, 2]) * d
+            x = camera_xz[0] + (R[0, 0] * right + x_down) * d
+            z = camera_xz[1] + (R[2, 0] * right + z_down) * d
             col, row = math.floor((x - corner[0]) / cell), math.floor((z - corner[1]) / cell)
             if 0 <= row < shape[0] and 0 <= col < shape[1]:
                 cells[r, c] = row * shape[1] + col
@@ -144,7 +145,8 @@ def _averaged(starts, order, confidence, is_obstacle, patches):
     """Feature (N, E), confidence (N,) and obstacle (N,) of each group of pixels.
 
     A pixel's vector is the bilinear mean of the four patches around it, of the border patch beyond the last middle
-    (torch's `interpolate` without `align_corners`).
+    (torch's `interpolate` without `align_corners`). Pixels between the same four patches are summed before their
+    weights are given to the patches.
     """
     num_cells = len(starts) - 1
     height, width = confidence.shape
@@ -152,32 +154,38 @@ def _averaged(starts, order, confidence, is_obstacle, patches):
     flat = patches.reshape(rows * cols, dim)
     features = np.empty((num_cells, dim), np.float32)
     mean, is_blocked = np.empty(num_cells, np.float32), np.zeros(num_cells, np.bool_)
-    at_row, at_col = (np.arange(height) + 0.5) * rows / height - 0.5, (np.arange(width) + 0.5) * cols / width - 0.5
+    tops, downs = _between(height, rows)
+    lefts, asides = _between(width, cols)
     shares = np.zeros(rows * cols)
     used = np.empty(rows * cols, np.int64)
     total = np.empty(dim)
     for cell in range(num_cells):
-        num_used, weight = 0, 0.0
-        for k in range(starts[cell], starts[cell + 1]):
-            r, c = order[k] // width, order[k] % width
-            w = np.float64(confidence[r, c])
-            weight += w
-            is_blocked[cell] |= is_obstacle[r, c]
-            v, u = max(at_row[r], 0.0), max(at_col[c], 0.0)
-            top, left = int(v), int(u)
+        num_used, weight, k = 0, 0.0, starts[cell]
+        while k < starts[cell + 1]:
+            top, left = tops[order[k] // width], lefts[order[k] % width]
+            both, down, aside, neither = 0.0, 0.0, 0.0, 0.0
+            while k < starts[cell + 1]:
+                r = order[k] // width
+                c = order[k] - r * width
+                if tops[r] != top or lefts[c] != left:
+                    break
+                w, v, u = np.float64(confidence[r, c]), downs[r], asides[c]
+                is_blocked[cell] |= is_obstacle[r, c]
+                neither, down, aside, both = neither + w, down + w * v, aside + w * u, both + w * v * u
+                k += 1
+            weight += neither
             low, right = min(top + 1, rows - 1), min(left + 1, cols - 1)
-            v, u = v - top, u - left
             for at, share in (
-                (top * cols + left, (1 - v) * (1 - u)),
-                (top * cols + right, (1 - v) * u),
-                (low * cols + left, v * (1 - u)),
-                (low * cols + right, v * u),
+                (top * cols + left, neither - down - aside + both),
+                (top * cols + right, aside - both),
+                (low * cols + left, down - both),
+                (low * cols + right, both),
             ):
                 if share > 0:
                     if shares[at] == 0:
                         used[num_used] = at
                         num_used += 1
-                    shares[at] += w * share
+                    shares[at] += share
         total[:] = 0
         for k in range(num_used):
             share, at = shares[used[k]] / weight, used[k]
@@ -187,3 +195,11 @@ def _averaged(starts, order, confidence, is_obstacle, patches):
         features[cell] = total
         mean[cell] = weight / (starts[cell + 1] - starts[cell])
     return features, mean, is_blocked
+
+
+@njit(cache=True, nogil=True)
+def _between(num_pixels, num_patches):
+    """Of each pixel along one side: the patch before it, and how far it is on its way to the next, 0 to 1."""
+    at = np.maximum((np.arange(num_pixels) + 0.5) * num_patches / num_pixels - 0.5, 0.0)
+    before = at.astype(np.int64)
+    return before, at - before
