@@ -15,24 +15,32 @@ from numpy.typing import NDArray
 
 from sim.errors import RunFileError
 from sim.files import npy_array, write_whole
+from sim.tasks.shards import Shard
 from sim.types import Frame
 
 from .protocol import DenseEncoder
 
 
 class ResumedEncoder:
-    """A `DenseEncoder` that asks the real one only for batches that no earlier run has encoded."""
+    """A `DenseEncoder` that asks the real one only for batches that no earlier run has encoded.
 
-    def __init__(self, encoder: DenseEncoder, folder: Path, *, settings: str) -> None:
+    As a shard it asks only for every N-th batch, and gives zeros for the others: runs of all shards fill one folder.
+    """
+
+    def __init__(self, encoder: DenseEncoder, folder: Path, *, settings: str, shard: Shard = Shard()) -> None:  # noqa: B008 - frozen value
         """Wraps `encoder`; reads and writes nothing yet.
 
         Args:
             folder: Made with the first batch, and removed by `remove`.
             settings: All that the vectors depend on besides the encoder's name, such as its arithmetic.
+            shard: The part of the batches that is encoded; each run must get the same batches in the same order.
         """
         self.name, self.dim = encoder.name, encoder.dim
         self.num_kept = 0
         """Number of pictures whose vectors were read."""
+        self.num_encoded = 0
+        """Number of pictures whose vectors were made and written."""
+        self._num_batches, self._shard = 0, shard
         self._encoder, self._folder = encoder, folder
         self._settings = f"{encoder.name}\0{encoder.dim}\0{settings}"
 
@@ -42,24 +50,34 @@ class ResumedEncoder:
 
     def encode_images(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, E) unit rows, one per picture."""
-        return self._kept("images", frames, self._encoder.encode_images)
+        return self._kept("images", frames, self._encoder.encode_images, absent=(self.dim,))
 
     def encode_patches(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         """(N, h, w, E) unit vectors of patches."""
-        return self._kept("patches", frames, self._encoder.encode_patches)
+        return self._kept("patches", frames, self._encoder.encode_patches, absent=(1, 1, self.dim))
 
     def remove(self) -> None:
         """Removes the folder, when the map is written."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def _kept(
-        self, what: str, frames: Sequence[Frame], encode: Callable[[Sequence[Frame]], NDArray[np.float32]]
+        self,
+        what: str,
+        frames: Sequence[Frame],
+        encode: Callable[[Sequence[Frame]], NDArray[np.float32]],
+        *,
+        absent: tuple[int, ...],
     ) -> NDArray[np.float32]:
+        """The vectors of a batch; zeros of shape `absent` for each picture where another shard encodes it."""
+        self._num_batches += 1
+        if (self._num_batches - 1) % self._shard.of != self._shard.number - 1:
+            return np.zeros((len(frames), *absent), np.float32)
         path = self._folder / f"{self._digest(what, frames)}.npy"
         if (found := _read(path, len(frames))) is not None:
             self.num_kept += len(frames)
             return found
         vectors = encode(frames)
+        self.num_encoded += len(frames)
         stream = io.BytesIO()
         np.lib.format.write_array(stream, np.ascontiguousarray(vectors, np.float32), allow_pickle=False)
         try:

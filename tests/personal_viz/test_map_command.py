@@ -186,11 +186,33 @@ def test_an_interrupted_run_continues_and_makes_the_same_map(recording: Path, tm
     assert (len(parts), out.exists()) == (2, False)
     parts[0].write_bytes(b"half")  # a damaged part is encoded again
     assert run(recording, "--out", str(out), *slow) == 0
-    assert "encoded by an interrupted run: 2" in capsys.readouterr().out
+    assert "encoded by earlier runs: 2" in capsys.readouterr().out
     assert StopsOnce.encoded == 4 + 8
     assert not list(tmp_path.glob("*.encoded"))
     assert run(recording, "--out", str(tmp_path / "whole.npz"), *slow) == 0
     assert out.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+
+
+def test_shards_encode_and_the_command_without_them_writes_the_same_map(
+    recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(StopsOnce, "is_patient", True)
+    monkeypatch.setattr(StopsOnce, "encoded", 0)
+    out, batches = tmp_path / "map.npz", ("--batch", "2", "--encoder", f"{__name__}:StopsOnce")
+    for number, count in ((1, 4), (2, 4), (3, 2)):
+        assert run(recording, "--out", str(out), *batches, "--shard", f"{number}/3") == 0
+        assert f"Shard {number}/3: {count} pictures encoded, 0 were already." in capsys.readouterr().out
+    assert not out.exists()
+    assert run(recording, "--out", str(out), *batches) == 0
+    assert "encoded by earlier runs: 10" in capsys.readouterr().out
+    assert StopsOnce.encoded == 10
+    assert run(recording, "--out", str(tmp_path / "whole.npz"), *batches) == 0
+    assert out.read_bytes() == (tmp_path / "whole.npz").read_bytes()
+    with pytest.raises(
+        PersonalVizError,
+        match=r"--shard is '1/3' with --encoder 'none'; expected one with encode_patches, .* Leave --shard out",
+    ):
+        run(recording, "--out", str(out), "--shard", "1/3", "--encoder", "none")
 
 
 def test_a_mesh_that_cannot_be_written_loses_neither_the_map_nor_what_is_encoded(
@@ -205,7 +227,7 @@ def test_a_mesh_that_cannot_be_written_loses_neither_the_map_nor_what_is_encoded
     mesh.rmdir()
     assert run(recording, "--out", str(out), "--mesh", str(mesh)) == 0
     printed = capsys.readouterr().out
-    assert "encoded by an interrupted run: 10" in printed
+    assert "encoded by earlier runs: 10" in printed
     assert f"triangles written to {mesh}" in printed
     assert out.read_bytes() == mapped
     assert not list(tmp_path.glob("*.encoded"))

@@ -32,6 +32,7 @@ from sim.files import write_whole
 from sim.frames import CameraAxes
 from sim.plugins import build_plugin, plugin_digest
 from sim.tasks.observers import FREE, OCCUPIED
+from sim.tasks.shards import Shard, shard_from_text
 from sim.types import Frame
 
 from ...progress import Counted, counted
@@ -106,13 +107,20 @@ class Map:
     ] = None
     max_depth: Annotated[float, arg(help="Farther returns are not mapped, metres.")] = 5.0
     scene: Annotated[str | None, arg(help="Name of the place; the recording's by default.")] = None
+    shard: Annotated[
+        str | None,
+        arg(
+            help="i/N: only encodes the i-th of N parts of the pictures, for job arrays. When all N are done, the same "
+            "command without it writes the map."
+        ),
+    ] = None
     device: ModelDevice = "cpu"
     autocast: ModelAutocast = "off"
     batch: ModelBatch = 8
     json: Json = False
 
     def run(self) -> int:
-        self._require_options()
+        shard = self._require_options()
         recording, counts = read_robot_frames(
             self.frames,
             up=self.up,
@@ -125,7 +133,7 @@ class Map:
         )
         floors = _floors(self.frames, recording, self.mount_height)
         eye = load_encoder(self.encoder, ModelOptions(self.device, self.batch, self.autocast))
-        resumed = self._resumed(eye)
+        resumed = self._resumed(eye, shard)
         up = [round(float(number), 4) + 0.0 for number in recording.up.up]
         frame = f"robot, {up} up in its poses, turned to y up"
         views = ViewOptions(floors=floors, max_depth=self.max_depth, frame=frame, batch=self.batch)
@@ -136,6 +144,8 @@ class Map:
             builder = ObjectMapBuilder(resumed or eye, load_segmenter(self.segmenter, floors), views=views)
         start = time.monotonic()
         memory = _built(builder, recording, counts)
+        if resumed and shard.of > 1:
+            return self._report_shard(shard, resumed)
         if not memory.num_frames:
             raise PersonalVizError(
                 f"{self.frames}: none of {counts.num_found} pictures can be used: {dict(counts.by_reason)}; expected "
@@ -167,6 +177,17 @@ class Map:
             _print(document)
         return 0
 
+    def _report_shard(self, shard: Shard, encoded: ResumedEncoder) -> int:
+        document = {"shard": str(shard), "encoded": encoded.num_encoded, "continued": encoded.num_kept}
+        if self.json:
+            print_json(document)
+        else:
+            print(
+                f"Shard {shard}: {encoded.num_encoded} pictures encoded, {encoded.num_kept} were already. When all "
+                f"{shard.of} are, give the command without --shard."
+            )
+        return 0
+
     def _write_mesh(self, path: Path, recording: RobotFrames) -> dict[str, Any]:
         """Writes the fused surfaces of all frames; returns the file and its number of triangles."""
         from grounding.robot.fused_mesh import fused_mesh
@@ -193,7 +214,8 @@ class Map:
         encoder = "" if self.encoder == NO_FEATURES else self.encoder
         return MapSource(scene=name, kind="robot", builder=builder, encoder=encoder, recording=source)
 
-    def _require_options(self) -> None:
+    def _require_options(self) -> Shard:
+        """Refuses options that do not fit; returns the shard."""
         require_suffix("--out", self.out, ".npz")
         if self.mesh is not None:
             require_suffix("--mesh", self.mesh, ".glb")
@@ -211,14 +233,22 @@ class Map:
                 "--encoder is 'none' with --layout objects, whose things are told apart by features; expected a model, "
                 "or --layout grid. Leave --layout out."
             )
+        return shard_from_text(self.shard)
 
-    def _resumed(self, eye: DenseEncoder) -> ResumedEncoder | None:
+    def _resumed(self, eye: DenseEncoder, shard: Shard) -> ResumedEncoder | None:
         """The encoder that continues an interrupted run; None without features, or without patches to keep."""
         if self.encoder == NO_FEATURES or not hasattr(eye, "encode_patches"):
+            if shard.of > 1:
+                raise PersonalVizError(
+                    f"--shard is {self.shard!r} with --encoder {self.encoder!r}; expected one with encode_patches, whose "
+                    "work is kept and can be shared. Leave --shard out."
+                )
             return None
         code = "" if is_model(self.encoder) else plugin_digest(self.encoder)
         folder = self.out.with_name(self.out.name + ".encoded")
-        return ResumedEncoder(eye, folder, settings=f"{self.encoder}\0{self.autocast}\0{self.device}\0{code}")
+        return ResumedEncoder(
+            eye, folder, settings=f"{self.encoder}\0{self.autocast}\0{self.device}\0{code}", shard=shard
+        )
 
 
 def topics_of(words: tuple[str, ...]) -> dict[str, str]:
@@ -353,7 +383,7 @@ def _print(document: dict[str, Any]) -> None:
     for reason, number in document["frames_skipped"].items():
         print(f"  skipped, {reason}: {number}")
     if document["continued"]:
-        print(f"  encoded by an interrupted run: {document['continued']}")
+        print(f"  encoded by earlier runs: {document['continued']}")
     x, y, z = document["up"]
     print(f"  up is ({x:g}, {y:g}, {z:g}) in the recording, confidence {document['up_confidence']:g}")
     for storey in document["storeys"]:
