@@ -240,8 +240,8 @@ class Map:
         if self.encoder == NO_FEATURES or not hasattr(eye, "encode_patches"):
             if shard.of > 1:
                 raise PersonalVizError(
-                    f"--shard is {self.shard!r} with --encoder {self.encoder!r}; expected one with encode_patches, whose "
-                    "work is kept and can be shared. Leave --shard out."
+                    f"--shard is {self.shard!r} with --encoder {self.encoder!r}; expected one with encode_patches, "
+                    "whose work is kept and can be shared. Leave --shard out."
                 )
             return None
         code = "" if is_model(self.encoder) else plugin_digest(self.encoder)
