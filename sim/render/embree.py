@@ -11,6 +11,7 @@ of constants and the layout of packets are those of Embree 4.4's headers.
 import ctypes
 import importlib.metadata
 import importlib.util
+import os
 import weakref
 from functools import lru_cache
 from pathlib import Path
@@ -59,6 +60,11 @@ _FUNCTIONS = {
     "rtcAttachGeometry": (_UINT, [_POINTER, _POINTER]),
     **{f"rtcIntersect{width}": (None, [_POINTER, _POINTER, _POINTER, _POINTER]) for width in WIDTHS},
 }
+_TREE = "tri_accel=bvh8.triangle4v"
+"""The search tree with eight branches: with the default's four, packets take 15 to 20 % longer. Both leave no gaps
+between faces; `triangle4` is another 10 % faster and does."""
+INSTRUCTIONS = "PERSONAL_VIZ_ISA"
+"""Environment variable with another instruction set for Embree, such as avx2, to measure what older processors do."""
 _SYMBOL = "personal_viz_rtcIntersect{}"
 """Our own names for compiled code: Open3D holds another Embree, and the library stays out of the global symbols."""
 
@@ -224,7 +230,8 @@ def _all_lanes_valid() -> NDArray[np.int32]:
 
 
 def _new_device(embree: ctypes.CDLL) -> int:
-    device = embree.rtcNewDevice(b"")
+    isa = os.environ.get(INSTRUCTIONS)
+    device = embree.rtcNewDevice((f"{_TREE},isa={isa}" if isa else _TREE).encode())
     if not device:
         raise MissingDependencyError(f"Embree's error {embree.rtcGetDeviceError(None)}; expected a device. {_AGAIN}")
     return device

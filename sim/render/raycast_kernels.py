@@ -180,6 +180,18 @@ def _reader(bits: int) -> Any:
 _byte_at, _word_at = _reader(8), _reader(64)
 
 
+@intrinsic
+def _put_word(typingctx, address, number):
+    """Writes the lower 32 bits of a number at an address; any alignment."""
+
+    def generate(context, builder, signature, arguments):
+        pointer = builder.inttoptr(arguments[0], ir.IntType(32).as_pointer())
+        builder.store(builder.trunc(arguments[1], ir.IntType(32)), pointer, align=1)
+        return context.get_dummy_value()
+
+    return types.void(types.int64, types.int64), generate
+
+
 @njit(forceinline=True)
 def _tile(packet):
     """Columns and rows of a packet's tile, as TILES."""
@@ -408,6 +420,10 @@ def _store_lanes(lanes, row, col, rgb, instance_ids):
     if row + rows <= rgb.shape[0] and col + cols <= rgb.shape[1]:
         for i in range(len(lanes.colour)):
             instance_ids[row + i // cols, col + i % cols] = lanes.instance[i]
+        if cols == 4:
+            for y in range(rows):
+                _store_four_colours(lanes.colour, 4 * y, rgb.ctypes.data + 3 * ((row + y) * rgb.shape[1] + col))
+            return
         for i in range(len(lanes.colour)):
             _store_colour(lanes.colour[i], row + i // cols, col + i % cols, rgb)
         return
@@ -415,6 +431,16 @@ def _store_lanes(lanes, row, col, rgb, instance_ids):
         if row + i // cols < rgb.shape[0] and col + i % cols < rgb.shape[1]:
             instance_ids[row + i // cols, col + i % cols] = lanes.instance[i]
             _store_colour(lanes.colour[i], row + i // cols, col + i % cols, rgb)
+
+
+@njit(forceinline=True)
+def _store_four_colours(colours, first, address):
+    """Twelve bytes in three words."""
+    a, b = np.int64(colours[first]), np.int64(colours[first + 1])
+    c, d = np.int64(colours[first + 2]), np.int64(colours[first + 3])
+    _put_word(address, a | b << 24)
+    _put_word(address + 4, b >> 8 | c << 16)
+    _put_word(address + 8, c >> 16 | d << 8)
 
 
 @njit(forceinline=True)
