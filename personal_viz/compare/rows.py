@@ -149,7 +149,7 @@ def sections(
     """The tables of a comparison: scans before other homes, PAN before POG, oracle maps last.
 
     Where agents ran on the people's study, each condition of the people has a table of its own, with the agents that
-    stand beside it, on the episodes that people did.
+    stand beside it, on the episodes that people did. What agents did besides has a table without people.
 
     Raises:
         RunFileError: A run was never scored, or a trial would count twice.
@@ -179,12 +179,11 @@ def _by_condition(members: Sequence[Trial]) -> dict[str | None, list[Trial]]:
         return {None: list(members)}
     people = [trial for trial in members if trial.who_kind == "human"]
     conditions = sorted({trial.condition for trial in people}, key=lambda each: (not is_first_condition(each), each))
-    found: dict[str | None, list[Trial]] = {}
-    for condition in conditions:
-        done = {trial.key for trial in people if trial.condition == condition}
-        found[condition] = [trial for trial in members if _stands_in(trial, condition, done)]
-    agents = (trial for trial in members if trial.who_kind != "human")
-    left = [trial for trial in agents if not set(trial.beside or conditions) & set(conditions)]
+    done = {name: {trial.key for trial in people if trial.condition == name} for name in conditions}
+    found: dict[str | None, list[Trial]] = {
+        name: [trial for trial in members if _stands_in(trial, name, keys)] for name, keys in done.items()
+    }
+    left = [trial for trial in members if not any(_stands_in(trial, name, keys) for name, keys in done.items())]
     return found | ({None: left} if left else {})
 
 
@@ -192,7 +191,7 @@ def _stands_in(trial: Trial, condition: str, done: Container[EpisodeKey]) -> boo
     """Whether a trial stands in the table of one condition of people, who did these episodes."""
     if trial.who_kind == "human":
         return trial.condition == condition
-    return not trial.beside or (condition in trial.beside and trial.key in done)
+    return trial.key in done and condition in (trial.beside or (condition,))
 
 
 def _with_trials(run: Run, known: Container[tuple[str, EpisodeKey]]) -> Run:
