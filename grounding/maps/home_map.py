@@ -62,11 +62,11 @@ class ObjectInstance:
 
 @dataclass(frozen=True, slots=True)
 class ObjectMap:
-    """The things of one storey."""
+    """The things of one storey, or of all storeys of a home."""
 
     objects: tuple[ObjectInstance, ...]
     floor_y: float
-    """Height of the storey's floor, metres."""
+    """Height of the storey's floor, or of the lowest one, metres."""
     encoder: str
     """Name of the encoder of the features."""
     dim: int
@@ -75,6 +75,20 @@ class ObjectMap:
     """Middle of all things' points, world x and z in metres."""
     merge_m: float
     """Views of one thing are merged when their points are within this many metres."""
+    upper_floors: tuple[float, ...] = ()
+    """Heights of the floors of further storeys, ascending."""
+
+    @property
+    def storeys(self) -> NDArray[np.int64]:
+        """(N,) storey of each thing, 0 = the lowest."""
+        heights = np.array([item.centre[1] for item in self.objects], np.float64)
+        return floors_below(heights, np.array([self.floor_y, *self.upper_floors]))
+
+    @property
+    def places(self) -> NDArray[np.float64]:
+        """(N, 3) middles of the things' boxes, on the floor below each; world metres."""
+        floors = np.array([self.floor_y, *self.upper_floors])
+        return np.insert(self.middles_xz, 1, floors[self.storeys], axis=1)
 
     @property
     def middles_xz(self) -> NDArray[np.float64]:
@@ -88,6 +102,11 @@ class ObjectMap:
         low = np.floor(middles.min(axis=0) / _CELL) - _MARGIN
         cols, rows = (np.floor(middles.max(axis=0) / _CELL) + _MARGIN + 1 - low).astype(int).tolist()
         return GridSpec((float(low[0] * _CELL), float(low[1] * _CELL)), _CELL, (rows, cols))
+
+
+def floors_below(y: NDArray[np.float64], floors: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(N,) index of the nearest floor below each height (N,), of floors in ascending order; the lowest if none is."""
+    return np.maximum(np.searchsorted(floors, y, side="right") - 1, 0)
 
 
 Memory = FeatureMap | ObjectMap
@@ -177,7 +196,7 @@ def merged_storeys(home: HomeMemory) -> Memory:
     memories = [storey.memory for storey in home.storeys]
     if isinstance(lowest, ObjectMap):
         objects = [item for memory in memories if isinstance(memory, ObjectMap) for item in memory.objects]
-        return replace(lowest, objects=tuple(objects))
+        return replace(lowest, objects=tuple(objects), upper_floors=tuple(item.floor_y for item in home.storeys[1:]))
     maps = [memory for memory in memories if isinstance(memory, FeatureMap)]
     assert all(item.grid == lowest.grid for item in maps), "storeys of one home have one grid"
     flat = np.concatenate([item.flat_index for item in maps])

@@ -19,7 +19,16 @@ from sim.types import Frame, GridSpec, Task
 from ..chat.answers import read_answer
 from ..chat.protocol import Chat, NoAnswer, Part
 from ..encoders.protocol import TextEncoder
-from ..maps.home_map import Memory, MemoryKind, ObjectInstance, ObjectMap, OccupancyGrid, require_grid, require_objects
+from ..maps.home_map import (
+    Memory,
+    MemoryKind,
+    ObjectInstance,
+    ObjectMap,
+    OccupancyGrid,
+    floors_below,
+    require_grid,
+    require_objects,
+)
 from ..maps.storeys import points_at
 from ..phrases.rules import RulePhrases
 from ..types import Grounding
@@ -45,7 +54,8 @@ _THINGS_ANSWER = (
 LIST_PROMPT = f"""You get a description of a home, a query, and a list of the objects that a robot found there as JSON.
 {_TASK}
 Each object has an id, the words that the robot's perception has for it, the middle of its box (x, z and height above
-the floor, metres) and its size (along x, height, along z, metres). Objects with close x and z are near each other.
+the floor, metres) and its size (along x, height, along z, metres). Objects with close x and z are near each other, if
+they are on the same storey (1 is the lowest; one storey is not named).
 {_THINGS_ANSWER}"""
 PICTURE_PROMPT = f"""You get a description of a home, a query, and a map that a robot made, seen from above.
 {_TASK}
@@ -158,10 +168,10 @@ class ChatGrounder:
                 "model to read. Use perception that gives names, or --method frames-vlm."
             )
         if self.name == "object-list-llm":
-            answer = chat.ask(LIST_PROMPT, [_asked(task), things_json(things, objects.floor_y)], is_json=True)
+            answer = chat.ask(LIST_PROMPT, [_asked(task), things_json(objects)], is_json=True)
         else:
             answer = chat.ask(PICTURE_PROMPT, [_asked(task), *self._maps(objects)], is_json=True)
-        return _middles(read_answer(answer, _Ids), dict(things), objects.floor_y), objects.grid
+        return _named_places(read_answer(answer, _Ids), objects), objects.grid
 
     def _required_seen(self) -> Seen:
         if self._seen is None:
@@ -180,10 +190,11 @@ class ChatGrounder:
 
 def map_parts(memory: ObjectMap, floors: Sequence[tuple[float, OccupancyGrid]]) -> list[Part]:
     """Each storey's picture with the words for its numbers; storeys without things are left out."""
-    heights = np.array([height for height, _ in floors])
+    things, heights = numbered_things(memory), np.array([height for height, _ in floors])
+    storeys = floors_below(np.array([item.centre[1] for _, item in things]), heights)
     parts: list[Part] = []
     for index, (_, floor) in enumerate(floors):
-        here = [(number, item) for number, item in numbered_things(memory) if _storey(item, heights) == index]
+        here = [things[k] for k in np.flatnonzero(storeys == index)]
         if not here:
             continue
         picture, view = numbered_map(here, floor)
@@ -195,22 +206,28 @@ def map_parts(memory: ObjectMap, floors: Sequence[tuple[float, OccupancyGrid]]) 
 
 def numbered_things(memory: ObjectMap) -> list[tuple[int, ObjectInstance]]:
     """The things of a prompt with their numbers from 1, in the map's order; of too many, those seen most often."""
-    order = sorted(range(len(memory.objects)), key=lambda index: -memory.objects[index].weight)[:MOST_THINGS]
-    return list(enumerate((memory.objects[index] for index in sorted(order)), start=1))
+    return list(enumerate((memory.objects[index] for index in _shown(memory)), start=1))
 
 
-def things_json(things: Sequence[tuple[int, ObjectInstance]], floor_y: float) -> str:
-    """The list of things that the model reads, one line each."""
+def _shown(memory: ObjectMap) -> list[int]:
+    """Indices of the things of a prompt, ascending."""
+    return sorted(sorted(range(len(memory.objects)), key=lambda index: -memory.objects[index].weight)[:MOST_THINGS])
+
+
+def things_json(memory: ObjectMap) -> str:
+    """The list of things that the model reads, one line each; with their storeys where the map holds several."""
     lines = []
-    for number, item in things:
+    shown = _shown(memory)
+    places, storeys = memory.places[shown], memory.storeys[shown]
+    for (number, item), (x, floor_y, z), storey in zip(numbered_things(memory), places, storeys, strict=True):
         low, high = np.array(item.box)
-        x, y, z = item.centre
         entry = {
             "id": number,
             "caption": item.caption or "unknown",
-            "x": round(x, 1) + 0.0,
-            "z": round(z, 1) + 0.0,
-            "height": round(y - floor_y, 1) + 0.0,
+            **({"storey": int(storey) + 1} if memory.upper_floors else {}),
+            "x": round(float(x), 1) + 0.0,
+            "z": round(float(z), 1) + 0.0,
+            "height": round(item.centre[1] - float(floor_y), 1) + 0.0,
             "size": [round(side, 1) for side in (high - low).tolist()],
         }
         lines.append(json.dumps(entry, ensure_ascii=False))
@@ -230,19 +247,13 @@ def _asked(task: Task) -> str:
     return f"Description: {task.description}\n\nQuery: {task.queries[0]}"
 
 
-def _storey(item: ObjectInstance, heights: np.ndarray) -> int:
-    """Index of the storey whose floor is the nearest below the thing; the lowest where none is."""
-    return max(0, int(np.searchsorted(heights, item.centre[1], side="right")) - 1)
-
-
-def _middles(answer: _Ids, things: dict[int, ObjectInstance], floor_y: float) -> np.ndarray:
-    """(M, 3) the named things' middles on the floor, each once."""
-    ids = answer.ids[:NUM_CANDIDATES]
-    unknown = [number for number in ids if number not in things]
+def _named_places(answer: _Ids, memory: ObjectMap) -> np.ndarray:
+    """(M, 3) the named things' middles on the floor below them, each once."""
+    ids, shown = answer.ids[:NUM_CANDIDATES], _shown(memory)
+    unknown = [number for number in ids if not 1 <= number <= len(shown)]
     if unknown:
-        raise NoAnswer(f"the answer names {unknown[0]}, and the objects have the numbers 1 to {len(things)}")
-    centres = [things[number].centre for number in dict.fromkeys(ids)]
-    return np.array([(x, floor_y, z) for x, _, z in centres])
+        raise NoAnswer(f"the answer names {unknown[0]}, and the objects have the numbers 1 to {len(shown)}")
+    return memory.places[[shown[number - 1] for number in dict.fromkeys(ids)]]
 
 
 def _lifted(place: _FramePixel, frames: Sequence[Frame], floors: np.ndarray) -> np.ndarray:

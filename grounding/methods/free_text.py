@@ -121,8 +121,7 @@ class Asker:
         if not isinstance(self.memory, ObjectMap):
             index = int(np.argmin([abs(storey.floor_y - floor_y) for storey in self._home.storeys]))
             return FoundPlace(found.position, index, 0.0, found.score)
-        nearest = int(np.argmin(np.hypot(*(self.memory.middles_xz - (x, z)).T)))
-        thing = self.memory.objects[nearest]
+        thing = self.memory.objects[int(np.argmin(np.linalg.norm(self.memory.places - (x, floor_y, z), axis=1)))]
         index = next(
             index
             for index, storey in enumerate(self._home.storeys)

@@ -120,8 +120,7 @@ class ObjectMatcher:
         scores = dual_scores(similarity, temperature=self._temperature)
         each = np.arange(len(memory.objects))[:, None]  # several may stand in one cell
         best = rank_cells(scores[chosen], each, nms_r=0)
-        grid, (x, z) = memory.grid, memory.middles_xz.T
-        points = np.column_stack([x, np.full(len(x), memory.floor_y), z])[best]
+        grid = memory.grid
         num_phrases = 0 if asked is None else len(texts)
         layers = Layers(
             grid.rc_from_xz(memory.middles_xz).astype(np.int16),
@@ -132,7 +131,7 @@ class ObjectMatcher:
             peaks=peaks_of(scores[:num_phrases], each, nms_r=0),
             chosen=-1 if asked is None else chosen,
         )
-        return Grounding(candidates_at(grid, points, scores[chosen][best]), layers)
+        return Grounding(candidates_at(grid, memory.places[best], scores[chosen][best]), layers)
 
 
 def smoothed(values: NDArray[np.floating], rc: NDArray[np.integer], *, sigma: float) -> NDArray[np.floating]:

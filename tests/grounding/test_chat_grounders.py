@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from grounding.chat.protocol import NoAnswer, Part
 from grounding.checks import check_grounder
 from grounding.maps.home_map import Memory, ObjectInstance, ObjectMap, OccupancyGrid
 from grounding.methods.by_name import make_grounder, takes_objects
-from grounding.methods.chat_grounders import CHAT_METHODS, numbered_things
+from grounding.methods.chat_grounders import CHAT_METHODS, numbered_things, things_json
 from grounding.methods.map_picture import numbered_map
 from grounding.types import Grounding
 from sim.errors import AgentError
@@ -188,3 +189,11 @@ def test_key_views_are_those_that_add_most() -> None:
     views = [frame(), frame(), frame(position=(9.0, 1.38, 5.0)), frame(depth=0.5), frame(depth=9.0)]
     assert key_views(views, most=2) == [0, 2]
     assert key_views(views, most=9) == [0, 2, 3], "views that add nothing, and far ones, are left out"
+
+
+def test_things_of_several_storeys_name_their_own_and_their_height_above_its_floor() -> None:
+    upstairs = replace(THINGS.objects[0], points=THINGS.objects[0].points + np.float32([0, 3, 0]))
+    listed = json.loads(things_json(replace(THINGS, objects=(*THINGS.objects, upstairs), upper_floors=(3.5,))))
+    assert [entry["storey"] for entry in listed] == [1, 1, 1, 2]
+    assert listed[3]["height"] == listed[0]["height"]
+    assert "storey" not in json.loads(things_json(THINGS))[0]

@@ -61,3 +61,5 @@ def test_a_merged_object_map_holds_the_objects_of_all_storeys() -> None:
     assert isinstance(merged, ObjectMap)
     assert [item.caption for item in merged.objects] == ["low", "high"]
     assert merged.objects[1].centre == (1.0, 3.5, 2.0)
+    assert merged.storeys.tolist() == [0, 1]
+    assert merged.places.tolist() == [[1.0, 0.0, 2.0], [1.0, 3.0, 2.0]], "each on the floor of its own storey"

@@ -1,5 +1,7 @@
 """Matching with the objects of an object map."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,13 @@ def test_the_object_that_the_phrase_names_wins_with_its_centre_on_the_floor(name
     assert layers.shape == (9, 12)
     assert layers.peaks[1, 0] == 2
     assert layers.on_grid(layers.final).shape == (9, 12)
+
+
+def test_an_object_upstairs_is_answered_on_its_own_floor() -> None:
+    upstairs = replace(CHAIR_AND_LAMP, points=CHAIR_AND_LAMP.points + np.float32([0, 3, 0]))
+    memory = replace(object_map(CHAIR, upstairs, SOFA), upper_floors=(3.5,))
+    answer = make_grounder("object-phrase", ENCODER).ground(memory, asks("Find Mira's chair"), PHRASES)
+    assert [place.position for place in answer.candidates[:2]] == [(1.25, 3.5, 4.5), (1.5, 0.5, 1.0)]
 
 
 def test_dual_leaves_an_object_that_two_phrases_want_to_the_phrase_that_has_no_other() -> None:

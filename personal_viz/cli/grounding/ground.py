@@ -224,6 +224,7 @@ class Ground:
         from ...study_app.planned_study import agent_runs, open_planned, require_plans_choices
 
         assert self.study is not None
+        check_options(self)
         require_plans_choices(self, ("scene", "split", "limit", "sample_seed", "clutter"))
         study = open_planned(
             self.study, "pog", dataset=self.dataset, evidence=self.evidence, scenes_dir=self.scenes_dir

@@ -167,7 +167,8 @@ class Run:
         name = CONTROLS[self.agent]
         return replace(
             self, agent=name, llm_url="", llm_model="", llm_key_env="", max_calls=None, max_tokens=None, price=None,
-            rerun=None, run_id=self.run_id and f"{self.run_id}-{name}", label=self.label and f"{self.label} {name}",
+            rerun=None, run_id=self.run_id and fitting_run_id(f"{self.run_id}-{name}"),
+            label=self.label and f"{self.label} {name}",
         )  # fmt: skip
 
     def _run(self, agent: NamedAgent) -> list[Path]:
@@ -265,8 +266,14 @@ class Run:
         kind = common_kind(study.dataset, {home.name for home in homes}, study.scenes_dir)
         clutter, labels = homes[0].clutter, homes[0].labels
         settings = _Settings(study.dataset, study.scenes_dir, clutter, labels, agent.maker, walk_terms(study))
-        folders = []
-        for walk in study_walks(study, agent.looks, out=out, seed=self.seed):
+        folders, walks = [], study_walks(study, agent.looks, out=out, seed=self.seed)
+        if self.rerun is not None and len(walks) > 1:
+            raise PersonalVizError(
+                f"--rerun is {self.rerun!r} beside --study; expected none, because this agent does the same episodes "
+                f"with {len(walks)} looks at the home, whose recordings would replace each other. Leave it out, and "
+                "give personal-viz replay one of the run folders."
+            )
+        for walk in walks:
             info = self._study_info(study, walk, kind, agent)
             folders.append(self._play(replace(settings, look_at=walk.look_at), walk.keys, info, out=out))
         return folders
