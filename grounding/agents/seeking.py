@@ -410,16 +410,16 @@ class Seeker:
     def _to_go(self) -> float:
         """Actions to the goal's place, without turns."""
         assert self.goal is not None
-        if self._way is None:
-            ground = self.memory.ground()
+        here = np.array(self.memory.xz)
+        if self._way is None or not self._way.ground.grid.contains(self._way.ground.grid.rc_from_xz(here)):
+            ground = self.memory.ground()  # the robot may have left the part of the map that was planned on
             place = ground.grid.rc_from_xz(np.array([self.goal.place_xz]))
-            row, col = ground.grid.rc_from_xz(np.array(self.memory.xz)).tolist()
+            row, col = ground.grid.rc_from_xz(here).tolist()
             to_go = spread_costs(ground.weights, place, np.zeros(1), math.inf, (row, col), _BEYOND)
             self._way = _Way(ground, to_go)
-        grid, to_go = self._way.ground.grid, self._way.to_go
-        (row, col) = grid.rc_from_xz(np.array(self.memory.xz))
-        here = to_go[max(row - 2, 0) : row + 3, max(col - 2, 0) : col + 3]  # it may stand closer than plans allow
-        return float(here.min())
+        row, col = self._way.ground.grid.rc_from_xz(here).tolist()
+        near = self._way.to_go[max(row - 2, 0) : row + 3, max(col - 2, 0) : col + 3]  # closer than plans allow
+        return float(near.min())
 
     def _leave(self, goal: Frontier, *, for_steps: int, has_looked: bool = False) -> None:
         """Ignores the cells of the goal's group near its target; it counts as a failure if they were looked at."""

@@ -113,6 +113,20 @@ def test_a_seeker_remembers_the_steps_it_spent_on_a_goal() -> None:
         assert item.cost == pytest.approx(before[place].cost + (10.0 if place == goal.middle_xz else 0.0))
 
 
+def test_a_robot_that_leaves_the_part_of_the_map_that_was_planned_on_plans_anew() -> None:
+    scene = two_room_scene()
+    seeker = Seeker(CAMERA)
+    view = PanEnv(START, scene.navigation, renderer=Raycaster(scene.mesh), camera=CAMERA).reset()
+    seeker.see(view)
+    seeker.choose(seeker.frontiers()[0])
+    before = seeker.cost_left
+    rows = seeker.memory.ground().grid.shape[0]
+    behind = rows * seeker.memory.grid.cell + 1.0
+    seeker.see(dataclasses.replace(view, step=view.step + 1, gps=(view.gps[0] - behind, view.gps[1])))
+    assert seeker.memory.ground().grid.shape[0] > rows
+    assert before < seeker.cost_left
+
+
 def test_the_explorer_looks_around_at_the_start_and_before_it_stops_with_frontiers_left() -> None:
     notes: list[str] = []
 
