@@ -91,7 +91,7 @@ def frames_with_ids(scene: Scene, episode_start: Pose) -> Callable[[Observation]
 
     def frame_of(observation: Observation) -> Frame:
         T_start_camera = observation.T_start_camera
-        drawn = renderer.render(T_world_start @ T_start_camera, observation.camera)
+        drawn = renderer.render_again(T_world_start @ T_start_camera, observation.camera)
         return replace(
             drawn,
             rgb=drawn.rgb if observation.rgb is None else observation.rgb,

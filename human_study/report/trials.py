@@ -81,9 +81,9 @@ class TrialGroup:
     kind: GroupKind
     condition: str
     trials: Frame
+    """The trials, as `trial_frame` makes them."""
     beside: str = ""
     """Conditions of the people beside whom an agent stands that ran on their study, joined by commas; empty = any."""
-    """The trials, as `trial_frame` makes them."""
 
     @property
     def names(self) -> dict[str, Any]:

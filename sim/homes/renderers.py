@@ -20,8 +20,44 @@ MIN_SHARE = 5e-4
 """Least share of the picture that a named object fills (150 pixels of 640 x 480)."""
 _FONT_SHARE = 1 / 34
 """Height of the letters as a share of the picture's height."""
-_RENDERERS: "WeakKeyDictionary[Scene, Renderer]" = WeakKeyDictionary()
+_RENDERERS: "WeakKeyDictionary[Scene, RecallingRenderer]" = WeakKeyDictionary()
 """Renderers of the scenes that are in use."""
+_SAME_PLACE = 1e-6
+"""Poses that differ by less show the same: they come from one pose by different arithmetic."""
+
+
+class RecallingRenderer:
+    """A renderer that keeps its last frame, because perception asks what is in the picture that the robot just got."""
+
+    def __init__(self, renderer: Renderer) -> None:
+        """Wraps `renderer`."""
+        self.wrapped = renderer
+        self._last: Frame | None = None
+
+    def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
+        """The wrapped renderer's frame."""
+        self._last = self.wrapped.render(T_world_camera, camera)
+        return self._last
+
+    def render_again(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
+        """The last frame if it was taken from here, otherwise a new one."""
+        last = self._last
+        if last is None or last.camera != camera:
+            return self.render(T_world_camera, camera)
+        is_here = np.allclose(last.T_world_camera, T_world_camera, rtol=0, atol=_SAME_PLACE)
+        return last if is_here else self.render(T_world_camera, camera)
+
+    def render_batch(self, Ts_world_camera: NDArray[np.float64], camera: Camera) -> list[Frame]:
+        """The wrapped renderer's frames of poses (B, 4, 4)."""
+        return self.wrapped.render_batch(Ts_world_camera, camera)
+
+    def depth(self, T_world_camera: NDArray[np.float64], camera: Camera) -> NDArray[np.float32]:
+        """The wrapped renderer's depth."""
+        return self.wrapped.depth(T_world_camera, camera)
+
+    def cast(self, origins: NDArray[np.float64], directions: NDArray[np.float64]) -> Hits:
+        """The wrapped renderer's hits."""
+        return self.wrapped.cast(origins, directions)
 
 
 class LabelledRenderer:
@@ -80,16 +116,15 @@ def raycaster_of(scene: Scene, *, threads: int | None = None) -> "Raycaster":
     return Raycaster(scene.mesh, texture_filter=texture_filter, threads=threads)
 
 
-def renderer_of(scene: Scene, *, threads: int | None = None) -> Renderer:
+def renderer_of(scene: Scene, *, threads: int | None = None) -> RecallingRenderer:
     """The renderer of the pictures for people and agents; `Scene.labels` says whether it names the objects.
 
     Without `threads` (see `Raycaster`; they change no pixel), all calls for a scene give the same renderer.
     """
     if threads is None and scene in _RENDERERS:
         return _RENDERERS[scene]
-    renderer: Renderer = raycaster_of(scene, threads=threads)
-    if scene.labels:
-        renderer = LabelledRenderer(renderer, scene)
+    plain = raycaster_of(scene, threads=threads)
+    renderer = RecallingRenderer(LabelledRenderer(plain, scene) if scene.labels else plain)
     if threads is None:
         _RENDERERS[scene] = renderer
     return renderer

@@ -17,6 +17,7 @@ from sim.frames import T_world_camera as camera_pose
 from sim.homes.open_home import scene_from_plan
 from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
+from sim.render.raycast import Raycaster
 from sim.tasks.observers import Detection
 from sim.tasks.pan import PanEnv
 from sim.types import Action, Camera, Frame, Observation, Pose
@@ -70,6 +71,25 @@ def test_the_ids_are_those_of_the_pixels_that_the_robot_sees(scene: Scene, truth
     assert np.allclose(drawn.depth_m, first.depth_m, atol=1e-4)
     assert np.array_equal(drawn.instance_ids, first.instance_ids)
     assert first.instance_ids.any()
+
+
+def test_what_the_robot_just_saw_is_not_drawn_again(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[np.ndarray] = []
+    render = Raycaster.render
+
+    def counted(self: Raycaster, T: np.ndarray, camera: Camera) -> Frame:
+        drawn.append(T)
+        return render(self, T, camera)
+
+    monkeypatch.setattr(Raycaster, "render", counted)
+    env = PanEnv(START, scene.navigation, renderer=renderer_of(scene), camera=CAMERA)
+    look, before = frames_with_ids(scene, START), env.reset()
+    look(before)
+    for action in (Action.LEFT, Action.FORWARD, Action.LOOK_DOWN):
+        look(env.step(action))
+    assert len(drawn) == 4
+    look(before)
+    assert len(drawn) == 5, "an earlier picture is drawn anew"
 
 
 def points_of(frame: Frame, rows: np.ndarray, cols: np.ndarray) -> np.ndarray:

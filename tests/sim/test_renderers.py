@@ -44,10 +44,10 @@ def test_labels_change_the_picture_only_if_objects_are_in_view(scene: Scene) -> 
 
 
 def test_pictures_have_labels_only_where_the_scene_was_opened_with_them(scene: Scene, demo_root: Path) -> None:
-    assert isinstance(renderer_of(scene), Raycaster)
-    assert isinstance(renderer_of(replace(scene, kind="schematic")), Raycaster)
+    assert isinstance(renderer_of(scene).wrapped, Raycaster)
+    assert isinstance(renderer_of(replace(scene, kind="schematic")).wrapped, Raycaster)
     labelled = open_scene(PersonalDataset(demo_root), "Demo", labels=True)
-    assert isinstance(renderer_of(labelled), LabelledRenderer)
+    assert isinstance(renderer_of(labelled).wrapped, LabelledRenderer)
     assert labelled.digest == scene.digest, "words change no step and no distance"
     assert (scene.label, labelled.label) == ("Demo (invented home)", "Demo (invented home, labels)")
 
