@@ -32,6 +32,8 @@ _NUM_PATCHED = 4
 class RememberedEyes:
     """Oracle perception that answers the same again for a step that it has seen; patches are random unit vectors."""
 
+    name, dim = "remembered", PATCHES[2]
+
     def __init__(self, oracle: Perception) -> None:
         """Remembers nothing yet."""
         self._oracle, self._step = oracle, 0
@@ -43,7 +45,7 @@ class RememberedEyes:
 
     def perception(self) -> Perception:
         """These eyes as all parts of a perception."""
-        return Perception("remembered", self.frame_of, self, self, self, self)  # type: ignore[arg-type]
+        return Perception(self.name, self.frame_of, self, self, self, self)
 
     def frame_of(self, observation: Observation) -> Frame:
         self._step = observation.step
@@ -54,6 +56,10 @@ class RememberedEyes:
 
     def encode_patches(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
         return self._patches[self._step % _NUM_PATCHED][None]
+
+    def encode_images(self, frames: Sequence[Frame]) -> NDArray[np.float32]:
+        means = self.encode_patches(frames).mean(axis=(1, 2))
+        return means / np.linalg.norm(means, axis=-1, keepdims=True)
 
     def encode_texts(self, texts: Sequence[str]) -> NDArray[np.float32]:
         return self._text

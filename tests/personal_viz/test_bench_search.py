@@ -35,6 +35,14 @@ def test_a_method_stands_beside_geometry_on_the_same_episodes() -> None:
     assert (blind.beside_geometry, control.beside_geometry) == (None, None)
 
 
+def test_a_target_without_a_view_point_does_not_count_there() -> None:
+    marks = (True, None, False, None, True, None)
+    found = [each._replace(at_view_point=mark) for each, mark in zip(outcomes("111111"), marks, strict=True)]
+    (row,) = group_figures("invented", {Search("random-frontier", ""): found}).rows
+    assert row.sr_at_view_point == pytest.approx(200 / 3)
+    assert row.sr == 100.0
+
+
 def test_runs_of_different_episodes_are_no_pairs() -> None:
     with pytest.raises(RunFileError, match="found runs of 6 and 5 episodes"):
         group_figures("invented", {**two_agents(), Search("onemap", "oracle:mild"): outcomes("11111")})

@@ -39,19 +39,20 @@ class Outcome(NamedTuple):
     """By rule `paper`."""
     spl: float
     """0 to 1, by rule `paper`."""
-    at_view_point: bool
+    at_view_point: bool | None
+    """Success by rule `habitat`; None where the target has no view point that can be reached."""
     """Success by rule `habitat`."""
     num_steps: int
 
     @classmethod
     def of(cls, key: EpisodeKey, measures: Measures) -> "Outcome":
-        """The outcome that the measures of a run say; a rule without a usable point counts as no success."""
+        """The outcome that the measures of a run say; a target without a place to stop at counts as not found."""
         paper, habitat = measures.rules["paper"], measures.rules["habitat"]
         return cls(
             key,
             success=paper is not None and paper.success,
             spl=0.0 if paper is None else paper.spl,
-            at_view_point=habitat is not None and habitat.success,
+            at_view_point=None if habitat is None else habitat.success,
             num_steps=measures.num_steps,
         )
 
@@ -67,6 +68,7 @@ class SearchRow(BaseModel):
     spl: float
     spl_by_home: Range | None
     sr_at_view_point: float
+    """Of the episodes whose target has a view point that can be reached."""
     num_steps: float
     """Mean."""
     beside_geometry: float | None
@@ -136,6 +138,7 @@ def _row(
     scenes, splits = [key.scene for key in keys], [key.split for key in keys]
     outcomes = runs[name]
     success = _column(outcomes, "success")
+    known = [each for each in outcomes if each.at_view_point is not None]
     spl = _column(outcomes, "spl")
     control = runs.get(Search(GEOMETRY, name.level)) if name.agent != GEOMETRY else None
     gain = None if control is None else success - _column(control, "success")
@@ -146,7 +149,7 @@ def _row(
         sr_by_home=draws.interval(success, scenes, splits),
         spl=100 * mean_of_splits(spl, splits),
         spl_by_home=draws.interval(spl, scenes, splits),
-        sr_at_view_point=100 * mean_of_splits(_column(outcomes, "at_view_point"), splits),
+        sr_at_view_point=100 * mean_of_splits(_column(known, "at_view_point"), [each.key.split for each in known]),
         num_steps=float(_column(outcomes, "num_steps").mean()),
         beside_geometry=None if gain is None else 100 * mean_of_splits(gain, splits),
         beside_geometry_by_home=None if gain is None else draws.interval(gain, scenes, splits),
