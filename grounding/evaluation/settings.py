@@ -109,6 +109,11 @@ class GroundSettings:
                 f"--method is {self.method!r} with --map {self.map}; expected --map explore, whose walks give the "
                 "pictures. Change one of them."
             )
+        if self.method in CHAT_METHODS and self.layout == "objects" and self.map == "explore" and sees(self.encoder):
+            raise AgentError(
+                f"--method is {self.method!r} with --encoder {self.encoder}, which gives things no words; expected "
+                "oracle perception, whose captions the model reads. Give --encoder hashed, or --method frames-vlm."
+            )
 
     def _require_meaning(self) -> None:
         """Refuses options that would be ignored: the run's file would suggest that they had an effect."""

@@ -138,6 +138,7 @@ def test_a_spent_budget_keeps_the_answers_and_a_larger_one_gives_the_rest(
             {"method": "joint", "layout": None, "llm_url": "", "llm_model": "", "max_calls": 3},
             "--max-calls is 3 without",
         ),
+        ({"encoder": "clip:some/model"}, "with --encoder clip:some/model, which gives things no words"),
         ({"price": (-1.0, 2.0)}, "--price is (-1.0, 2.0); expected two amounts of at least 0"),
         ({"max_calls": 0}, "--max-calls is 0; expected a whole number from 1"),
     ],
