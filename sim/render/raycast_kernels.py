@@ -177,19 +177,22 @@ def _reader(bits: int) -> Any:
     return number_at
 
 
-_byte_at, _word_at = _reader(8), _reader(64)
+def _writer(bits: int) -> Any:
+    """A compiled function that writes the lower bits of an int64 at an address; any alignment."""
+
+    @intrinsic
+    def put_number(typingctx, address, number):
+        def generate(context, builder, signature, arguments):
+            pointer = builder.inttoptr(arguments[0], ir.IntType(bits).as_pointer())
+            builder.store(builder.trunc(arguments[1], ir.IntType(bits)), pointer, align=1)
+            return context.get_dummy_value()
+
+        return types.void(types.int64, types.int64), generate
+
+    return put_number
 
 
-@intrinsic
-def _put_word(typingctx, address, number):
-    """Writes the lower 32 bits of a number at an address; any alignment."""
-
-    def generate(context, builder, signature, arguments):
-        pointer = builder.inttoptr(arguments[0], ir.IntType(32).as_pointer())
-        builder.store(builder.trunc(arguments[1], ir.IntType(32)), pointer, align=1)
-        return context.get_dummy_value()
-
-    return types.void(types.int64, types.int64), generate
+_byte_at, _word_at, _put_half_word = _reader(8), _reader(64), _writer(32)
 
 
 @njit(forceinline=True)
@@ -438,9 +441,9 @@ def _store_four_colours(colours, first, address):
     """Twelve bytes in three words."""
     a, b = np.int64(colours[first]), np.int64(colours[first + 1])
     c, d = np.int64(colours[first + 2]), np.int64(colours[first + 3])
-    _put_word(address, a | b << 24)
-    _put_word(address + 4, b >> 8 | c << 16)
-    _put_word(address + 8, c >> 16 | d << 8)
+    _put_half_word(address, a | b << 24)
+    _put_half_word(address + 4, b >> 8 | c << 16)
+    _put_half_word(address + 8, c >> 16 | d << 8)
 
 
 @njit(forceinline=True)
