@@ -36,8 +36,8 @@ class RecallingRenderer:
 
     def render(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
         """The wrapped renderer's frame."""
-        self._last = self.wrapped.render(T_world_camera, camera)
-        return self._last
+        frame = self._last = self.wrapped.render(T_world_camera, camera)
+        return frame  # not `_last`, which another thread may have replaced
 
     def render_again(self, T_world_camera: NDArray[np.float64], camera: Camera) -> Frame:
         """The last frame if it was taken from here, otherwise a new one."""

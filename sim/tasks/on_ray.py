@@ -69,11 +69,7 @@ def done_on_ray(
         os.environ.setdefault(name, value)
     ray = require("ray", extra="ray")
     with _connected(ray, cluster):
-        if ray.cluster_resources().get("GPU", 0.0) < cluster.num_gpus:
-            raise PersonalVizError(
-                "--on ray: no machine of the cluster has a graphics card; expected one, because --device cuda was "
-                "given. Add one with `ray start --num-gpus 1`, or give --device cpu."
-            )
+        _require_gpu(ray, cluster)
         new_worker = ray.remote(num_cpus=1, num_gpus=cluster.num_gpus)(_Worker)
         environment = {name: value for name, value in os.environ.items() if name.startswith(_OURS)}
         workers: dict[int, Any] = {}
@@ -110,6 +106,15 @@ def done_on_ray(
         finally:
             for worker in workers.values():
                 ray.kill(worker)
+
+
+def _require_gpu(ray: ModuleType, cluster: RayCluster) -> None:
+    """Refuses work that needs a graphics card where there is none: Ray would wait for one for ever."""
+    if ray.cluster_resources().get("GPU", 0.0) < cluster.num_gpus:
+        raise PersonalVizError(
+            "--on ray: no machine of the cluster has a graphics card; expected one, because --device cuda was given. "
+            "Add one with `ray start --num-gpus 1`, or give --device cpu."
+        )
 
 
 def _require_few(losses: int, error: Exception) -> None:
