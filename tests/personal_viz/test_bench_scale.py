@@ -6,6 +6,7 @@ from personal_viz.bench.scale import EPISODES, Settings, measure
 
 
 @pytest.mark.release
+@pytest.mark.timeout(900)  # three runs that share two cores with the other tests
 def test_it_prints_three_rates_and_hours_for_more_cores() -> None:
     pytest.importorskip("ray", reason="the extra ray is not installed: pip install 'personal-viz[ray]'")
     said: list[str] = []

@@ -14,7 +14,7 @@ from grounding.evaluation.home_maps import MapFolders
 from grounding.evaluation.settings import GroundSettings
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError
-from sim.tasks.on_ray import RayCluster
+from sim.tasks.on_ray import ENVIRONMENT, RayCluster
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.workers import SceneJob, Workers, results, run_jobs
@@ -28,7 +28,7 @@ LOOPBACK = "127.0.0.2"
 STORE_BYTES = 80 << 20
 """The smallest store of objects that Ray accepts is 75 MB."""
 
-pytestmark = pytest.mark.release  # a cluster and its workers take a minute
+pytestmark = [pytest.mark.release, pytest.mark.timeout(900)]  # a cluster and its workers take a minute or more
 
 
 @pytest.fixture(scope="module")
@@ -37,10 +37,13 @@ def cluster() -> Iterator[Any]:
     pytest.importorskip("ray", reason="the extra ray is not installed: pip install 'personal-viz[ray]'")
     from ray.cluster_utils import Cluster
 
-    machine = {"num_cpus": 1, "object_store_memory": STORE_BYTES, "node_ip_address": LOOPBACK}
-    made = Cluster(initialize_head=True, head_node_args={**machine, "include_dashboard": False})
-    yield made
-    made.shutdown()
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in ENVIRONMENT.items():  # the cluster's machines read it, not only the driver
+            patch.setenv(name, value)
+        machine = {"num_cpus": 1, "object_store_memory": STORE_BYTES, "node_ip_address": LOOPBACK}
+        made = Cluster(initialize_head=True, head_node_args={**machine, "include_dashboard": False})
+        yield made
+        made.shutdown()
 
 
 def open_held(job: GroundJob) -> Callable[[EpisodeKey], Answered]:
@@ -110,11 +113,11 @@ def test_a_machine_lost_in_the_middle_costs_no_finished_episode_and_changes_no_b
     assert len(begun) == 12
 
 
-def refuse(name: str) -> str:
-    """Raises for one name."""
+def refuse(name: str) -> tuple[str, int]:
+    """The name and its process's niceness; raises for one name."""
     if name == "B":
         raise AgentError("B: no.")
-    return name
+    return name, os.nice(0)
 
 
 def open_ended(job: SceneJob) -> Callable[[EpisodeKey], str]:
@@ -131,7 +134,7 @@ def open_ended(job: SceneJob) -> Callable[[EpisodeKey], str]:
 def test_errors_of_the_work_and_of_the_cluster_are_one_line(cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sim.tasks.on_ray.MOST_LOSSES", 1)
     workers = RayCluster(cluster.address)
-    assert sorted(run_jobs(refuse, ["A", "C"], processes=workers)) == ["A", "C"]
+    assert sorted(run_jobs(refuse, ["A", "C"], processes=workers)) == [("A", os.nice(0)), ("C", os.nice(0))]
     with pytest.raises(AgentError, match=r"^B: no\.$"):
         list(run_jobs(refuse, ["B"], processes=workers))
     handed_over = []
