@@ -21,7 +21,7 @@ from .goal_text import GoalText, goal_text
 if TYPE_CHECKING:
     from ..perception.protocol import Perception
 
-SeeingName = Literal["vlfm", "onemap", "frontier-vlm", "frontier-geometry", "nearest-frontier"]
+SeeingName = Literal["vlfm", "onemap", "vlfm-geometry", "frontier-vlm", "frontier-geometry", "nearest-frontier"]
 CONTROLS: dict[SeeingName, SeeingName] = {"frontier-vlm": "frontier-geometry"}
 """Agents that are always run beside another one on the same episodes."""
 SEEING: tuple[SeeingName, ...] = get_args(SeeingName)
@@ -77,10 +77,10 @@ class MakesSeeing:
 
 
 def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable, chat: RecordedChat | None) -> Agent:
-    if name == "vlfm":
+    if name in ("vlfm", "vlfm-geometry"):
         from .vlfm.agent import VlfmAgent
 
-        return VlfmAgent(perception, text_of)
+        return VlfmAgent(perception, text_of, values="pictures" if name == "vlfm" else "distance")
     if name == "onemap":
         from .onemap.agent import OneMapAgent
 

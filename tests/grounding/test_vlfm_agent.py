@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from grounding.agents.explore import start_on_storey
-from grounding.agents.vlfm.agent import VlfmAgent
+from grounding.agents.vlfm.agent import Values, VlfmAgent
 from grounding.perception.protocol import Perception
 from sim.errors import AgentError
 from sim.frames import T_world_camera, planar_distance
@@ -70,10 +70,18 @@ class IdsOfTarget:
 Walk = tuple[list[Action], PanEnv, VlfmAgent, IdsOfTarget]
 
 
-def walked(scene: Scene, target: int, *, start: Pose = START, seed: int = 0, max_steps: int = 500) -> Walk:
+def walked(
+    scene: Scene,
+    target: int,
+    *,
+    start: Pose = START,
+    seed: int = 0,
+    max_steps: int = 500,
+    values: Values = "pictures",
+) -> Walk:
     env = PanEnv(start, scene.navigation, renderer=Raycaster(scene.mesh), camera=CAMERA, max_steps=max_steps)
     eyes = IdsOfTarget(env, scene, target)
-    agent = VlfmAgent(eyes.perception, lambda task: "small|tiny cup")
+    agent = VlfmAgent(eyes.perception, lambda task: "small|tiny cup", values=values)
     agent.reset(dataclasses.replace(TASK, max_steps=max_steps), CAMERA, seed=seed)
     observation, actions = env.reset(), []
     while not env.is_over:
@@ -106,6 +114,17 @@ def test_it_turns_left_twelve_times_then_finds_a_thing_in_the_next_room_and_stop
     at = env.pose.position
     assert math.dist((agent.insight().goal or (0, 0, 0))[::2], start_xz(at)) < 0.9
     assert np.nanmax(shown.similarity) < 0, "cosines may all be negative"
+
+
+def test_the_control_by_distance_compares_no_picture_with_the_text_and_finds_the_thing_by_the_same_detector() -> None:
+    scene, cup = thing_in_east_room()
+    actions, env, agent, eyes = walked(scene, cup.instance_id, values="distance")
+    assert actions[:12] == [Action.LEFT] * 12
+    assert (env.end_reason, eyes.texts) == ("stop", [])
+    assert planar_distance(env.pose.position, cup.centre) < 1.0
+    similarity = agent.insight().similarity
+    assert similarity is not None
+    assert np.isnan(similarity).all()
 
 
 def start_xz(position: tuple[float, float, float]) -> tuple[float, float]:

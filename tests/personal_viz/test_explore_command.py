@@ -81,7 +81,7 @@ def test_every_option_of_the_verb_says_what_it_is() -> None:
 def test_random_frontier_is_a_name_of_run_and_others_are_refused() -> None:
     assert type(load_agent(RANDOM_FRONTIER.name)).__name__ == "RandomFrontierAgent"
     done = personal_viz("run", "--dataset", "none", "--agent", "frontier")
-    assert_one_line(done, "--agent is 'frontier'; expected random, random-frontier, vlfm, onemap, frontier-vlm")
+    assert_one_line(done, "--agent is 'frontier'; expected random, random-frontier, vlfm, onemap, vlfm-geometry")
 
 
 def figures(out: Path) -> dict:

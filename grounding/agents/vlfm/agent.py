@@ -6,7 +6,7 @@ lists the differences from the published code.
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,8 @@ _MOST_STEPS = 150
 _SECOND_TRIES = 3
 """Frontiers that are left out come back this many times when no other is left."""
 _MOST_CANDIDATES = 100
+Values = Literal["pictures", "distance"]
+"""What makes a frontier worth going to: how well pictures of it match the text, or only that it is near."""
 
 
 class _Ban(NamedTuple):
@@ -56,6 +58,7 @@ class VlfmAgent:
         prompt: str = PROMPT,
         fusion: Fusion = "weighted",
         exploration_threshold: float = 0.0,
+        values: Values = "pictures",
     ) -> None:
         """Makes an agent.
 
@@ -65,10 +68,12 @@ class VlfmAgent:
             prompt: The texts that pictures are compared with; `<target>` becomes the goal text.
             fusion: How new values join the map.
             exploration_threshold: With several texts, the first one counts whose best frontier has at least this value.
+            values: `distance` makes the control `vlfm-geometry`: the same in all else, it compares no picture with a
+                text.
         """
         self._perception, self._goal_text = perception, goal_text
         self._fusion: Fusion = fusion
-        self._prompt, self._threshold = prompt, exploration_threshold
+        self._prompt, self._threshold, self._by = prompt, exploration_threshold, values
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """Begins with empty maps, even with `keep_memory`: each episode has its own start frame."""
@@ -128,7 +133,8 @@ class VlfmAgent:
         """Adds a view to the maps, and looks for the target in it."""
         T, floor_y = frame.T_world_camera, self._seeker.memory.floor_y
         self._explored.see(frame.depth_m, T, frame.camera, floor_y=floor_y)
-        self._values.add(frame.depth_m, T, frame.camera, perception.scorer.score(frame, self._texts))
+        if self._by == "pictures":
+            self._values.add(frame.depth_m, T, frame.camera, perception.scorer.score(frame, self._texts))
         found = [(each, perception.segmenter.mask(frame, each)) for each in perception.detector.detect(frame)]
         self._detections = tuple(self._cloud.add(frame, found, rng=self._rng))
         self._cloud.retract(frame)
@@ -170,7 +176,7 @@ class VlfmAgent:
 
     def _towards_best(self, places: NDArray[np.float64]) -> Action | None:
         """The next action towards the chosen frontier (of N, 2); None, and it is left out from now on, if it failed."""
-        values = most_valuable(self._values.values_at(places), threshold=self._threshold)
+        values = self._values_of(places)
         index = chosen_frontier(places, values, last=self._frontier, last_value=self._value)
         xz = (float(places[index, 0]), float(places[index, 1]))
         if self._frontier is None or math.dist(xz, self._frontier) > STICK_DISTANCE:
@@ -190,6 +196,12 @@ class VlfmAgent:
             return self._leave(xz, None)
         self._note = "turning at a frontier that is still open"
         return Action.LEFT
+
+    def _values_of(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N,) values of frontiers (of N, 2); by distance 1 / (1 + metres), so that a robot on its way stays on it."""
+        if self._by == "distance":
+            return 1 / (1 + np.hypot(*(places - np.array(self._seeker.memory.xz)).T))
+        return most_valuable(self._values.values_at(places), threshold=self._threshold)
 
     def _plan(self, xz: tuple[float, float]) -> bool:
         """Makes the cheapest place near `xz` the seeker's goal unless it already is; False if no way leads there."""

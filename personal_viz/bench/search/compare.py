@@ -26,7 +26,7 @@ from .figures import GEOMETRY, Outcome, Search, group_figures, search_document
 
 LEVELS = ("oracle:clean", "oracle:mild", "oracle:strong")
 SEEING = ("vlfm", "onemap", GEOMETRY, "nearest-frontier")
-"""Agents that see: two methods, and the same loop with geometry in the place of what pictures mean."""
+"""Agents that see: two methods, VLFM's loop with distance in the place of what pictures mean, the nearest frontier."""
 BLIND = "random-frontier"
 Homes = Literal["schematic", "invented"]
 SPLIT_SIZES: dict[Homes, int] = {"schematic": 31, "invented": 14}

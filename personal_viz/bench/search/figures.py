@@ -17,8 +17,8 @@ from sim.homes.plan import HOMES_VERSION
 from sim.tasks.run_files import Measures
 from sim.types import EpisodeKey, SceneKind
 
-GEOMETRY = "frontier-geometry"
-"""The control: it sees the target with the same detector, and chooses where to look by distance alone."""
+GEOMETRY = "vlfm-geometry"
+"""The control: VLFM's loop, in which a frontier is worth going to because it is near, not for what pictures show."""
 _SEED = 0
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
@@ -41,7 +41,6 @@ class Outcome(NamedTuple):
     """0 to 1, by rule `paper`."""
     at_view_point: bool | None
     """Success by rule `habitat`; None where the target has no view point that can be reached."""
-    """Success by rule `habitat`."""
     num_steps: int
 
     @classmethod

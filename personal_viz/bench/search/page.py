@@ -34,7 +34,7 @@ _LEVELS = {"": "sees nothing", "oracle:clean": "none", "oracle:mild": "mild", "o
 _LOOKS = {
     "onemap": ("#1f5fa8", "o"),
     "vlfm": ("#b5472f", "s"),
-    "frontier-geometry": ("#3d9a5f", "^"),
+    "vlfm-geometry": ("#3d9a5f", "^"),
     "nearest-frontier": ("#8a6db1", "D"),
     "random-frontier": ("#555555", "x"),
 }
