@@ -92,7 +92,7 @@ def done_on_ray(
                 try:
                     result = ray.get(ended)
                 except ray.exceptions.RayTaskError as error:
-                    raise error.cause from None
+                    raise error.cause from (None if isinstance(error.cause, PersonalVizError) else error)
                 except ray.exceptions.RayError as error:
                     losses[k] += 1
                     _require_few(losses[k], error)

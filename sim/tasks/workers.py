@@ -52,8 +52,9 @@ def results(
         open_scene: A module-level function that opens a job's scene and returns a function for one of its episodes.
         jobs: The work; jobs are small, since each is sent to a process. A scene without episodes is not opened.
         processes: The workers.
-        batch: Most episodes that a worker does before it returns them. Its loss costs at most one batch; but processes
-            of this machine share a scene batch by batch, and each of them opens it. On Ray each scene has one worker.
+        batch: Most episodes that a process of this machine does before it returns them. Its loss costs at most one
+            batch; but processes share a scene batch by batch, and each of them opens it. On Ray each scene has one
+            worker, which returns each episode, so that its loss costs no finished one.
 
     Raises:
         PersonalVizError: An episode could not be done, or a worker process was ended from outside.
@@ -63,11 +64,9 @@ def results(
         for job in jobs:
             yield from map(open_scene(job), job.keys)
         return
+    each = 1 if isinstance(processes, RayCluster) else batch
     calls = [
-        [
-            (open_scene, replace(job, keys=()), job.keys[first : first + batch])
-            for first in range(0, len(job.keys), batch)
-        ]
+        [(open_scene, replace(job, keys=()), job.keys[first : first + each]) for first in range(0, len(job.keys), each)]
         for job in jobs
     ]
     with closing(_batches(calls, processes)) as batches:

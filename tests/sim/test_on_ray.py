@@ -70,7 +70,7 @@ def answers(jobs: list[GroundJob], out: Path, workers: Workers) -> bytes:
     """The bytes of the answers that `workers` give."""
     info = make_run_info("a", who="a", who_kind="agent", scene_kind="oracle-map", dataset_digest="d", seed=0)
     writer = RunWriter(out, info)
-    for answered in results(open_held if workers != 1 else open_job, jobs, processes=workers, batch=2):
+    for answered in results(open_held if workers != 1 else open_job, jobs, processes=workers, batch=8):
         writer.add_answers([answered.answer])
     return (out / "answers.jsonl").read_bytes()
 
@@ -137,10 +137,9 @@ def test_errors_of_the_work_and_of_the_cluster_are_one_line(cluster: Any, monkey
     assert sorted(run_jobs(refuse, ["A", "C"], processes=workers)) == [("A", os.nice(0)), ("C", os.nice(0))]
     with pytest.raises(AgentError, match=r"^B: no\.$"):
         list(run_jobs(refuse, ["B"], processes=workers))
-    handed_over = []
     jobs = [SceneJob(Path("nowhere"), home, (EpisodeKey("easy", home, "1"),)) for home in ("A", "C")]
     with pytest.raises(PersonalVizError, match=r"--on ray: a worker was lost 2 times \(.*; expected it to finish"):
-        handed_over.extend(results(open_ended, jobs, processes=workers, batch=1))
+        list(results(open_ended, jobs, processes=workers, batch=1))
     with pytest.raises(PersonalVizError, match=r"no machine of the cluster has a graphics card; .* give --device cpu"):
         list(run_jobs(refuse, ["A"], processes=RayCluster(cluster.address, num_gpus=1.0)))
     with pytest.raises(PersonalVizError, match=r"--address is '127.0.0.1:1' .*expected HOST:PORT of a running cluster"):
