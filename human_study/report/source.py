@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim.errors import StudyError
-from sim.tasks.metrics import read_runs
 from sim.tasks.run_files import Run
+from sim.tasks.run_folders import read_runs, with_controls
 
 from ..design.plan import AGENT_RUNS
 from ..design.study import STUDY_FILE, StudyConfig, load_study
@@ -64,11 +64,11 @@ def read_source(folders: Sequence[Path]) -> ReportSource:
     others = [folder for folder in folders if folder not in (*studies, *exports)]
     others += [found for study in studies if (found := own_agents(study, others)) is not None]
     if not studies and not exports:
-        return ReportSource(tuple(read_runs(others)))
+        return ReportSource(tuple(read_runs(with_controls(others))))
     people, records = _of_study(studies[0]) if studies else _of_export(exports[0])
     if not people and not others:
         raise _no_trial(folders[0])
-    return ReportSource((*people, *(read_runs(others) if others else ())), records)
+    return ReportSource((*people, *(read_runs(with_controls(others)) if others else ())), records)
 
 
 def own_agents(study: Path, given: Sequence[Path]) -> Path | None:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from sim.episodes.schema import Episode
 from sim.errors import RunFileError
-from sim.tasks.metrics import read_runs, run_folders
 from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo, run_texts
+from sim.tasks.run_folders import read_runs, with_controls
 from sim.types import ClutterLevel, EndReason, EpisodeKey, SceneKind, TaskKind, WhoKind
 from sim.words.english import how_many
 
@@ -110,7 +110,7 @@ def gather(
     """
     trials: list[Trial] = []
     runs: list[Run] = []
-    for number, folder in enumerate(run_folders(folders)):
+    for number, folder in enumerate(with_controls(folders)):
         run = read_runs([folder])[0]
         _require_dataset(run, dataset_digest, episodes)
         for item in (*run.episodes, *run.answers):

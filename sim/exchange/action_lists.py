@@ -20,10 +20,10 @@ from sim.errors import RunFileError
 from sim.types import MAX_STEPS, TURN_STEP, Action, EndReason
 
 from ..tasks.run_files import EpisodeEnd, EpisodeRun, EpisodeStart, Step
-from ..tasks.step_checks import check_steps
 from .pose_actions import action_of
 from .pose_files import PoseReading, world_positions
 from .pose_tables import PoseTable, read_text
+from .step_checks import check_steps
 
 
 def read_action_list(path: Path) -> tuple[Action, ...]:

@@ -20,13 +20,13 @@ from sim.types import EpisodeKey
 from ..tasks.rules import score_run
 from ..tasks.run_files import EpisodeEnd, EpisodeRun, read_episode_runs
 from ..tasks.run_writer import RunWriter
-from ..tasks.step_checks import CheckedRun, check_free_motion, check_places, check_steps, start_problem, with_own_facts
 from .action_lists import run_along_positions
 from .episode_names import find_episode, key_of_facts, numbered_keys, only_fitting
 from .foreign_files import digest_of, files_in, info_of_import
 from .pose_actions import run_from_poses
 from .pose_files import POSE_SUFFIXES, PoseReading, is_pose_file, poses_from_table, read_pose_tables, undeclared_frame
 from .pose_tables import PoseTable, read_text
+from .step_checks import CheckedRun, check_free_motion, check_places, check_steps, start_problem, with_own_facts
 
 
 def import_runs(

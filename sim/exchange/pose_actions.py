@@ -10,9 +10,9 @@ from sim.frames import wrap_angle
 from sim.types import MAX_STEPS, TURN_STEP, Action, EndReason, EpisodeKey, Pose
 
 from ..tasks.run_files import EpisodeEnd, EpisodeRun, EpisodeStart, Step
-from ..tasks.step_checks import ANGLE_TOLERANCE
 from .pose_files import PoseReading, tells_tilt
 from .pose_tables import PoseTable, number_of, truth_of
+from .step_checks import ANGLE_TOLERANCE
 
 _LAB_NAMES = {
     "move_forward": "forward",

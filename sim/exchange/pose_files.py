@@ -26,10 +26,10 @@ from sim.frames import (
 )
 from sim.types import CAMERA_HEIGHT, MAX_STEPS, SPLITS, Action, EpisodeKey, Pose, Split
 
-from ..tasks.step_checks import ANGLE_TOLERANCE, POSITION_TOLERANCE
 from .episode_names import NumberedBy
 from .pose_readers import TUM_SUFFIXES, read_csv_tables, read_json_tables, read_npz_table
 from .pose_tables import ADVERTISED, GPS, LISTED_QUAT, MATRIX, NAMED_QUAT, PLANAR, POSITION, PoseTable
+from .step_checks import ANGLE_TOLERANCE, POSITION_TOLERANCE
 
 POSE_SUFFIXES = (".csv", ".tsv", ".json", ".npz", *TUM_SUFFIXES)
 MAX_ROUNDING = 0.01

@@ -12,7 +12,8 @@ from pydantic import BaseModel, ConfigDict
 from sim.errors import RunFileError
 from sim.types import RULE_NOTES, SPLITS, EpisodeKey, SuccessRule, TaskKind
 
-from .run_files import FAR_FROM_VIEW, REPORTED, Answer, EpisodeRun, Measures, Reported, Run, RunInfo, read_run
+from .run_files import FAR_FROM_VIEW, REPORTED, Answer, EpisodeRun, Measures, Reported, Run, RunInfo
+from .run_folders import read_runs, with_controls
 
 _Z_95 = 1.959963984540054
 """Half the width of a 95 % interval, in standard errors."""
@@ -89,7 +90,8 @@ def metrics(folders: Sequence[Path | str], *, rule: SuccessRule = "paper") -> li
     Raises:
         RunFileError: A folder holds no run, or runs are damaged or cannot be pooled (`metric_rows`).
     """
-    return metric_rows(read_runs([Path(folder) for folder in folders], with_reported=True), rule=rule)
+    found = read_runs(with_controls([Path(folder) for folder in folders]), with_reported=True)
+    return metric_rows(found, rule=rule)
 
 
 def metric_rows(runs: Sequence[Run], *, rule: SuccessRule = "paper") -> list[MetricRow]:
@@ -245,39 +247,6 @@ def _require_same_labels(infos: Iterable[RunInfo]) -> None:
             f"({found[False]}); expected one of the two per table. Give them separately, or run one again with the "
             "other value of --labels."
         )
-
-
-def run_folders(folders: Sequence[Path]) -> list[Path]:
-    """The named folders; a folder that is not a run folder is replaced by the run folders one level below it.
-
-    Raises:
-        RunFileError: No folder is named.
-    """
-    if not folders:
-        raise RunFileError("found no run folder on the command line; expected at least one, such as runs/<run_id>.")
-    found: list[Path] = []
-    for folder in folders:
-        inside = sorted(path.parent for path in folder.glob("*/run.json")) if folder.is_dir() else []
-        found += [folder] if (folder / "run.json").is_file() or not inside else inside
-    return found
-
-
-def read_runs(folders: Sequence[Path], *, with_reported: bool = False) -> list[Run]:
-    """The runs in the named folders, or one level below a named folder.
-
-    Args:
-        folders: The folders.
-        with_reported: As in `read_run`.
-
-    Raises:
-        RunFileError: A folder holds no run, or only reported figures where none may be, or a run is damaged.
-    """
-    found = run_folders(folders)
-    runs = [read_run(folder, with_reported=with_reported) for folder in found]
-    for folder, run in zip(found, runs, strict=True):
-        if not run.episodes and not run.answers and not run.reported:
-            raise RunFileError(f"{folder}: holds no finished episode or answer; expected at least one. Run it again.")
-    return runs
 
 
 def _require_scored(run: Run) -> None:

@@ -12,7 +12,8 @@ import pytest
 from personal_viz.cli.scans.reproduce import Reproduce
 from personal_viz.reproduce.page import document_of, page_of, rows_of
 from personal_viz.reproduce.paper import PAPER_PAN, paper_cells
-from sim.tasks.metrics import MetricRow, read_runs
+from sim.tasks.metrics import MetricRow
+from sim.tasks.run_folders import read_runs
 
 from ..grounding.tiny_models import save_blip2
 from .program import assert_one_line, personal_viz

@@ -17,8 +17,8 @@ from sim.exchange.action_lists import read_action_list
 from sim.exchange.import_runs import check_file
 from sim.exchange.pose_files import FreeMotion, PoseReading
 from sim.exchange.reported import import_reported
-from sim.tasks.metrics import read_runs
 from sim.tasks.run_files import EpisodeRun, read_run
+from sim.tasks.run_folders import read_runs
 from sim.types import EpisodeKey, Split
 
 from .foreign_runs import quat, two_starts

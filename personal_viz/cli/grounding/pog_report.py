@@ -10,8 +10,8 @@ from tyro.conf import Positional, arg
 from grounding.report.table import pog_report as numbers_of
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import RunFileError
-from sim.tasks.metrics import read_runs, run_folders
 from sim.tasks.run_files import Run
+from sim.tasks.run_folders import read_runs, run_folders
 from sim.words.english import how_many
 
 from ...pog_report.gallery import Gallery, failure_gallery

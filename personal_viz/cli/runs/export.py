@@ -8,8 +8,8 @@ from tyro.conf import Positional, arg
 
 from sim.errors import PersonalVizError
 from sim.exchange.export_runs import export_runs
-from sim.tasks.metrics import read_runs
 from sim.tasks.run_files import Run
+from sim.tasks.run_folders import read_runs
 
 
 @dataclass

@@ -13,8 +13,8 @@ from grounding.chat.budget import USAGE_FILE, Budget, ChatUsage
 from sim.errors import RunFileError
 from sim.files import write_whole
 from sim.tasks.chat_turns import CHAT_FILE, read_turns
-from sim.tasks.metrics import run_folders
 from sim.tasks.run_files import run_texts
+from sim.tasks.run_folders import run_folders
 from sim.tasks.shards import joined_run, shards_by_run
 from sim.words.english import how_many
 

@@ -1,6 +1,5 @@
 """Verb `metrics`: the paper's tables from stored runs."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -9,26 +8,20 @@ from typing import Annotated, Any
 from tyro.conf import Positional, arg
 
 from grounding.report.sources import pog_notes
-from sim.errors import RunFileError
 from sim.homes.kind import scene_label
 from sim.tasks.metrics import (
     MetricRow,
     metric_rows,
     paper_table,
-    read_runs,
     reading_notes,
     require_comparable,
     rule_warnings,
-    run_folders,
 )
-from sim.tasks.run_files import read_run_info
+from sim.tasks.run_folders import read_runs, with_controls
 from sim.types import RULE_NOTES, SuccessRule
 
 from ..options import Json
 from ..output import print_json, print_table, say
-
-BESIDE = "beside"
-"""In the configuration of run.json: the run of the same folder whose rows always stand beside this one's."""
 
 
 @dataclass
@@ -83,27 +76,6 @@ class Metrics:
                     "(left out of all)"
                 )
         return 0
-
-
-def with_controls(folders: Sequence[Path]) -> list[Path]:
-    """The run folders in the named ones, and those that always stand beside them.
-
-    Raises:
-        RunFileError: One of these is missing.
-    """
-    found = run_folders(folders)
-    for folder in tuple(found):
-        config = read_run_info(folder).config
-        name, control = config.get(BESIDE), folder.parent / str(config.get(BESIDE))
-        if name is None or "shard" in config or name in [each.name for each in found]:
-            continue
-        if not control.is_dir():
-            raise RunFileError(
-                f"{folder}: found no run {name} beside it; expected its control, the same agent judged by geometry. "
-                "Move it there, or name its folder too."
-            )
-        found.append(control)
-    return found
 
 
 def _labelled(row: MetricRow) -> dict[str, Any]:

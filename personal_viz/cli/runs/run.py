@@ -25,6 +25,7 @@ from sim.tasks.looks import HomeLook
 from sim.tasks.observers import Observer
 from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
+from sim.tasks.run_folders import BESIDE
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.runner import AgentJob, WalkTerms, run_agent
 from sim.tasks.shards import shard_from_text
@@ -66,7 +67,7 @@ from ..options import (
 )
 from ..output import recorded
 from ..refusals import check_options, require_dataset, require_no_scan, sampled
-from .metrics import BESIDE, Metrics
+from .metrics import Metrics
 from .named_agents import AgentOptions, NamedAgent, named_agent
 
 if TYPE_CHECKING:

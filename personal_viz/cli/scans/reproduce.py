@@ -21,9 +21,10 @@ from personal_viz.reproduce.page import document_of, page_of, rows_of
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.homes.kind import common_kind
-from sim.tasks.metrics import read_runs, require_comparable
+from sim.tasks.metrics import require_comparable
 from sim.tasks.provenance import make_run_info
 from sim.tasks.run_files import read_run_info
+from sim.tasks.run_folders import read_runs, with_controls
 from sim.tasks.shards import SHARDS, shard_from_text
 from sim.tasks.workers import Workers, run_jobs
 from sim.types import SceneKind
@@ -188,7 +189,7 @@ class Reproduce:
 
     def _report(self) -> int:
         """Writes the page and prints the tables."""
-        runs = read_runs([self.out, *self.runs], with_reported=True)
+        runs = read_runs(with_controls([self.out, *self.runs]), with_reported=True)
         rows = rows_of(runs)
         document = document_of(runs, rows)
         write_report(self.out, {PAGE: page_of(runs, rows), FIGURES: json.dumps(document, indent=1) + "\n"}, earlier=())

@@ -12,7 +12,7 @@ from sim.frames import forward_from_yaw, wrap_angle
 from sim.types import FORWARD_STEP, MAX_STEPS, TURN_STEP, Action, Pose
 from sim.walk.navigation_map import NavigationMap
 
-from .run_files import EpisodeEnd, EpisodeRun, EpisodeStart, Step
+from ..tasks.run_files import EpisodeEnd, EpisodeRun, EpisodeStart, Step
 
 START_TOLERANCE = 0.01
 """A run starts at most this far (metres) from its episode's start."""
