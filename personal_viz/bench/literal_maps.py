@@ -121,9 +121,12 @@ class LiteralValues:
     def _value_at(self, xz: NDArray[np.float64]) -> float:
         row, col = self.grid.rc_from_xz(xz).tolist()
         reach = round(VALUE_RADIUS / self.grid.cell)
-        rows, cols = np.ogrid[: self.grid.shape[0], : self.grid.shape[1]]
+        first_row, first_col = max(row - reach, 0), max(col - reach, 0)
+        part = np.s_[first_row : row + reach + 1, first_col : col + reach + 1]
+        rows, cols = np.ogrid[part]
         is_near = (rows - row) ** 2 + (cols - col) ** 2 <= reach**2
-        seen = self.values[is_near & (self.confidence > 0)]
+        values, confidence = self.values[part], self.confidence[part]
+        seen = values[is_near[: len(values), : values.shape[1]] & (confidence > 0)]
         return float(np.median(seen)) if len(seen) else -math.inf
 
 

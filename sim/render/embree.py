@@ -233,7 +233,8 @@ def _new_device(embree: ctypes.CDLL) -> int:
     isa = os.environ.get(INSTRUCTIONS)
     device = embree.rtcNewDevice((f"{_TREE},isa={isa}" if isa else _TREE).encode())
     if not device:
-        raise MissingDependencyError(f"Embree's error {embree.rtcGetDeviceError(None)}; expected a device. {_AGAIN}")
+        found = f"Embree's error {embree.rtcGetDeviceError(None)}" + (f" with {INSTRUCTIONS}={isa}" if isa else "")
+        raise MissingDependencyError(f"{found}; expected a device. {f'Unset {INSTRUCTIONS}.' if isa else _AGAIN}")
     return device
 
 

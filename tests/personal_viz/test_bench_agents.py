@@ -11,7 +11,7 @@ from sim.types import Pose
 
 from ..grounding.two_rooms import two_room_scene
 
-TINY = bench.AgentSettings(width=64, height=48, steps=20, rounds=1, literal_views=3)
+TINY = bench.AgentSettings(width=64, height=48, steps=20, memory_steps=20, rounds=1, literal_views=3)
 
 
 def test_it_prints_six_figures_after_comparing_the_maps_with_their_literal_forms(
