@@ -64,6 +64,23 @@ def test_one_home_gives_a_file_a_plot_and_figures_and_a_second_call_reads_them(
         parse([*OPTIONS, "--seed", "1", "--out", str(tmp_path)]).run()
 
 
+@pytest.mark.slow
+def test_shards_leave_to_the_command_without_them_the_figures_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(jobs_module, "invented_home", lru_cache(jobs_module.invented_home))
+    options = ["explore", "--homes", "2", *OPTIONS[3:]]
+    for number, found in ((2, "Invented1"), (1, "Invented0")):
+        assert parse([*options, "--out", str(tmp_path / "parts"), "--shard", f"{number}/2"]).run() == 0
+        assert list((tmp_path / "parts").glob(f"{found}*.json"))
+        assert not (tmp_path / "parts" / "explore.json").exists()
+    written = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "parts").iterdir()}
+    for out in ("parts", "whole"):
+        assert parse([*options, "--out", str(tmp_path / out)]).run() == 0
+    assert {name: (tmp_path / "parts" / name).stat().st_mtime_ns for name in written} == written
+    assert figures(tmp_path / "parts") == figures(tmp_path / "whole")
+
+
 def test_a_dataset_or_a_number_of_homes_is_needed(tmp_path: Path) -> None:
     with pytest.raises(PersonalVizError, match="expected one"):
         Explore(out=tmp_path).run()

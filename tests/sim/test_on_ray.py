@@ -12,6 +12,7 @@ import pytest
 from grounding.evaluation.evaluate import Answered, GroundJob, open_job, select_jobs
 from grounding.evaluation.home_maps import MapFolders
 from grounding.evaluation.settings import GroundSettings
+from personal_viz.cli.runs.run import Run
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import AgentError, PersonalVizError
 from sim.tasks.on_ray import ENVIRONMENT, RayCluster
@@ -111,6 +112,15 @@ def test_a_machine_lost_in_the_middle_costs_no_finished_episode_and_changes_no_b
     (again,) = {key for key in begun if begun.count(key) > 1}  # no other episode was begun twice
     assert again in ("easy/HomeOne/2", "easy/HomeTwo/2")
     assert len(begun) == 12
+
+
+def test_a_run_on_ray_is_the_run_of_one_process(cluster: Any, invented_root: Path, tmp_path: Path) -> None:
+    options = {"limit": 1, "split": ("easy", "hard"), "out": tmp_path}
+    Run(invented_root, "random", **options, run_id="ray", on="ray", address=cluster.address).run()
+    Run(invented_root, "random", **options, run_id="one").run()
+    found = (tmp_path / "ray" / "steps.jsonl").read_bytes()
+    assert found.count(b'"kind":"end"') == 2
+    assert found == (tmp_path / "one" / "steps.jsonl").read_bytes()
 
 
 def refuse(name: str) -> tuple[str, int]:
