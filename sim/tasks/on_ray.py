@@ -72,41 +72,58 @@ def done_on_ray(
     with _connected(ray, cluster):
         _require_gpu(ray, cluster)
         new_worker = ray.remote(num_cpus=1, num_gpus=cluster.num_gpus)(_Worker)
-        environment = {name: value for name, value in os.environ.items() if name.startswith(_OURS)}
-        workers: dict[int, Any] = {}
-        losses = [0] * len(chains)
-        waiting: dict[Any, tuple[int, int]] = {}
-
-        def begin(k: int, place: int) -> None:
-            if k not in workers:
-                workers[k] = new_worker.remote(os.getcwd(), environment)
-            waiting[workers[k].do.remote(work, tuple(chains[k][place]))] = k, place
-
+        todo = [_Chain(work, calls) for calls in chains]
+        waiting = {chain.begin(new_worker): k for k, chain in enumerate(todo) if chain.calls}
         try:
-            for k, chain in enumerate(chains):
-                if chain:
-                    begin(k, 0)
             while waiting:
                 (ended,), _ = ray.wait(list(waiting), num_returns=1)
-                k, place = waiting.pop(ended)
+                k = waiting.pop(ended)
+                chain, place = todo[k], todo[k].place
                 try:
                     result = ray.get(ended)
                 except ray.exceptions.RayTaskError as error:
                     raise error.cause from (None if isinstance(error.cause, PersonalVizError) else error)
                 except ray.exceptions.RayError as error:
-                    losses[k] += 1
-                    _require_few(losses[k], error)
-                    ray.kill(workers.pop(k))
-                    begin(k, place)
+                    chain.losses += 1
+                    _require_few(chain.losses, error)
+                    chain.end(ray)
+                    waiting[chain.begin(new_worker)] = k
                     continue
-                if place + 1 < len(chains[k]):
-                    begin(k, place + 1)
+                chain.place += 1
+                if chain.place < len(chain.calls):
+                    waiting[chain.begin(new_worker)] = k
                 else:
-                    ray.kill(workers.pop(k))  # its core is for the next home
+                    chain.end(ray)  # its core is for the next home
                 yield k, place, result
         finally:
-            for worker in workers.values():
-                ray.kill(worker)
+            for chain in todo:
+                chain.end(ray)
+
+
+@dataclass(slots=True)
+class _Chain:
+    """Calls in order, and the worker that does them."""
+
+    work: Callable[..., Any]
+    calls: Sequence[Sequence[Any]]
+    place: int = 0
+    """Of the call that is done next, or now."""
+    losses: int = 0
+    """Workers that were lost."""
+    worker: Any = None
+
+    def begin(self, new_worker: Any) -> Any:
+        """Lets the worker, or a new one, do the next call; returns the reference to its result."""
+        if self.worker is None:
+            environment = {name: value for name, value in os.environ.items() if name.startswith(_OURS)}
+            self.worker = new_worker.remote(os.getcwd(), environment)
+        return self.worker.do.remote(self.work, tuple(self.calls[self.place]))
+
+    def end(self, ray: ModuleType) -> None:
+        """Ends the worker if there is one."""
+        if self.worker is not None:
+            ray.kill(self.worker)
+            self.worker = None
 
 
 def _require_gpu(ray: ModuleType, cluster: RayCluster) -> None:

@@ -216,6 +216,10 @@ class Reproduce:
         """
         device = self._device()
         many = {} if is_measured else {"on": self.on, "address": self.address, "shard": self.shard}
+        every: dict[str, Any] = {
+            **{name: getattr(self, name) for name in ("evidence", "scenes_dir", "split", "sample_seed", "seed")},
+            **{"out": out, "scene": scene, **many},
+        }
         models = 1 if device == "cuda" else self.jobs  # one GPU holds one model
         unexplored = [
             _ExploreJob(self.dataset, self.evidence, name, self.scenes_dir, out / EXPLORATIONS, self.seed)
@@ -234,32 +238,18 @@ class Reproduce:
                 device=device,
                 autocast=self.autocast,
                 batch=self.batch,
-                evidence=self.evidence,
-                scenes_dir=self.scenes_dir,
-                out=out,
-                scene=scene,
-                split=self.split,
                 limit=limit,
-                sample_seed=self.sample_seed,
-                seed=self.seed,
                 jobs=1 if is_measured else models,
-                **many,
+                **every,
             )
             yield Step(f"POG, {method}", ground.run, "home", models, ground.check)
         for agent in dict.fromkeys(self.agent):
             walk = Run(
                 self.dataset,
                 agent,
-                out=out,
-                evidence=self.evidence,
-                scenes_dir=self.scenes_dir,
-                scene=scene,
-                split=self.split,
                 limit=limit if agents_limit is None else agents_limit,
-                sample_seed=self.sample_seed,
-                seed=self.seed,
                 jobs=1 if is_measured else self.jobs,
-                **many,
+                **every,
             )
             yield Step(f"PAN, {agent}", walk.run, "episode", self.jobs, walk.check)
 

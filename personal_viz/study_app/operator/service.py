@@ -69,21 +69,17 @@ def serve_study(
         store, store.config, token_of_code=tokens, platform_key=platform_key, pay_file=PayFile(store.folder)
     )
     scans = str(scenes_dir) if scenes_dir else None
+    sources = tuple(map(str, evidence))
     print(_opening(store.plan, options.num_workers), flush=True)
     with (
         listen(options.bind, options.port) as listening,
         shown_live(rerun, store.plan) as where,
         ended_by_sigterm(),
-        WorkerPool(
+        _pool(
             store,
-            WorkerTask(
-                str(folder), str(dataset), scans, tuple(map(str, evidence)), where, with_pixels, options.public
-            ).command,
-            num_workers=options.num_workers,
-            tickets=tickets,
-            tell=_tell,
-            heartbeat=options.heartbeat,
-            end_s=WORKERS_SHARE * options.drain_s,
+            WorkerTask(str(folder), str(dataset), scans, sources, where, with_pixels, options.public),
+            tickets,
+            options,
         ) as pool,
         upkeep(store, keeper, tell=_tell),
         dashboard(folder, options.dashboard_port, serving=functools.partial(serving_of, pool, keeper)) as page,
@@ -94,6 +90,18 @@ def serve_study(
         address = options.address(listening.getsockname()[1])
         _print_links(links, address, has_open_link=admission.has_open_link, dashboard_link=page, folder=folder)
         _serve_until_told(uvicorn_server(gateway.app(), options), listening, pool)
+
+
+def _pool(store: StudyStore, task: WorkerTask, tickets: Tickets, options: ServeOptions) -> WorkerPool:
+    return WorkerPool(
+        store,
+        task.command,
+        num_workers=options.num_workers,
+        tickets=tickets,
+        tell=_tell,
+        heartbeat=options.heartbeat,
+        end_s=WORKERS_SHARE * options.drain_s,
+    )
 
 
 def require_many_recordings(rerun: str | None, plan: StudyPlan) -> None:
