@@ -112,6 +112,7 @@ def test_keys_over_twenty_a_second_are_dropped_and_the_newest_camera_arrives(gat
             masher.send(pack(KEY_PRESS))
             masher.send(pack({**CAMERA, "fov": float(number)}))
         masher.send(pack(PRESS))  # reports of the page have a limit of their own
+        gateway.viser.wait_until(lambda: bool(gateway.viser.received))  # the connection behind the gateway is there
         sent = next(iter(gateway.viser.received.values()))
         gateway.viser.wait_until(lambda: PRESS in sent and any(message.get("fov") == 59.0 for message in sent))
         took_s = time.monotonic() - began_s
