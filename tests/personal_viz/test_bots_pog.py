@@ -198,7 +198,7 @@ def test_every_kind_takes_part_in_both_tasks_and_nothing_is_lost(
     small_home_root: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("personal_viz.bots.walker.DROP_CHANCE", 0.2)  # many times in a few seconds
-    chosen = StudyBots(dataset=small_home_root, seconds=6.0, rate=3.0, task="both", kinds=KINDS, seed=4, json=True)
+    chosen = StudyBots(dataset=small_home_root, seconds=12.0, rate=3.0, task="both", kinds=KINDS, seed=4, json=True)
     assert chosen.run() == 0
     found = json.loads(capsys.readouterr().out)
     assert found["tasks"] == {"pan": 5, "pog": 5}
@@ -206,7 +206,7 @@ def test_every_kind_takes_part_in_both_tasks_and_nothing_is_lost(
     assert found["connections"] > 10
     assert found["frames"] > 10
     assert found["clicks"] > 10
-    assert found["answers"] > 0  # as many as a busy machine allows in that time
+    assert found["answers"] > 3
     assert found["actions"] > max(20, found["clicks"])
     assert 0 < found["click_to_mark_p50_ms"] <= found["click_to_mark_max_ms"]
     assert set(found) >= RESULT
