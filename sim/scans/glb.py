@@ -103,12 +103,9 @@ def _parts(file: GltfFile, T_world_glb: NDArray[np.float64]) -> list[_Part]:
     parts: list[_Part] = []
     known: dict[tuple, slice] = {}
     looks: dict[int | None, Look] = {}
-    num_vertices = num_faces = num_seen = 0
+    num_vertices = num_faces = 0
     for node, mesh, T_world_mesh in _placed_meshes(file, T_world_glb):
         for primitive in mesh.primitives:
-            num_seen += 1
-            if num_seen > MAX_PARTS:
-                raise file.refused(f"shows more than {MAX_PARTS} primitives", "fewer", advice="Join its meshes.")
             if primitive.mode < _TRIANGLES or "POSITION" not in primitive.attributes:
                 continue
             if primitive.material not in looks:
@@ -151,12 +148,15 @@ def _placed_meshes(file: GltfFile, T_world_glb: NDArray[np.float64]) -> list[tup
     with np.errstate(over="ignore", invalid="ignore"):  # a resulting inf or nan is refused later
         Ts_parent_node = _local_poses(nodes)
         stack = [(root, np.eye(4)) for root in reversed(roots)]
-        found = []
+        found, num_primitives = [], 0
         while stack:
             index, T_glb_parent = stack.pop()
             node, T_glb_node = nodes[index], T_glb_parent @ Ts_parent_node[index]
             if node.mesh is not None:
                 mesh = file.get("meshes", node.mesh, of=f"nodes.{index}")
+                num_primitives += len(mesh.primitives)
+                if num_primitives > MAX_PARTS:
+                    raise file.refused(f"shows more than {MAX_PARTS} primitives", "fewer", advice="Join its meshes.")
                 found.append((index, mesh, T_world_glb @ T_glb_node))
             stack += [(child, T_glb_node) for child in reversed(node.children)]
     return found
