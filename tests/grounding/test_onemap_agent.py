@@ -1,7 +1,7 @@
 """OneMap walks an invented home with a perception that knows the captions of what it sees."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -19,16 +19,18 @@ from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.errors import AgentError
 from sim.frames import T_world_agent, planar_distance
-from sim.homes.open_home import open_scene
+from sim.homes.open_home import open_scene, scene_from_plan
 from sim.homes.renderers import renderer_of
-from sim.mesh import Scene
+from sim.mesh import Scene, SceneObject
 from sim.tasks.agents import next_action
 from sim.tasks.looks import HomeLook
 from sim.tasks.observers import Detection
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import EpisodeRun
 from sim.tasks.runner import run_from_env
-from sim.types import PAPER6, Action, Camera, Frame, Observation, Pose
+from sim.types import PAPER6, Action, Camera, Frame, Observation, Pose, Task
+
+from ..sim import plans
 
 CAMERA = Camera(96, 72)
 
@@ -82,6 +84,13 @@ def episode_at(root: Path, thing: str = "table lamp") -> Episode:
     return found
 
 
+def lamp_in(root: Path) -> SceneObject:
+    scene, captions, _ = home_at(root)
+    caption = caption_of(episode_at(root))
+    (lamp,) = (item for item in scene.objects if captions.get(item.instance_id) == caption)
+    return lamp
+
+
 class Walker(NamedTuple):
     agent: OneMapAgent
     sight: Sight
@@ -90,10 +99,15 @@ class Walker(NamedTuple):
 def walker_in(root: Path, *, text: str | None = None) -> Walker:
     """An agent that looks for a text, or for the caption of each episode's target."""
     scene, captions, episodes = home_at(root)
-    sight, encoder = Sight(scene, captions), OraclePerception(HashedWords(), captions)
     texts = {episode.task("pan").queries: caption_of(episode) for episode in episodes}
-    perception = Perception("by id", sight.frame_of, sight, encoder, sight, sight)
-    return Walker(OneMapAgent(lambda: perception, lambda task: text or texts[task.queries]), sight)
+    return walker_with(scene, captions, lambda task: text or texts[task.queries])
+
+
+def walker_with(scene: Scene, captions: dict[int, str], text_of: Callable[[Task], str]) -> Walker:
+    sight, encoder = Sight(scene, captions), OraclePerception(HashedWords(), captions)
+    return Walker(
+        OneMapAgent(lambda: Perception("by id", sight.frame_of, sight, encoder, sight, sight), text_of), sight
+    )
 
 
 def played(
@@ -120,12 +134,17 @@ def actions_of(run: EpisodeRun) -> list[Action]:
     return [step.action for step in run.steps]
 
 
-def test_it_looks_around_then_walks_to_the_described_thing_and_stops_within_a_metre(small_home_root: Path) -> None:
+def test_it_looks_around_then_walks_to_the_described_thing_and_stops_once_it_is_within_reach(
+    small_home_root: Path,
+) -> None:
     walker = walker_in(small_home_root)
     run = played(small_home_root, walker)
     assert run.end.reason == "stop"
     assert run.end.measures is not None
-    assert run.end.measures.centre_distance < 1.0
+    away = [planar_distance(step.pose.position, lamp_in(small_home_root).centre) for step in run.steps[:-1]]
+    print(away)
+    assert run.end.measures.centre_distance == pytest.approx(away[-1])
+    assert away[-1] < 0.8 < min(away[:-1]), "STOP as soon as the lamp is within reach"
     assert actions_of(run)[:FULL_TURN] == [Action.LEFT] * FULL_TURN
     assert actions_of(run).count(Action.FORWARD) > 5
     insight = walker.agent.insight()
@@ -168,6 +187,25 @@ def test_a_thing_seen_in_a_look_at_the_home_is_walked_to_at_once(small_home_root
         assert run.end.measures.centre_distance < 1.0
         assert len(run.steps) < len(first.steps) - 6, "it does not look around first"
     assert played(small_home_root, walker, keep_memory=True).steps == first.steps, "a look is for one episode"
+
+
+def test_in_a_closed_room_where_nothing_resembles_the_text_it_turns_and_does_not_walk() -> None:
+    rect = (0.0, 0.0, 2.2, 2.2)
+    plan = plans.two_rooms(name="Closet", rooms=(plans.room("closet", rect),), walls=plans.walls_around(rect))
+    scene, start = scene_from_plan(plan), Pose((1.1, 0.0, 1.1), 0.0)
+    agent, sight = walker_with(scene, {}, lambda task: "small cup")
+    sight.start = start
+    env = PanEnv(start, scene.navigation, renderer=renderer_of(scene), camera=CAMERA, max_steps=18)
+    observation = env.reset()
+    agent.reset(Task("pan", "Ada owns a small cup.", ("Find Ada's cup",)), CAMERA, seed=0)
+    while not env.is_over:
+        observation = env.step(agent.act(observation))
+    shown = agent.insight()
+    assert shown.frontiers is not None
+    assert shown.candidates is not None
+    assert len(shown.frontiers) == len(shown.candidates) == 0
+    assert [step.action for step in env.steps] == [Action.LEFT] * 18
+    assert shown.note == "no goal is left: turning"
 
 
 @pytest.mark.slow

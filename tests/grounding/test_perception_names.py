@@ -18,7 +18,10 @@ from .tiny_models import picture
 
 @pytest.mark.parametrize(
     "name",
-    ["oracle", "oracle:mild", "oracle:strong,encoder=minilm", "encoder=clip:ID,detector=owlv2:ID", "my.eyes:make"],
+    [
+        *("oracle", "oracle:mild", "oracle:strong,encoder=minilm", "my.eyes:make"),
+        *("encoder=clip:ID,detector=owlv2:ID", "encoder=clip:ID,detector=owlv2:ID,scorer=my.eyes:judge"),
+    ],
 )
 def test_known_names_pass_without_loading_anything(name: str) -> None:
     check_perception_name(name)
@@ -34,7 +37,11 @@ def test_known_names_pass_without_loading_anything(name: str) -> None:
         ("encoder=clip:ID,detector=yolov7:x-e6", r"detector 'yolov7:x-e6': is not known; expected owlv2:, grounding-"),
         ("encoder=clip:ID,detector=owlv2:", r"detector 'owlv2:': is not known"),
         ("encoder=clip:A,encoder=clip:B,detector=owlv2:ID", r"--perception is 'encoder=clip:A"),
-        ("oracle,eyes=two", r"--perception is 'eyes=two'; expected oracle"),
+        ("oracle,eyes=two", r"--perception is 'oracle,eyes=two'; expected oracle"),
+        (
+            "oracle,scorer=my.eyes:judge",
+            r"judge': found \['scorer'\]; expected encoder= alone",
+        ),
     ],
 )
 def test_unknown_names_are_refused_with_those_that_are_known(name: str, message: str) -> None:
@@ -73,6 +80,26 @@ def test_users_own_perception_and_parts_are_taken_by_name() -> None:
         make_perception("tests.grounding.test_perception_names:Blind")
     with pytest.raises(AgentError, match=r"found no method set_query"):
         make_detector("builtins:dict")
+
+
+class Sure:
+    """A scorer for which every picture fits every text."""
+
+    name = "sure"
+
+    def score(self, frame, texts):
+        return np.ones(len(texts), np.float32)
+
+
+def test_a_scorer_of_ones_own_takes_the_place_of_the_encoders_cosine() -> None:
+    name = f"encoder={__name__}:PatchesOnly,detector={__name__}:Blind"
+    frame = picture(30, 220)
+    assert make_perception(name).scorer.score(frame, ["left", "other"]) == pytest.approx([0.5, 0.7])
+    own = make_perception(f"{name},scorer={__name__}:Sure")
+    assert own.scorer.score(frame, ["left", "other"]).tolist() == [1.0, 1.0]
+    assert own.name.endswith(" + sure")
+    with pytest.raises(AgentError, match="found no method score"):
+        make_perception(f"{name},scorer=builtins:dict")
 
 
 class PatchesOnly:
