@@ -82,26 +82,6 @@ def test_users_own_perception_and_parts_are_taken_by_name() -> None:
         make_detector("builtins:dict")
 
 
-class Sure:
-    """A scorer for which every picture fits every text."""
-
-    name = "sure"
-
-    def score(self, frame, texts):
-        return np.ones(len(texts), np.float32)
-
-
-def test_a_scorer_of_ones_own_takes_the_place_of_the_encoders_cosine() -> None:
-    name = f"encoder={__name__}:PatchesOnly,detector={__name__}:Blind"
-    frame = picture(30, 220)
-    assert make_perception(name).scorer.score(frame, ["left", "other"]) == pytest.approx([0.5, 0.7])
-    own = make_perception(f"{name},scorer={__name__}:Sure")
-    assert own.scorer.score(frame, ["left", "other"]).tolist() == [1.0, 1.0]
-    assert own.name.endswith(" + sure")
-    with pytest.raises(AgentError, match="found no method score"):
-        make_perception(f"{name},scorer=builtins:dict")
-
-
 class PatchesOnly:
     """An encoder of 2 x 1 patches along two axes, without whole pictures."""
 
@@ -120,6 +100,33 @@ def test_an_encoder_of_patches_alone_scores_with_their_mean() -> None:
     assert np.allclose(scores, [0.5, 0.7, 0.5])
     assert scorer.score(picture(30, 220), []).shape == (0,)
     assert scores.dtype == np.float32
+
+
+class LeftOnly(PatchesOnly):
+    """The same encoder, to which every whole picture looks like the left patch."""
+
+    def encode_images(self, frames):
+        return np.array([[1, 0]] * len(frames), np.float32)
+
+
+class Sure:
+    """A scorer for which every picture fits every text equally well."""
+
+    name = "sure"
+
+    def score(self, frame, texts):
+        return np.full(len(texts), 0.25, np.float32)
+
+
+def test_a_scorer_of_ones_own_takes_the_place_of_the_encoders_cosine() -> None:
+    name = f"encoder={__name__}:LeftOnly,detector={__name__}:Blind"
+    frame = picture(30, 220)
+    assert make_perception(name).scorer.score(frame, ["left", "other"]) == pytest.approx([1.0, 0.6])
+    own = make_perception(f"{name},scorer={__name__}:Sure")
+    assert own.scorer.score(frame, ["left", "other"]).tolist() == [0.25, 0.25]
+    assert own.name.endswith(" + sure")
+    with pytest.raises(AgentError, match="found no method score"):
+        make_perception(f"{name},scorer=builtins:dict")
 
 
 @pytest.mark.parametrize(
