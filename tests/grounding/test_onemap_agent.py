@@ -20,6 +20,7 @@ from sim.episodes.schema import Episode
 from sim.errors import AgentError
 from sim.frames import T_world_agent, planar_distance
 from sim.homes.open_home import open_scene, scene_from_plan
+from sim.homes.plan import Rect
 from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
 from sim.tasks.agents import next_action
@@ -180,7 +181,7 @@ def test_a_thing_seen_in_a_look_at_the_home_is_walked_to_at_once(small_home_root
 
 
 def test_in_a_closed_room_where_nothing_resembles_the_text_it_turns_and_does_not_walk() -> None:
-    rect = (0.0, 0.0, 2.2, 2.2)
+    rect = Rect(0.0, 0.0, 2.2, 2.2)
     plan = plans.two_rooms(name="Closet", rooms=(plans.room("closet", rect),), walls=plans.walls_around(rect))
     scene, start = scene_from_plan(plan), Pose((1.1, 0.0, 1.1), 0.0)
     agent, sight = walker_with(scene, {}, lambda task: "small cup")
