@@ -2,6 +2,7 @@
 
 oracle | oracle:mild | oracle:strong,encoder=minilm
 encoder=clip:ID,detector=owlv2:ID          also grounding-dino:ID, yolox:FILE, or package.module:factory
+...,segmenter=package.module:factory,scorer=package.module:factory         instead of depth, and of the encoder's cosine
 package.module:factory                     your own, which returns a `Perception`
 """
 
@@ -18,13 +19,13 @@ from ..encoders.by_name import encoder_called, make_encoder, make_image_encoder
 from ..encoders.protocol import ModelOptions
 from .encoder_scorer import EncoderScorer
 from .oracle_detector import oracle_level
-from .protocol import Detector, Perception, Segmenter
+from .protocol import Detector, ImageTextScorer, Perception, Segmenter
 from .segmenters import DepthRegion
 
 PerceptionName = str
 DETECTOR_FAMILIES = ("owlv2", "grounding-dino", "yolox")
 _ORACLE = "oracle"
-_PARTS = ("encoder", "detector", "segmenter")
+_PARTS = ("encoder", "detector", "segmenter", "scorer")
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +83,10 @@ def check_perception_name(name: PerceptionName) -> None:
     """
     if is_oracle(name):
         oracle_level(_level(name))
-        _parts(name.partition(",")[2], needed=())
+        _oracle_encoder(name)
     elif not is_plugin(name):
-        family = _parts(name, needed=("encoder", "detector"))["detector"].partition(":")[0]
-        _require_detector(_parts(name, needed=())["detector"], family)
+        detector = _parts(name, needed=("encoder", "detector"))["detector"]
+        _require_detector(detector, detector.partition(":")[0])
 
 
 def perception_called(name: PerceptionName) -> str:
@@ -96,7 +97,7 @@ def perception_called(name: PerceptionName) -> str:
     """
     check_perception_name(name)
     if is_oracle(name):
-        level, encoder = _level(name), _parts(name.partition(",")[2], needed=()).get("encoder", "hashed")
+        level, encoder = _level(name), _oracle_encoder(name)
         return f"{_ORACLE}:{level} ({oracle_level(level).settings}) in {encoder_called(encoder)}"
     if is_plugin(name):
         return own_name(make_perception(name), name)
@@ -149,21 +150,27 @@ def _oracle(name: str, truth: EpisodeTruth | None, options: ModelOptions | None,
 
     level = _level(name)
     oracle_level(level)
-    parts = _parts(name.partition(",")[2], needed=())
-    if set(parts) - {"encoder"}:
-        raise AgentError(f"--perception {name!r}: found {sorted(parts)}; expected encoder= alone. Leave the rest out.")
+    encoder_name = _oracle_encoder(name)
     if truth is None:
         raise AgentError(
             f"--perception {name!r}: got no home and no start; expected them, because it reads the simulator's ids. "
             "Use models for pictures of a robot."
         )
-    encoder = make_encoder(parts.get("encoder", "hashed"), options=options)
+    encoder = make_encoder(encoder_name, options=options)
     return oracle_perception_of(truth.scene, truth.start, truth.captions, text_encoder=encoder, level=level, seed=seed)
 
 
 def _level(name: str) -> Any:
     """The level in an oracle's name, not yet checked."""
     return name.partition(",")[0].partition(":")[2] or "clean"
+
+
+def _oracle_encoder(name: str) -> str:
+    """The encoder in an oracle's name; raises AgentError if it names other parts."""
+    parts = _parts(name, needed=())
+    if set(parts) - {"encoder"}:
+        raise AgentError(f"--perception {name!r}: found {sorted(parts)}; expected encoder= alone. Leave the rest out.")
+    return parts.get("encoder", "hashed")
 
 
 def _models(name: str, options: ModelOptions | None) -> Perception:
@@ -173,11 +180,15 @@ def _models(name: str, options: ModelOptions | None) -> Perception:
     segmenter: Segmenter = DepthRegion()
     if "segmenter" in parts:
         segmenter = build_plugin(parts["segmenter"], option="segmenter", methods=("mask",))
+    scorer: ImageTextScorer = EncoderScorer(encoder)
     names = [encoder_called(parts["encoder"]), own_name(detector, parts["detector"]), own_name(segmenter, "own")]
+    if "scorer" in parts:
+        scorer = build_plugin(parts["scorer"], option="scorer", methods=("score",))
+        names.append(own_name(scorer, parts["scorer"]))
     return Perception(
         name=" + ".join(names),
         frame_of=frame_of_observation,
-        scorer=EncoderScorer(encoder),
+        scorer=scorer,
         encoder=encoder,
         detector=detector,
         segmenter=segmenter,
@@ -185,18 +196,19 @@ def _models(name: str, options: ModelOptions | None) -> Perception:
 
 
 def _parts(name: str, *, needed: tuple[str, ...]) -> dict[str, str]:
-    """The values of `part=value,part=value`.
+    """The values of `part=value,part=value`, after the level in an oracle's name.
 
     Raises:
         AgentError: A part is unknown, stands twice, or a needed one is missing.
     """
-    pairs = [item.strip().partition("=") for item in name.split(",") if item.strip()]
+    text = name.partition(",")[2] if is_oracle(name) else name
+    pairs = [item.strip().partition("=") for item in text.split(",") if item.strip()]
     parts = {key: value for key, _, value in pairs}
     if set(parts) <= set(_PARTS) and len(parts) == len(pairs) and all(parts.values()) and set(needed) <= set(parts):
         return parts
     raise AgentError(
         f"--perception is {name!r}; expected oracle, oracle:mild, oracle:strong, your own as package.module:factory, "
-        "or encoder=NAME,detector=NAME with segmenter=package.module:factory if you have one. Example: "
+        "or encoder=NAME,detector=NAME, with segmenter= and scorer=package.module:factory if you have them. Example: "
         "encoder=clip:openai/clip-vit-large-patch14,detector=owlv2:google/owlv2-base-patch16-ensemble."
     )
 

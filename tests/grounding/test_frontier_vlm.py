@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from grounding.agents.floor_memory import Ground
 from grounding.agents.frontier_vlm.agent import FULL_TURN, JudgedFrontierAgent
 from grounding.agents.frontier_vlm.chat_judge import ChatJudge
-from grounding.agents.frontier_vlm.choices import GeometryJudge, Judge
+from grounding.agents.frontier_vlm.choices import Choices, GeometryJudge, Judge
+from grounding.agents.frontier_vlm.things import Thing
+from grounding.agents.frontiers import Frontier
 from grounding.chat.protocol import NoAnswer, Part
 from grounding.perception.protocol import Perception
 from sim.errors import AgentError
@@ -21,9 +24,9 @@ from sim.frames import T_world_camera, planar_distance
 from sim.homes.open_home import scene_from_plan
 from sim.mesh import Scene
 from sim.render.raycast import Raycaster
-from sim.tasks.observers import Detection
+from sim.tasks.observers import FREE, Detection
 from sim.tasks.pan import PanEnv
-from sim.types import Action, Camera, Frame, Observation, Pose, Task
+from sim.types import Action, Camera, Frame, GridSpec, Observation, Pose, Task
 
 from ..sim import plans
 
@@ -95,8 +98,10 @@ def home() -> Scene:
     return scene_from_plan(plans.two_rooms(tall, small, name="TwoCups"))
 
 
-def walked(judge: Callable[[], Judge], scores: dict[str, float], *, max_steps: int = 300) -> Walk:
-    scene = home()
+def walked(
+    judge: Callable[[], Judge], scores: dict[str, float], *, scene: Scene | None = None, max_steps: int = 300
+) -> Walk:
+    scene = scene or home()
     env = PanEnv(START, scene.navigation, renderer=Raycaster(scene.mesh), camera=CAMERA, max_steps=max_steps)
     eyes = CupsById(env, scene, scores)
     perception = Perception("ids", eyes.frame_of, eyes, eyes, eyes, eyes)  # type: ignore[arg-type]  # no encoder
@@ -150,20 +155,54 @@ def test_the_model_is_asked_on_arrival_and_when_the_choices_change_and_the_same_
     assert first_with_both == NUM_QUESTIONS - 1, "a new thing is asked about at once, and then it is walked to"
 
 
-def test_a_question_holds_the_task_a_map_and_at_most_eight_pictures_of_each_kind() -> None:
+def test_a_question_holds_the_task_a_map_and_pictures_of_the_choices() -> None:
     chat, _ = walk_to_the_small_cup()
     for _, parts in chat.questions:
         words = words_of(parts)
         assert words.startswith(f"Description: {TASK.description}\n\nQuery: {TASK.queries[0]}\n\nMap")
         pictures = [part for part in parts if not isinstance(part, str)]
-        assert 1 <= len(pictures) <= 17
         assert all(min(picture.shape[:2]) >= 64 and picture.shape[2:] == (3,) for picture in pictures)
         assert max(pictures[0].shape) == 512
         known = [TASK.description, TASK.queries[0], "Map of what is known so far:"]
         rest = [line for line in words.split("\n") if line and not any(text in line for text in known)]
+        assert len(pictures) == 1 + len([line for line in rest if line.endswith(":")])
         forms = r"Frontier F\d, [\d.]+ m away(:|; no picture shows it\.)"
         forms += r"|Snapshot S\d, [\d.]+ m away, detected in \d+ pictures?, score \d\.\d\d:"
         assert [line for line in rest if not re.fullmatch(forms, line)] == [], "nothing of the episode or the home"
+
+
+def test_a_question_shows_the_first_eight_of_ten_frontiers() -> None:
+    """A map, a view towards each frontier 2 m ahead, and eight things: 17 pictures."""
+    chat, grid = ScriptedChat(lambda words: '{"frontier": 8}'), GridSpec((-5.0, -5.0), 0.1, (100, 100))
+    places = [(-0.85 + 0.2 * number, -1.95) for number in range(10)]
+    frontiers = tuple(
+        Frontier(grid.rc_from_xz(np.array([xz])), xz, float(cost), xz, xz) for cost, xz in enumerate(places)
+    )
+    crop, free = np.zeros((96, 96, 3), np.uint8), np.full(grid.shape, FREE, np.uint8)
+    things = tuple(Thing(number, "cup", (0.0, 0.5, -1.0), 0.9, 2, crop) for number in range(8))
+    ground = Ground(free, free, np.ones(grid.shape), grid)
+    judge, picture = ChatJudge(chat), np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8)
+    T = T_world_camera(Pose((0.0, 0.0, 0.0), 0.0), CAMERA)
+    judge.see(Frame(picture, np.full(picture.shape[:2], 5.0, np.float32), T, CAMERA))
+    verdict = judge.choose(Choices(TASK, frontiers, things, ground, (0.0, 0.0, 0.0), 0.0))
+    ((_, parts),) = chat.questions
+    assert re.findall(r"^(?:Frontier|Snapshot) (\w+)", words_of(parts), re.MULTILINE) == [
+        *("F1", "F2", "F3", "F4", "F5", "F6", "F7", "F8"),
+        *("S1", "S2", "S3", "S4", "S5", "S6", "S7", "S8"),
+    ]
+    assert len([part for part in parts if not isinstance(part, str)]) == 17
+    assert verdict.chosen is frontiers[7]
+
+
+def test_a_question_shows_the_eight_things_of_nine_with_the_highest_scores() -> None:
+    scores = {f"cup_{number}": 0.9 + 0.01 * number for number in range(1, 10)}
+    cups = [plans.piece(name, (0.4 * k, 0.4, 3.4), (0.2, 0.8, 0.2)) for k, name in enumerate(scores, start=1)]
+    chat = ScriptedChat(lambda words: '{"snapshot": 1}')
+    scene = scene_from_plan(plans.two_rooms(*cups, name="NineCups"))
+    walked(lambda: ChatJudge(chat), scores, scene=scene, max_steps=FULL_TURN + 1)
+    ((_, parts),) = chat.questions
+    shown = re.findall(r"^Snapshot S\d, .* score (\d\.\d\d):", words_of(parts), re.MULTILINE)
+    assert shown == ["0.99", "0.98", "0.97", "0.96", "0.95", "0.94", "0.93", "0.92"]
 
 
 @pytest.mark.parametrize("answer", ['{"frontier": 99}', '{"frontier": 1, "snapshot": 1}'])

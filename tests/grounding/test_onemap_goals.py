@@ -126,6 +126,17 @@ def test_the_last_goal_is_kept_unless_it_scores_a_hundredth_less_than_it_did(
     assert chosen(goals, MapGoal("frontier", (20, 29), 1.0)).rc == (70, 70), "0.6 m away is another goal"
 
 
+def test_equal_similarities_leave_frontiers_alone_of_which_the_first_is_kept() -> None:
+    """A corridor that is open at both ends: exploration from frontier to frontier."""
+    similarity, navigable = np.full(SHAPE, 0.3, np.float32), np.ones(SHAPE, bool)
+    navigable[:, 28:31] = navigable[:, 40:43] = False
+    top, low = frontiers(image(np.s_[10:40, 31:40]), navigable, similarity, np.ones(SHAPE, bool))
+    assert (top.rc, low.rc) == ((10, 35), (39, 35))
+    assert top.score == low.score == pytest.approx(1.3)
+    assert chosen([top, low], None) == top
+    assert chosen([low, top], top) == top
+
+
 def test_the_hot_cells_are_the_best_hundredth_and_those_within_three_cells() -> None:
     similarity = np.zeros(SHAPE, np.float32)
     similarity[40, :50] = np.linspace(0.0, 1.0, 50)

@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 from grounding.agents.onemap.confidence import observation_confidence
 from grounding.agents.onemap.feature_grid import UPSTREAM_THRESHOLD, FeatureGrid
 from grounding.agents.onemap.projection import CellView, cells_of_pixels, view_of_cells
-from sim.frames import T_start_camera
+from sim.frames import T_start_camera, T_world_camera
+from sim.render.raycast import Raycaster
 from sim.types import Camera, GridSpec, Pose
+
+from .two_rooms import two_room_scene
 
 CAMERA = Camera(64, 48)
 HERE = Pose((0.0, 0.0, 0.0), 0.0)
@@ -183,3 +186,27 @@ def test_the_first_view_makes_the_two_metres_around_the_start_explored() -> None
     assert set(np.unique(cells[cells >= 0] // 600)) == {284}, "a wall 1.55 m ahead"
     grid.add(depth, T, CAMERA, patches)
     assert grid.confidence[300, 300] == 10.0
+
+
+def test_a_look_at_one_metre_outweighs_one_at_four() -> None:
+    """The same piece of wall from both places: (1 - .2636) / (1 + .2636)."""
+    grid = FeatureGrid()
+    for z, depth, feature in ((2.95, 4.0, -1.0), (-0.05, 1.0, 1.0)):
+        T = T_start_camera(HERE, Pose((0.0, 0.0, z), 0.0), CAMERA)
+        grid.add(np.full((48, 64), depth, np.float32), T, CAMERA, np.full((2, 2, 1), feature, np.float32))
+    assert grid.confidence[289, 300] == pytest.approx(1.2636, abs=1e-4)
+    assert grid.feature_at((289, 300)) == pytest.approx([0.5828], abs=1e-4)
+
+
+def test_a_spin_of_30_degree_turns_explores_cells_outside_the_start_area() -> None:
+    grid, start, renderer = FeatureGrid(), Pose((2.0, 0.0, 2.0), 0.0), Raycaster(two_room_scene().mesh)
+    for turn in range(12):
+        pose = Pose(start.position, turn * math.pi / 6)
+        T = T_start_camera(start, pose, CAMERA)
+        grid.add(renderer.depth(T_world_camera(pose, CAMERA), CAMERA), T, CAMERA, np.ones((2, 2, 1), np.float32))
+    outside = grid.is_explored(ALL).copy()
+    outside[290:310, 290:310] = False
+    upstream = grid.confidence * UPSTREAM_THRESHOLD > 1
+    upstream[290:310, 290:310] = False
+    assert int(outside.sum()) > 500, "of 1,600 cells of the room"
+    assert not upstream.any(), "its threshold needs a spin of 72 turns"

@@ -18,7 +18,10 @@ from .tiny_models import picture
 
 @pytest.mark.parametrize(
     "name",
-    ["oracle", "oracle:mild", "oracle:strong,encoder=minilm", "encoder=clip:ID,detector=owlv2:ID", "my.eyes:make"],
+    [
+        *("oracle", "oracle:mild", "oracle:strong,encoder=minilm", "my.eyes:make"),
+        *("encoder=clip:ID,detector=owlv2:ID", "encoder=clip:ID,detector=owlv2:ID,scorer=my.eyes:judge"),
+    ],
 )
 def test_known_names_pass_without_loading_anything(name: str) -> None:
     check_perception_name(name)
@@ -34,7 +37,11 @@ def test_known_names_pass_without_loading_anything(name: str) -> None:
         ("encoder=clip:ID,detector=yolov7:x-e6", r"detector 'yolov7:x-e6': is not known; expected owlv2:, grounding-"),
         ("encoder=clip:ID,detector=owlv2:", r"detector 'owlv2:': is not known"),
         ("encoder=clip:A,encoder=clip:B,detector=owlv2:ID", r"--perception is 'encoder=clip:A"),
-        ("oracle,eyes=two", r"--perception is 'eyes=two'; expected oracle"),
+        ("oracle,eyes=two", r"--perception is 'oracle,eyes=two'; expected oracle"),
+        (
+            "oracle,scorer=my.eyes:judge",
+            r"judge': found \['scorer'\]; expected encoder= alone",
+        ),
     ],
 )
 def test_unknown_names_are_refused_with_those_that_are_known(name: str, message: str) -> None:
@@ -93,6 +100,33 @@ def test_an_encoder_of_patches_alone_scores_with_their_mean() -> None:
     assert np.allclose(scores, [0.5, 0.7, 0.5])
     assert scorer.score(picture(30, 220), []).shape == (0,)
     assert scores.dtype == np.float32
+
+
+class LeftOnly(PatchesOnly):
+    """The same encoder, to which every whole picture looks like the left patch."""
+
+    def encode_images(self, frames):
+        return np.array([[1, 0]] * len(frames), np.float32)
+
+
+class Sure:
+    """A scorer for which every picture fits every text equally well."""
+
+    name = "sure"
+
+    def score(self, frame, texts):
+        return np.full(len(texts), 0.25, np.float32)
+
+
+def test_a_scorer_of_ones_own_takes_the_place_of_the_encoders_cosine() -> None:
+    name = f"encoder={__name__}:LeftOnly,detector={__name__}:Blind"
+    frame = picture(30, 220)
+    assert make_perception(name).scorer.score(frame, ["left", "other"]) == pytest.approx([1.0, 0.6])
+    own = make_perception(f"{name},scorer={__name__}:Sure")
+    assert own.scorer.score(frame, ["left", "other"]).tolist() == [0.25, 0.25]
+    assert own.name.endswith(" + sure")
+    with pytest.raises(AgentError, match="found no method score"):
+        make_perception(f"{name},scorer=builtins:dict")
 
 
 @pytest.mark.parametrize(

@@ -168,5 +168,6 @@ def test_a_frontier_within_half_a_metre_of_the_last_takes_its_place_and_one_fart
 def test_frontiers_of_equal_value_do_not_take_turns() -> None:
     places, values = np.array([[0.0, 0.0], [3.0, 0.0]]), np.array([0.2, 0.2])
     first = chosen_frontier(places, values, last=None, last_value=-math.inf)
+    assert first == 0
     last = (float(places[first, 0]), float(places[first, 1]))
-    assert chosen_frontier(places[::-1], values, last=last, last_value=0.2) == 1 - first
+    assert chosen_frontier(places[::-1], values, last=last, last_value=0.2) == 1

@@ -110,7 +110,6 @@ class OneMapAgent:
         self._goal: MapGoal | None = None
         self._goal_since, self._waits = 0, 0
         self._bans: list[_Ban] = []
-        self._goals: list[MapGoal] = []
         self._detections: tuple[Detection, ...] = ()
         self._note = ""
 
@@ -134,8 +133,9 @@ class OneMapAgent:
 
         Cells are shown only while the map's frame is the episode's start frame: a grid cannot be turned.
         """
-        points = sorted((goal for goal in self._goals if goal.kind == "point"), key=lambda goal: -goal.score)
-        edges = [goal for goal in self._goals if goal.kind == "frontier"]
+        goals = self._found_goals()
+        points = sorted((goal for goal in goals if goal.kind == "point"), key=lambda goal: -goal.score)
+        edges = [goal for goal in goals if goal.kind == "frontier"]
         goal = self._target or self._goal
         is_home = np.array_equal(self._T_start_map, np.eye(4))
         seen = self._map.confidence > 0
@@ -199,8 +199,7 @@ class OneMapAgent:
     def _explore(self) -> Action:
         """The next action towards the best frontier or point of interest; a turn if there is none."""
         for is_again in (False, True):
-            self._goals = self._found_goals()
-            left = [goal for goal in self._goals if not self._is_banned(goal.rc)]
+            left = [goal for goal in self._found_goals() if not self._is_banned(goal.rc)]
             while left:
                 goal = chosen(left, self._goal)
                 action = self._towards(goal)
