@@ -15,7 +15,7 @@ from sim.mesh import Scene
 from sim.plugins import build_plugin, is_plugin, own_name
 from sim.types import Frame, Observation, Pose
 
-from ..encoders.by_name import encoder_called, make_encoder, make_image_encoder
+from ..encoders.by_name import PLUGIN, encoder_called, make_encoder, make_image_encoder, parse_encoder_name
 from ..encoders.protocol import ModelOptions
 from .encoder_scorer import EncoderScorer
 from .oracle_detector import oracle_level
@@ -103,6 +103,18 @@ def perception_called(name: PerceptionName) -> str:
         return own_name(make_perception(name), name)
     parts = _parts(name, needed=("encoder", "detector"))
     return " + ".join([encoder_called(parts["encoder"]), *(parts[part] for part in _PARTS[1:] if part in parts)])
+
+
+def own_parts(name: PerceptionName) -> dict[str, str]:
+    """The user's own code in a known name: `package.module:factory` by part, or by "perception" if it is the whole."""
+    if is_plugin(name) and not is_oracle(name):
+        return {"perception": name}
+    parts = {"encoder": _oracle_encoder(name)} if is_oracle(name) else _parts(name, needed=("encoder", "detector"))
+    encoder = parse_encoder_name(parts["encoder"])
+    parts["encoder"] = encoder.source if encoder.family == PLUGIN else ""
+    if parts.get("detector", "").partition(":")[0] in DETECTOR_FAMILIES:
+        del parts["detector"]
+    return {part: value for part, value in parts.items() if value}
 
 
 def make_detector(name: str, *, options: ModelOptions | None = None) -> Detector:

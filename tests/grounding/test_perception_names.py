@@ -5,7 +5,7 @@ import pytest
 
 from grounding.encoders.hashed import HashedWords
 from grounding.perception.boxes import boxes_of_ids, cut_box, overlap, pixels_in_box, without_overlaps
-from grounding.perception.by_name import check_perception_name, is_oracle, make_detector, make_perception
+from grounding.perception.by_name import check_perception_name, is_oracle, make_detector, make_perception, own_parts
 from grounding.perception.encoder_scorer import EncoderScorer
 from grounding.perception.named_things import COCO, coco_class, is_category, names_category
 from grounding.perception.oracle_perception import OraclePerception
@@ -107,6 +107,23 @@ class LeftOnly(PatchesOnly):
 
     def encode_images(self, frames):
         return np.array([[1, 0]] * len(frames), np.float32)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("oracle:mild,encoder=minilm", {}),
+        ("oracle,encoder=my.words:make", {"encoder": "my.words:make"}),
+        ("my.eyes:make", {"perception": "my.eyes:make"}),
+        ("encoder=clip:ID,detector=yolox:FILE", {}),
+        (
+            "encoder=my.words:make,detector=my.eyes:make,scorer=my.eyes:judge",
+            {"encoder": "my.words:make", "detector": "my.eyes:make", "scorer": "my.eyes:judge"},
+        ),
+    ],
+)
+def test_users_own_code_in_a_name_is_known_by_its_part(name: str, expected: dict[str, str]) -> None:
+    assert own_parts(name) == expected
 
 
 class Sure:

@@ -56,7 +56,7 @@ def test_the_page_gets_the_table_between_its_marks_and_a_picture() -> None:
     assert page.endswith("\n<!-- end -->\nafter\n")
     assert "old" not in page
     assert "| vlfm | mild | 66.7 |" in page
-    assert "+33.3" in page
+    assert "| +33.3 (0.0 to 66.7) |" in page
     assert "no human baseline" in page
     with pytest.raises(RunFileError, match="Add both lines"):
         rewritten("no marks", document)

@@ -27,8 +27,7 @@ _HEADS = (
     "SPL %",
     "SR at a view point %",
     "steps",
-    "SR beside geometry",
-    "95 % by home",
+    "SR beside geometry (95 % by home)",
 )
 _LEVELS = {"": "sees nothing", "oracle:clean": "none", "oracle:mild": "mild", "oracle:strong": "strong"}
 _LOOKS = {
@@ -48,7 +47,7 @@ def rewritten(page: str, document: SearchDocument) -> str:
         RunFileError: It has no marks.
     """
     if _PLACE.search(page) is None:
-        raise RunFileError("page: found no line <!-- search -->; expected it above <!-- end -->. Add both lines.")
+        raise RunFileError("found no line <!-- search -->; expected it above <!-- end -->. Add both lines.")
     parts = [_section(group) for group in document.groups]
     origin = f"Run {document.created_utc[:10]}, homes version {document.homes_version}."
     return _PLACE.sub(lambda found: f"{found[1]}\n{origin}\n\n" + "\n\n".join(parts) + f"\n\n{found[2]}", page)
@@ -78,6 +77,8 @@ def _section(group: GroupFigures) -> str:
 
 def _cells(row: SearchRow) -> list[str]:
     beside = "" if row.beside_geometry is None else f"{row.beside_geometry:+.1f}"
+    if row.beside_geometry_by_home is not None:
+        beside += f" ({_interval(row.beside_geometry_by_home)})"
     return [
         row.agent,
         _LEVELS[row.level],
@@ -87,7 +88,6 @@ def _cells(row: SearchRow) -> list[str]:
         f"{row.sr_at_view_point:.1f}",
         f"{row.num_steps:.0f}",
         beside,
-        _interval(row.beside_geometry_by_home),
     ]
 
 
@@ -118,7 +118,11 @@ def main() -> None:
     """Reads JSON, rewrites PAGE and PICTURE."""
     source, page, picture = (Path(argument) for argument in sys.argv[1:])
     document = SearchDocument.model_validate_json(source.read_text())
-    page.write_text(rewritten(page.read_text(), document))
+    try:
+        text = rewritten(page.read_text(), document)
+    except RunFileError as error:
+        raise SystemExit(f"{page}: {error}") from None
+    page.write_text(text)
     picture.write_bytes(curves_png(document))
     print(f"Written to {page} and {picture}")
 

@@ -1,5 +1,6 @@
 """The agents that `run --agent` knows by name, with the options that belong to each."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from grounding.agents.by_name import SEEING, MakesSeeing, SeeingName, looks_of
@@ -7,7 +8,7 @@ from grounding.agents.goal_text import GoalText
 from grounding.chat.endpoint import LlmOptions
 from grounding.encoders.by_name import require_no_model_options
 from grounding.encoders.protocol import ModelOptions
-from grounding.perception.by_name import is_oracle, perception_called
+from grounding.perception.by_name import is_oracle, own_parts, perception_called
 from sim.errors import AgentError
 from sim.plugins import is_plugin, own_name, plugin_digest
 from sim.tasks.agent_makers import AgentMaker, MakesPlugin, MakesRandom, MakesShortestPath
@@ -68,10 +69,10 @@ def named_agent(name: str, options: AgentOptions, *, seed: int) -> NamedAgent:
         case _ if is_plugin(name):
             own = load_agent(name)
             looks = own.looks if isinstance(own, LooksFirst) else frozenset()
-            return NamedAgent(MakesPlugin(name), own_name(own, name), config=_code("agent", name), looks=looks)
+            return NamedAgent(MakesPlugin(name), own_name(own, name), config=_code({"agent": name}), looks=looks)
     raise AgentError(
         f"--agent is {name!r}; expected random, random-frontier, {', '.join(SEEING)}, shortest-path, or your own as "
-        "package.module:factory."
+        "package.module:factory. Correct the name."
     )
 
 
@@ -81,11 +82,10 @@ def _seeing(name: SeeingName, options: AgentOptions, *, seed: int) -> NamedAgent
             f"--agent {name}: found no --perception; expected what it sees with, such as oracle:mild or "
             "encoder=clip:ID,detector=owlv2:ID. Give it."
         )
-    called, code = perception_called(options.perception), {}
+    called = perception_called(options.perception)
     if is_oracle(options.perception):
         require_no_model_options(f"--perception {options.perception}", options.model)
-    elif is_plugin(options.perception):
-        code = _code("perception", options.perception)
+    code = _code(own_parts(options.perception))
     if (name == "frontier-vlm") != (options.llm is not None):
         raise AgentError(
             f"--agent {name}: found {'no ' if options.llm is None else ''}--llm-url and --llm-model; expected both for "
@@ -109,9 +109,9 @@ def _seeing(name: SeeingName, options: AgentOptions, *, seed: int) -> NamedAgent
     )
 
 
-def _code(option: str, name: str) -> dict[str, str]:
-    """The name and digest of a plug-in, which tell its runs from those of changed code."""
-    return {f"{option}_code": f"{name}@{plugin_digest(name)}"}
+def _code(plugins: Mapping[str, str]) -> dict[str, str]:
+    """The name and digest of each plug-in, which tell its runs from those of changed code."""
+    return {f"{option}_code": f"{name}@{plugin_digest(name)}" for option, name in plugins.items()}
 
 
 def _require_fitting(name: str, options: AgentOptions) -> None:
