@@ -47,7 +47,7 @@ class _Worker:
 
 
 def done_on_ray(
-    cluster: RayCluster, work: Callable[..., Result], chains: Sequence[Sequence[Sequence[Any]]]
+    cluster: RayCluster, work: Callable[..., Result], chains: Sequence[Sequence[Sequence[Any]]], *, names: Sequence[str]
 ) -> Iterator[tuple[int, int, Result]]:
     """Yields (chain, place in the chain, result) of each call of `work`, in the order in which calls end.
 
@@ -60,6 +60,7 @@ def done_on_ray(
         cluster: The cluster.
         work: A module-level function.
         chains: The arguments of each call, by chain.
+        names: What errors call each chain, such as its home.
 
     Raises:
         MissingDependencyError: Ray is not installed.
@@ -85,7 +86,7 @@ def done_on_ray(
                     raise error.cause from (None if isinstance(error.cause, PersonalVizError) else error)
                 except ray.exceptions.RayError as error:
                     chain.losses += 1
-                    _require_few(chain.losses, error)
+                    _require_few(names[k], chain.losses, error)
                     chain.end(ray)
                     waiting[chain.begin(new_worker)] = k
                     continue
@@ -135,13 +136,13 @@ def _require_gpu(ray: ModuleType, cluster: RayCluster) -> None:
         )
 
 
-def _require_few(losses: int, error: Exception) -> None:
+def _require_few(name: str, losses: int, error: Exception) -> None:
     """Gives up a chain whose workers were lost too often."""
     if losses > MOST_LOSSES:
         raise PersonalVizError(
-            f"--on ray: a worker was lost {losses} times ({type(error).__name__}: {_first_line(error)}); expected it "
-            "to finish. Memory ran out, or a machine lacks this folder or this program: correct it and run again, "
-            "finished episodes are kept."
+            f"--on ray: the worker of {name} was lost {losses} times ({type(error).__name__}: {_first_line(error)}); "
+            "expected it to finish. Memory ran out, or a machine lacks this folder or this program: correct it and run "
+            "again, finished episodes are kept."
         ) from None
 
 

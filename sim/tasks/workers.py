@@ -69,20 +69,20 @@ def results(
         [(open_scene, replace(job, keys=()), job.keys[first : first + each]) for first in range(0, len(job.keys), each)]
         for job in jobs
     ]
-    with closing(_batches(calls, processes)) as batches:
+    with closing(_batches(calls, processes, [job.scene for job in jobs])) as batches:
         for done in batches:
             yield from done.results
             if done.error is not None:
                 raise done.error
 
 
-def _batches(calls: Sequence[Sequence[tuple]], workers: Workers) -> Generator[_Batch]:
+def _batches(calls: Sequence[Sequence[tuple]], workers: Workers, scenes: Sequence[str]) -> Generator[_Batch]:
     """The batches of each scene's calls of `_do_batch`, in order."""
     if isinstance(workers, RayCluster):
         ended: dict[tuple[int, int], _Batch] = {}
         order = iter([(k, place) for k, chain in enumerate(calls) for place in range(len(chain))])
         due = next(order, None)
-        for k, place, done in done_on_ray(workers, _do_batch, calls):
+        for k, place, done in done_on_ray(workers, _do_batch, calls, names=scenes):
             ended[k, place] = done
             while due in ended:
                 yield ended.pop(due)
@@ -119,7 +119,12 @@ def worker_pool(processes: int, *, kept: str = "") -> Iterator[ProcessPoolExecut
 
 
 def run_jobs(
-    work: Callable[[Given], Result], jobs: Sequence[Given], *, processes: Workers, kept: str = ""
+    work: Callable[[Given], Result],
+    jobs: Sequence[Given],
+    *,
+    processes: Workers,
+    kept: str = "",
+    name_of: Callable[[Given], str] = str,
 ) -> Iterator[Result]:
     """Yields the result of `work` for each job, in the order in which jobs end.
 
@@ -128,9 +133,12 @@ def run_jobs(
         jobs: Its arguments.
         processes: The workers.
         kept: As in `worker_pool`.
+        name_of: What errors of Ray call a job.
     """
     if isinstance(processes, RayCluster):
-        for _, _, done in done_on_ray(processes, work, [[(job,)] for job in jobs]):
+        for _, _, done in done_on_ray(
+            processes, work, [[(job,)] for job in jobs], names=[name_of(job) for job in jobs]
+        ):
             yield done
         return
     if processes == 1 or len(jobs) == 1:

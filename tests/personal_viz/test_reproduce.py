@@ -9,12 +9,16 @@ from typing import Any
 
 import pytest
 
-from personal_viz.cli.scans.reproduce import Reproduce
+from personal_viz.cli.runs.merge import Merge
+from personal_viz.cli.scans.reproduce import FIGURES, Reproduce
 from personal_viz.reproduce.page import document_of, page_of, rows_of
 from personal_viz.reproduce.paper import PAPER_PAN, paper_cells
+from sim.episodes.dataset import PersonalDataset
 from sim.tasks.metrics import MetricRow
 from sim.tasks.run_folders import read_runs
+from sim.tasks.shards import SHARDS
 
+from ..grounding.short_walks import write_short_walks
 from ..grounding.tiny_models import save_blip2
 from .program import assert_one_line, personal_viz
 
@@ -134,6 +138,30 @@ def test_invented_homes_are_labelled_and_have_no_line_of_the_papers(lab: Path) -
     assert "Invented homes, made from a seed: no human baseline for PersONAL" in page
     assert not [line for line in lines_of(page) if line[0].startswith("paper: ")]
     assert document_of(invented, rows)["paper"] is False
+
+
+def test_shards_of_one_folder_give_the_tables_of_the_whole(
+    small_root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def reproduce(out: Path, shard: str | None = None) -> None:
+        few: dict[str, Any] = {"split": ("easy",), "method": ("rpg",), "agent": ("random",), "limit": 2}
+        assert Reproduce(small_root, out, encoder="hashed", shard=shard, **few).run() == 0
+
+    parts, whole = tmp_path / "parts", tmp_path / "whole"
+    for out in (parts, whole):
+        write_short_walks(PersonalDataset(small_root), out)
+    for shard in ("1/2", "2/2"):
+        reproduce(parts, shard)
+        assert f"Shard {shard} is done" in capsys.readouterr().err
+        assert not (parts / FIGURES).exists()
+    assert Merge(parts, (parts / SHARDS,)).run() == 0
+    for out in (parts, whole):
+        reproduce(out)
+    shown = [json.loads((out / FIGURES).read_text())["rows"] for out in (parts, whole)]
+    assert {(row["who"], row["split"]): row["n"] for row in shown[0]} == {
+        (who, split): 2 for who in ("rpg", "random") for split in ("easy", "total")
+    }
+    assert shown[0] == shown[1]
 
 
 def test_unknown_encoders_and_scenes_are_refused_before_any_work(lab: Path, tmp_path: Path) -> None:

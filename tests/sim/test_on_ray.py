@@ -148,7 +148,9 @@ def test_errors_of_the_work_and_of_the_cluster_are_one_line(cluster: Any, monkey
     with pytest.raises(AgentError, match=r"^B: no\.$"):
         list(run_jobs(refuse, ["B"], processes=workers))
     jobs = [SceneJob(Path("nowhere"), home, (EpisodeKey("easy", home, "1"),)) for home in ("A", "C")]
-    with pytest.raises(PersonalVizError, match=r"--on ray: a worker was lost 2 times \(.*; expected it to finish"):
+    with pytest.raises(
+        PersonalVizError, match=r"--on ray: the worker of C was lost 2 times \(.*; expected it to finish"
+    ):
         list(results(open_ended, jobs, processes=workers, batch=1))
     with pytest.raises(PersonalVizError, match=r"no machine of the cluster has a graphics card; .* give --device cpu"):
         list(run_jobs(refuse, ["A"], processes=RayCluster(cluster.address, num_gpus=1.0)))

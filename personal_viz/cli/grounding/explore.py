@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -88,7 +89,8 @@ class Explore:
         with watching(self.rerun, todo, with_pixels=self.with_pixels) as watched:
             found: list[Exploration] = []
             with counted("explore", len(todo)) as progress:
-                for made in run_jobs(run_job, watched, processes=workers, kept="finished explorations are kept"):
+                kept = "finished explorations are kept"
+                for made in run_jobs(run_job, watched, processes=workers, kept=kept, name_of=attrgetter("scene")):
                     found += made
                     progress.add()
         found.sort(key=lambda item: (item.scene, item.storey_y))

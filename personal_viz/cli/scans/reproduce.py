@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Literal, NamedTuple
@@ -321,7 +322,8 @@ def _done_quietly(step: Step) -> None:
 
 def _explore(jobs: Sequence[_ExploreJob], processes: Workers) -> None:
     with counted("explore", len(jobs)) as progress:
-        for _ in run_jobs(_explored, jobs, processes=processes, kept="finished explorations are kept"):
+        kept = "finished explorations are kept"
+        for _ in run_jobs(_explored, jobs, processes=processes, kept=kept, name_of=attrgetter("scene")):
             progress.add()
 
 
