@@ -177,6 +177,16 @@ def picture_grounding(folder: Path) -> None:
         page.screenshot(path=PICTURES / "pog-report.png")
 
 
+def picture_agents(folder: Path) -> None:
+    """OneMap at the end of a search in Rerun: what it detected, its map of similarities, its frontiers and its goal."""
+    homes, rrd = folder / "homes", folder / "onemap.rrd"
+    invent_dataset(homes, name="Invented3", seed=3)
+    key = next(PersonalDataset(homes).episodes(splits=("easy",))).key
+    sees = ("--perception", "oracle:mild", "--episode", str(key))
+    _run_agent("onemap", homes, folder / "runs", *sees, "--rerun", str(rrd), "--with-pixels")
+    screenshot_rrd(rrd, PICTURES / "onemap.png", at_end=True)
+
+
 def picture_homes(folder: Path) -> None:
     """Contact sheets of an invented home, and of a schematic one where the released episodes are."""
     plans: dict[str, HomePlan] = {"home-invented.jpg": invent_plan("Invented7", seed=7)}
@@ -342,6 +352,7 @@ JOBS: dict[str, Callable[[Path], None]] = {
     "demo": picture_demo,
     "pages": picture_pages,
     "grounding": picture_grounding,
+    "agents": picture_agents,
     "homes": picture_homes,
     "scans": picture_scans,
     "tables": picture_tables,
