@@ -14,6 +14,7 @@ from scipy import ndimage
 from grounding.maps.occupancy import OccupancyMapper
 from sim.errors import AgentError
 from sim.frames import forward_from_yaw
+from sim.homes.images import widened
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import FORWARD_STEP, Camera, GridSpec, Observation
 
@@ -302,7 +303,7 @@ def _weights(
         is_thick = np.asarray(ndimage.binary_opening(is_thing, structure=np.ones((3, 3))), bool)
         factor[is_thing & ~is_thick] = _THIN_TIMES
     factor = factor + touched
-    beside = np.asarray(ndimage.binary_dilation(trail, structure=np.ones((3, 3))), bool)
+    beside = widened(trail, 1)
     factor[beside & (factor > _BESIDE_TIMES) & (factor < np.inf)] = _BESIDE_TIMES
     for bump in bumps:
         ahead, aside = forward_from_yaw(bump.yaw)[[0, 2]], forward_from_yaw(bump.yaw - math.pi / 2)[[0, 2]]

@@ -5,9 +5,9 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from sim.compiled import njit
+from sim.homes.images import widened
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN
 from sim.types import Camera, GridSpec
 
@@ -131,7 +131,7 @@ class FeatureGrid:
 
     def is_navigable(self, part: tuple[slice, slice]) -> NDArray[np.bool_]:
         """(rows, cols) of a part: cells without an obstacle in them or beside them; unseen ones are navigable."""
-        return ndimage.maximum_filter(self.is_occupied(part).view(np.uint8), 3, mode="constant") == 0
+        return ~widened(self.is_occupied(part), 1)
 
     def is_explored(self, part: tuple[slice, slice]) -> NDArray[np.bool_]:
         """(rows, cols) of a part: cells that were seen well enough."""

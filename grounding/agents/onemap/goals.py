@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from sim.compiled import njit
+from sim.homes.images import widened
 
 ISLAND_CELLS = 100
 """Unexplored islands with fewer cells count as explored: 1 m2 (OneMap's code)."""
@@ -143,7 +144,7 @@ def hot_cells(similarity: NDArray[np.float32], is_seen: NDArray[np.bool_]) -> ND
         return np.zeros(similarity.shape, bool)
     limit = min(float(np.percentile(values, HOT_PERCENT)), float(values.max()) - _TIE)
     is_best = is_seen & (similarity > limit)
-    return ndimage.maximum_filter(is_best.view(np.uint8), 2 * HOT_REACH + 1, mode="constant") > 0
+    return widened(is_best, HOT_REACH)
 
 
 def _is_near(inside: NDArray[np.int64], row: int, col: int) -> bool:

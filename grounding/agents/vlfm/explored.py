@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from sim.compiled import njit
+from sim.homes.images import widened
 from sim.types import Camera, GridSpec
 
 from .value_map import RANGE
@@ -131,11 +132,9 @@ def frontier_midpoints(
         navigable: (rows, cols); cells outside are unknown.
         least_cells: Unexplored areas with fewer cells that hold nothing explored are counted as explored.
     """
-    size = 2 * BORDER_REACH + 1
-    inside = np.asarray(ndimage.maximum_filter(explored.astype(np.uint8), size, mode="constant"), bool) & navigable
+    inside = widened(explored, BORDER_REACH) & navigable
     inside |= _islands(navigable & ~inside, inside, least_cells)
-    unexplored = (navigable & ~inside).astype(np.uint8)
-    is_open = np.asarray(ndimage.maximum_filter(unexplored, 3, mode="constant"), bool)
+    is_open = widened(navigable & ~inside, 1)
     found = [
         _middle(points[first : last + 1])
         for points, flags in _borders(inside, is_open)

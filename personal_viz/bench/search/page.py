@@ -109,7 +109,7 @@ def _draw(axes: Axes, group: GroupFigures) -> None:
         axes.errorbar(at, [row.sr for row in rows], [below, above], color=colour, marker=marker, capsize=3, label=agent)
     axes.set_xticks(range(len(levels)), [_LEVELS[level] for level in levels])
     axes.set_xlabel("faults of perception")
-    axes.set_ylim(0, None)
+    axes.set_ylim(0, 100)
     axes.set_title(f"{group.homes} homes, {len(group.episodes)} episodes", fontsize=10)
     axes.grid(alpha=0.3)
 
