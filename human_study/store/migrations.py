@@ -8,8 +8,8 @@ APPLICATION_ID = 0x50565354
 """`PRAGMA application_id` of our databases: "PVST"."""
 FIRST_VERSION = 2
 """`PRAGMA user_version` after the first step; version 1 was never released and is not read."""
-_TABLES = ("study", "participant", "assignment", "trial", "sitting", "event", "outcome", "audit", "claim", "release")
-_TABLES += ("stage", "consent", "verification", "exclusion", "exclusion_undone")
+TABLES = ("study", "participant", "assignment", "trial", "sitting", "event", "outcome", "audit", "claim", "release")
+TABLES += ("stage", "consent", "verification", "exclusion", "exclusion_undone")
 
 
 def _guards(*tables: str) -> str:
@@ -162,7 +162,7 @@ BEGIN SELECT RAISE(ABORT, 'the participant did not consent'); END;
 CREATE TRIGGER event_after_outcome BEFORE INSERT ON event
 WHEN EXISTS(SELECT 1 FROM outcome WHERE trial_id = NEW.trial_id)
 BEGIN SELECT RAISE(ABORT, 'the trial has ended'); END;
-""" + _guards(*_TABLES)
+""" + _guards(*TABLES)
 
 MIGRATIONS: tuple[str, ...] = (_SCHEMA,)
 """All steps, the first one from an empty database."""

@@ -44,10 +44,11 @@ def measure_soak(settings: SoakSettings, *, folder: Path, dataset: Path, progres
 
     Returns:
         The server's resources (`held_by`) `at_start`, when everybody was there for the first time, `at_end`, and
-        `at_leave`, when all had left; `..._growth` from start to end, where `clients` are viser's; `connections`, all that the bots opened; `clients_left`, and `leases_left`, participants that the server counts
-        as present after everybody has left. `gateway_drift_percent` and `workers_drift_percent`, the growth of the
-        serving process's memory and of all workers' together, from the fourth tenth of the run (in a full run, the
-        minute after the third) to the last tenth, medians of each, percent; `gateway_mb` and `workers_mb` in the last.
+        `at_leave`, when all had left; `..._growth` from start to end, where `clients` are viser's; `connections`, all
+        that the bots opened; `clients_left`, and `leases_left`, participants that the server counts as present after
+        everybody has left; `gateway_drift_percent` and `workers_drift_percent`, the growth of the serving process's
+        memory and of all workers' together from the fourth tenth of the run (in a full one, the minute after the third)
+        to the last tenth, between their medians; `gateway_mb` and `workers_mb`, the medians in the last tenth.
     """
     with staffed(folder, dataset, settings) as (server, site, bots):
         bots.arrive()
