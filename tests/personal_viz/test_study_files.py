@@ -1,6 +1,7 @@
 """`study init` and `study plan`: texts are frozen with the plan, and nothing that was asked changes in silence."""
 
 import hashlib
+import json
 from pathlib import Path
 
 import pytest
