@@ -17,11 +17,13 @@ from ..design.study import StudyConfig
 from ..journey import Person, Stage
 from .assigning import due_order_no, free_slot, others_can_take, release
 from .database import BACKUP_FOLDER, audit, backup
-from .records import AUDIT_PILOT, DATABASE_FILE, VerificationEntry, read_study
+from .records import AUDIT_PILOT, DATABASE_FILE, AnswerKind, VerificationEntry, answer_place, read_study
 from .trial_writes import Now, abandon_running
 from .vault import Vault
 from .writer import GroupWriter
 
+MAX_ANSWER = 4000
+"""Most characters of a personal answer."""
 KEPT_BACKUPS = 10
 """Number of kept backups; older ones are deleted."""
 
@@ -87,6 +89,27 @@ class PeopleWrites:
             _add_stage(database, code, "consented" if given else "declined", "{}")
             if not given:
                 release(database, code, "declined")
+
+        self._writer.write(job)
+
+    def keep_answer(self, code: str, kind: AnswerKind, text: str) -> None:
+        """Stores what a participant says about the study or about themselves, encrypted with the participant's key.
+
+        A second answer of a kind is stored too; the newest one counts.
+
+        Raises:
+            StudyError: There is no such participant, the participant's records are deleted, or the text is too long.
+        """
+        if len(text) > MAX_ANSWER:
+            raise StudyError(f"participant {code!r}: {kind} has {len(text)} characters; expected {MAX_ANSWER} at most.")
+
+        def job(database: sqlite3.Connection) -> None:
+            self._require_known(database, code)
+            payload = self._vault.seal(code, text, where=answer_place(code, kind))
+            database.execute(
+                "INSERT INTO personal_answer(code, kind, payload, at_ns) VALUES (?, ?, ?, ?)",
+                (code, kind, payload, time.time_ns()),
+            )
 
         self._writer.write(job)
 

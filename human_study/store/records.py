@@ -32,6 +32,8 @@ _RESTORE = "Restore the folder from a backup."
 _END = "CASE WHEN end_reason IS NULL OR end_reason IN ('technical', 'abandoned') THEN end_reason ELSE 'done' END"
 """The end of a trial without its result: all other reasons read as `done`."""
 _Frozen = TypeVar("_Frozen", bound=BaseModel)
+AnswerKind = Literal["survey", "comment"]
+"""Kinds of answers in which people say something of themselves or about the study."""
 VerificationStatus = Literal["verified", "drift", "failed", "unsupported"]
 
 
@@ -279,6 +281,14 @@ class StudyReader:
         )
         return tuple(ExclusionEntry(*row[:6], is_undone=bool(row[6])) for row in rows)
 
+    def answers(self, kind: AnswerKind) -> dict[str, str]:
+        """The newest answer of this kind by participant; people whose key is deleted are left out."""
+        rows = self.rows("SELECT code, payload FROM personal_answer WHERE kind = ? ORDER BY seq", kind)
+        newest = {code: payload for code, payload in rows if not self.is_shredded(code)}
+        return {
+            code: self._vault.open(code, payload, where=answer_place(code, kind)) for code, payload in newest.items()
+        }
+
     def is_shredded(self, code: str) -> bool:
         """Whether the participant's data was deleted; a key that is merely lost is an error when data is read."""
         if self._vault.has_key(code):
@@ -482,6 +492,11 @@ def store_error(path: Path, error: sqlite3.Error) -> StudyError:
         f"{path}: cannot be used ({error}); expected a database on a local disk that you can write. "
         "Check the folder's permissions."
     )
+
+
+def answer_place(code: str, kind: AnswerKind) -> str:
+    """The name of the place to which a personal answer's ciphertext is bound."""
+    return f"{code}/{kind}"
 
 
 def first_hash(study_version: str, trial_id: str) -> str:
