@@ -8,8 +8,8 @@ APPLICATION_ID = 0x50565354
 """`PRAGMA application_id` of our databases: "PVST"."""
 FIRST_VERSION = 2
 """`PRAGMA user_version` after the first step; version 1 was never released and is not read."""
-TABLES = ("study", "participant", "assignment", "trial", "sitting", "event", "outcome", "audit", "claim", "release")
-TABLES += ("stage", "consent", "verification", "exclusion", "exclusion_undone")
+_TABLES = ("study", "participant", "assignment", "trial", "sitting", "event", "outcome", "audit", "claim", "release")
+_TABLES += ("stage", "consent", "verification", "exclusion", "exclusion_undone")
 
 
 def _guards(*tables: str) -> str:
@@ -162,9 +162,20 @@ BEGIN SELECT RAISE(ABORT, 'the participant did not consent'); END;
 CREATE TRIGGER event_after_outcome BEFORE INSERT ON event
 WHEN EXISTS(SELECT 1 FROM outcome WHERE trial_id = NEW.trial_id)
 BEGIN SELECT RAISE(ABORT, 'the trial has ended'); END;
-""" + _guards(*TABLES)
+""" + _guards(*_TABLES)
 
-MIGRATIONS: tuple[str, ...] = (_SCHEMA,)
+_PERSONAL_ANSWERS = """
+CREATE TABLE personal_answer(
+    seq INTEGER PRIMARY KEY,
+    code TEXT NOT NULL REFERENCES participant(code),
+    kind TEXT NOT NULL,
+    payload TEXT NOT NULL CHECK(json_valid(payload)),
+    at_ns INTEGER NOT NULL
+) STRICT;
+CREATE INDEX personal_answer_of_code ON personal_answer(code);
+""" + _guards("personal_answer")
+
+MIGRATIONS: tuple[str, ...] = (_SCHEMA, _PERSONAL_ANSWERS)
 """All steps, the first one from an empty database."""
 SCHEMA_VERSION = FIRST_VERSION + len(MIGRATIONS) - 1
 """`PRAGMA user_version` of an up-to-date database."""

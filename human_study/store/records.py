@@ -13,7 +13,7 @@ from typing import Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from sim.errors import StudyError, line_from_validation_error
+from sim.errors import StudyError, did_you_mean, line_from_validation_error
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import EpisodeKey, TaskKind
 
@@ -24,7 +24,7 @@ from ..journey import AssignedTrial, ConsentEntry, Person, StageEntry
 from ..trial.events import Event, event_from_json
 from ..trial.outcome import Outcome
 from .lock import LOCK_FILE, rows_noted
-from .migrations import APPLICATION_ID, FIRST_VERSION, SCHEMA_VERSION, TABLES
+from .migrations import APPLICATION_ID, FIRST_VERSION, SCHEMA_VERSION
 from .vault import Vault
 
 DATABASE_FILE = "study.db"
@@ -33,6 +33,8 @@ _RESTORE = "Restore the folder from a backup."
 _END = "CASE WHEN end_reason IS NULL OR end_reason IN ('technical', 'abandoned') THEN end_reason ELSE 'done' END"
 """The end of a trial without its result: all other reasons read as `done`."""
 _Frozen = TypeVar("_Frozen", bound=BaseModel)
+AnswerKind = Literal["survey", "comment"]
+"""Kinds of answers in which people say something of themselves or about the study."""
 VerificationStatus = Literal["verified", "drift", "failed", "unsupported"]
 
 
@@ -283,6 +285,14 @@ class StudyReader:
         )
         return tuple(ExclusionEntry(*row[:6], is_undone=bool(row[6])) for row in rows)
 
+    def answers(self, kind: AnswerKind) -> dict[str, str]:
+        """The newest answer of this kind by participant; people whose key is deleted are left out."""
+        rows = self.rows("SELECT code, payload FROM personal_answer WHERE kind = ? ORDER BY seq", kind)
+        newest = {code: payload for code, payload in rows if not self.is_shredded(code)}
+        return {
+            code: self._vault.open(code, payload, where=answer_place(code, kind)) for code, payload in newest.items()
+        }
+
     def is_shredded(self, code: str) -> bool:
         """Whether the participant's data was deleted; a key that is merely lost is an error when data is read."""
         if self._vault.has_key(code):
@@ -352,7 +362,10 @@ class StudyReader:
         if not self.rows("SELECT 1 FROM participant WHERE code = ?", code):
             codes = self.codes()
             ends = " to ".join((*codes[:1], *codes[1:][-1:]))
-            raise StudyError(f"{self._path}: found no participant {code!r}; expected one of {ends}. See study status.")
+            raise StudyError(
+                f"{self._path}: found no participant {code!r}; expected one of {ends}.{did_you_mean(code, codes)} "
+                "See study status."
+            )
 
     def _people(self, code: str | None = None) -> list[Person]:
         """All participants, or the given one, without decrypting anything."""
@@ -456,7 +469,9 @@ def read_study(folder: Path) -> Iterator[StudyReader]:
 
 def num_rows(database: sqlite3.Connection) -> int:
     """Number of rows in all tables, which only grows."""
-    return database.execute("SELECT " + " + ".join(f"(SELECT count(*) FROM {name})" for name in TABLES)).fetchone()[0]
+    names = database.execute("SELECT name FROM sqlite_schema WHERE type = 'table' AND name NOT LIKE 'sqlite%'")
+    counts = [f"(SELECT count(*) FROM {name})" for (name,) in names]
+    return database.execute(f"SELECT {' + '.join(counts)}").fetchone()[0]
 
 
 def require_known_version(database: sqlite3.Connection, path: Path) -> int:
@@ -495,6 +510,11 @@ def store_error(path: Path, error: sqlite3.Error) -> StudyError:
         f"{path}: cannot be used ({error}); expected a database on a local disk that you can write. "
         "Check the folder's permissions."
     )
+
+
+def answer_place(code: str, kind: AnswerKind) -> str:
+    """The name of the place to which a personal answer's ciphertext is bound."""
+    return f"{code}/{kind}"
 
 
 def first_hash(study_version: str, trial_id: str) -> str:
