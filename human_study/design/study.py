@@ -389,7 +389,7 @@ def load_study(folder: Path) -> StudyConfig:
     except ValidationError as error:
         is_other = any(problem["loc"] == ("version",) for problem in error.errors())
         advice = OTHER_PROGRAM if is_other else _ADVICE
-        raise StudyError(line_from_validation_error(path, error, advice=advice)) from None
+        raise StudyError(line_from_validation_error(path, error, advice=advice, model=StudyConfig)) from None
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
-from sim.errors import StudyError
+from sim.errors import StudyError, did_you_mean
 
 from ..design.plan import StudyPlan
 from ..design.secrets import new_id
@@ -283,8 +283,13 @@ class PeopleWrites:
         return free_slot(database, self.config, self.plan, code) is not None
 
     def _require_known(self, database: sqlite3.Connection, code: str) -> None:
-        if not database.execute("SELECT 1 FROM participant WHERE code = ?", (code,)).fetchone():
-            raise StudyError(f"{self.folder}: found no participant {code!r}; expected one of the study's.")
+        codes = [found for (found,) in database.execute("SELECT code FROM participant ORDER BY rowid")]
+        if code not in codes:
+            ends = " to ".join((*codes[:1], *codes[1:][-1:]))
+            raise StudyError(
+                f"{self.folder}: found no participant {code!r}; expected one of {ends}.{did_you_mean(code, codes)} "
+                "See study status."
+            )
 
 
 def _add_stage(database: sqlite3.Connection, code: str, stage: Stage, detail: str) -> None:

@@ -15,7 +15,7 @@ from typing import Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from sim.errors import StudyError, line_from_validation_error
+from sim.errors import StudyError, did_you_mean, line_from_validation_error
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import EpisodeKey, TaskKind
 
@@ -377,7 +377,10 @@ class StudyReader:
         if not self.rows("SELECT 1 FROM participant WHERE code = ?", code):
             codes = self.codes()
             ends = " to ".join((*codes[:1], *codes[1:][-1:]))
-            raise StudyError(f"{self._path}: found no participant {code!r}; expected one of {ends}. See study status.")
+            raise StudyError(
+                f"{self._path}: found no participant {code!r}; expected one of {ends}.{did_you_mean(code, codes)} "
+                "See study status."
+            )
 
     def _people(self, code: str | None = None) -> list[Person]:
         """All participants, or the given one, without decrypting anything."""
