@@ -134,9 +134,7 @@ def progress_html(journey: Journey) -> str:
     if not num_all:
         return ""
     return (
-        f'<div class="personal-progress" role="progressbar" aria-valuemin="0" aria-valuemax="{num_all}" '
-        f'aria-valuenow="{num_done}" aria-label="{num_done} of {num_all} searches done">'
-        f'<div style="width:{100 * num_done / num_all:.1f}%"></div></div>'
+        f'<progress max="{num_all}" value="{num_done}" aria-label="{num_done} of {num_all} searches done"></progress>'
         f'<p class="quiet">{num_done} of {num_all} searches done</p>'
     )
 
