@@ -3,10 +3,12 @@
 import hashlib
 import json
 import sqlite3
+import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -113,6 +115,21 @@ class VerificationEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class StudyDates:
+    """The days of a study by its records, UTC, as `2027-03-31`."""
+
+    frozen: str
+    """Study file and plan were written to the records."""
+    read: str
+    """The records were read."""
+    num_begun: int
+    """Counted trials that somebody has begun, those of people who withdrew included."""
+    first: str | None
+    """The first of these was begun; None where there is none."""
+    last: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class ExclusionEntry:
     """A trial or participant that a rule leaves out of the figures."""
 
@@ -174,6 +191,15 @@ class StudyReader:
     def created_ns(self) -> int:
         """Time at which the study was made: nanoseconds since 1970."""
         return self._one("SELECT created_ns FROM study")[0]
+
+    def dates(self) -> StudyDates:
+        """The days on which the study was frozen, and on which its counted trials were begun."""
+        count, *ends = self._one(
+            "SELECT count(DISTINCT assignment_id), min(opened_ns), max(opened_ns) FROM trial JOIN assignment"
+            " USING(assignment_id) WHERE phase = 'main'"
+        )
+        first, last = (None if end is None else _day(end) for end in ends)
+        return StudyDates(_day(self.created_ns), _day(time.time_ns()), count, first, last)
 
     @property
     def app_version(self) -> str:
@@ -510,6 +536,10 @@ def store_error(path: Path, error: sqlite3.Error) -> StudyError:
         f"{path}: cannot be used ({error}); expected a database on a local disk that you can write. "
         "Check the folder's permissions."
     )
+
+
+def _day(at_ns: int) -> str:
+    return datetime.fromtimestamp(at_ns / 1e9, UTC).date().isoformat()
 
 
 def answer_place(code: str, kind: AnswerKind) -> str:

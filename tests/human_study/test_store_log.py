@@ -156,14 +156,15 @@ def test_the_lock_notes_every_stored_row_and_keeps_the_number_for_the_next_proce
     with open_small(tmp_path) as store:
         assert (tmp_path / LOCK_FILE).read_text().split() == [str(os.getpid()), str(noted)]
         again = store.open_trial("p02", 1)  # a sitting and the event `reconnect`
+        store.keep_answer("p02", "comment", "fine")
         with pytest.raises(StudyError):
             store.open_trial("p02", 99)
         store.append_many(trial.trial_id, again.epoch, [Shown(step=step, frame_hash=None) for step in range(3)])
-        assert rows_noted(tmp_path) == noted + 5 == num_rows(store._database)
+        assert rows_noted(tmp_path) == noted + 6 == num_rows(store._database)
     (tmp_path / LOCK_FILE).write_text("no number\nat all")
     assert rows_noted(tmp_path) == 0
     open_small(tmp_path).close()
-    assert rows_noted(tmp_path) == noted + 5
+    assert rows_noted(tmp_path) == noted + 6
 
 
 @pytest.mark.parametrize("rounds", [8, pytest.param(60, marks=pytest.mark.release)])

@@ -7,7 +7,15 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from human_study.design.study import MAX_STUDY_NAME, STUDY_FILE, StudyConfig, StudyDataset, StudyDesign, save_study
+from human_study.design.study import (
+    MAX_STUDY_NAME,
+    STUDY_FILE,
+    StudyAggregate,
+    StudyConfig,
+    StudyDataset,
+    StudyDesign,
+    save_study,
+)
 from human_study.private_files import write_private
 from human_study.texts.participants import TEXT_FILES, write_texts
 from human_study.texts.words import empty_fields
@@ -53,6 +61,7 @@ class StudyInit:
             dataset=StudyDataset(sha256=episodes.digest(), splits=splits, seed=self.seed),
             task=self.task,
             design=StudyDesign(kind=self.design),
+            aggregate=StudyAggregate(intervals="homes"),
         )
         save_study(self.study, config)
         write_texts(self.study)
