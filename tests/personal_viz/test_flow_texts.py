@@ -214,7 +214,7 @@ def test_damaged_letters_are_dropped(text: str) -> None:
 
 
 def test_the_script_survives_being_an_attribute() -> None:
-    source = page_html(panel_width=400)
+    source = page_html()
     assert tags_in(source) == ["style", "img"]
 
     assert dict(Tags(source).found)["img"]["onerror"] == (STATIC / "page.js").read_text(encoding="utf-8")
