@@ -36,7 +36,7 @@ from .study_yaml import json_from_yaml
 STUDY_FILE = "study.yaml"
 MAX_STUDY_NAME = 32
 """Most characters of a study's name."""
-_MODEL = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+_MODEL = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 _ADVICE = "Correct the field; personal-viz study init writes a valid file."
 OTHER_PROGRAM = "It was written by another version of personal-viz: use that one."
 Seconds = Annotated[float, Field(ge=0)]
