@@ -55,7 +55,16 @@ def commented_yaml(values: BaseModel) -> str:
     The comments are the docstrings and types of the model (`schema_of`), so they cannot differ from what is read.
     """
     schema = schema_of(type(values))
-    return "\n".join(_lines(schema, values.model_dump(mode="json"), schema.get("$defs", {}))) + "\n"
+    text = "\n".join(_lines(schema, values.model_dump(mode="json"), schema.get("$defs", {})))
+    return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+
+
+def field_told(schema: Mapping[str, Any], place: str) -> tuple[str, str]:
+    """The meaning and the allowed values of a field such as `design.kind`, both in words."""
+    defs, field = schema.get("$defs", {}), schema
+    for name in place.split("."):
+        field = _resolved(field, defs)["properties"][name]
+    return field.get("description", ""), _allowed(field, defs)
 
 
 def schema_of(model: type[BaseModel]) -> dict[str, Any]:
@@ -84,22 +93,22 @@ def _lines(schema: Mapping[str, Any], values: Mapping[str, Any], defs: Mapping[s
     """Lines of an object's fields, in the order of the schema."""
     for name, field in schema["properties"].items():
         inner = _resolved(field, defs)
-        says = [field.get("description") or inner.get("description", "")]
+        meaning = field.get("description") or inner.get("description", "")
         if "properties" in inner:
             yield ""
-            yield from _comment(says)
+            yield from _comment(meaning)
             yield f"{name}:"
             yield from (textwrap.indent(line, "  ") for line in _lines(inner, values[name], defs))
+            yield ""
             continue
-        says.append(f"Values: {_allowed(field, defs)}.")
-        if "default" in field:
-            says.append(f"Default: {_written(field['default'])}.")
-        yield from _comment(says)
+        yield from _comment(meaning)
+        default = f"; default {_written(field['default'])}" if "default" in field else ""
+        yield from _comment(f"{_allowed(field, defs)}{default}", mark="#   ")
         yield f"{name}: {_written(values[name])}"
 
 
-def _comment(sentences: list[str]) -> list[str]:
-    return textwrap.wrap(" ".join(filter(None, sentences)), _WIDTH, initial_indent="# ", subsequent_indent="# ")
+def _comment(text: str, *, mark: str = "# ") -> list[str]:
+    return textwrap.wrap(text, _WIDTH, initial_indent=mark, subsequent_indent=mark, break_on_hyphens=False)
 
 
 def _written(value: Any) -> str:
@@ -124,9 +133,8 @@ def _allowed(field: Mapping[str, Any], defs: Mapping[str, Any]) -> str:
         return " | ".join(map(_written, field.get("enum", [field.get("const")])))
     match field.get("type"):
         case "array" if "items" in field or "prefixItems" in field:
-            counts = [f"{word} {field[key]}" for key, word in _COUNTS.items() if key in field]
-            inner = field.get("items") or {"anyOf": field["prefixItems"]}
-            return f"list of {' and '.join(counts) + ' of ' if counts else ''}{_allowed(inner, defs)}"
+            counts = "".join(f", {word} {field[key]}" for key, word in _COUNTS.items() if key in field)
+            return f"list of {_allowed(field.get('items') or {'anyOf': field['prefixItems']}, defs)}{counts}"
         case "object" if "properties" in field:
             return f"fields {', '.join(field['properties'])}"
         case "object":
