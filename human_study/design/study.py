@@ -177,6 +177,9 @@ class StudyAggregate(BaseModel):
     """The row Total: mean of the splits' figures, all trials alike, or splits weighted as in the dataset."""
     weight: Literal["trials", "participants"] = "trials"
     """Whether each trial counts alike, or each participant."""
+    intervals: Literal["homes", "episodes"] = "episodes"
+    """What intervals take for random beside people: homes with the episodes in them, or episodes alone, which holds for
+    other episodes of the same homes only. New studies say `homes`; files without the field are of earlier ones."""
 
 
 class StudyPrivacy(BaseModel):
@@ -211,6 +214,18 @@ class StudyEthics(BaseModel):
     """A person for questions, with an address or a number."""
     pay: str = ""
     """What participants get, and when: one sentence."""
+    pay_if_leaving: str = ""
+    """Pay of people who stop early, withdraw or cannot take part after the consent form, as participants read it."""
+    insurance: str = ""
+    """The insurance of participants, or that there is none, as participants read it."""
+    data_protection_officer: str = ""
+    """Name or office, with an address."""
+    legal_basis: str = ""
+    """Legal basis for storing the data, such as `your consent, Art. 6 (1) (a) GDPR`."""
+    complaint_body: str = ""
+    """The office to which people can complain about the use of their data."""
+    language_model: str = ""
+    """Which data of people goes to which language model, and who runs it where, as participants read it; "" = none."""
     duration_min: Annotated[int, Field(ge=1)] | None = None
     """Duration announced to participants, minutes; None = estimated from the plan."""
 
@@ -288,6 +303,10 @@ class StudyConfig(BaseModel):
     """Your own rules that leave trials or people out: id to text, written down before the first trial."""
     primary: Annotated[tuple[Annotated[str, AfterValidator(require_hypothesis)], ...], Field(max_length=3)] = ()
     """At most three hypotheses, named before the first trial, such as human_minus_agent_SR or memory_effect_SPL."""
+    smallest_effect: Annotated[float, Field(gt=0, le=100)] | None = None
+    """Smallest difference between success rates that would matter, percentage points; needed to preregister."""
+    sample_size_reason: str = ""
+    """Why this many people and trials, such as the power that `study plan --power` gives; needed to preregister."""
     privacy: StudyPrivacy = StudyPrivacy()
     recruit: StudyRecruit = StudyRecruit()
     ethics: StudyEthics = StudyEthics()

@@ -37,6 +37,11 @@ _IN_A_PILOT = {
     "institution": "The team of this pilot study",
     "contact": "the person who gave you your link",
     "pay": "No pay is stated for this pilot study.",
+    "pay_if_leaving": "Whoever stops early has no disadvantage.",
+    "insurance": "No insurance is stated for this pilot study.",
+    "data_protection_officer": "none is stated for this pilot study",
+    "legal_basis": "your consent",
+    "complaint_body": "the data protection authority of your country",
     "irb": "none is stated for this pilot study",
     "retention_date": "a day that is not set yet",
 }
@@ -45,6 +50,11 @@ _FIELDS = {
     "ethics.institution": "institution",
     "ethics.contact": "contact",
     "ethics.pay": "pay",
+    "ethics.pay_if_leaving": "pay_if_leaving",
+    "ethics.insurance": "insurance",
+    "ethics.data_protection_officer": "data_protection_officer",
+    "ethics.legal_basis": "legal_basis",
+    "ethics.complaint_body": "complaint_body",
     "ethics.irb": "irb",
     "ethics.duration_min": "minutes",
     "privacy.retention": "retention_date",
@@ -187,10 +197,9 @@ def _is_kept(block: str) -> bool:
 
 def _stated(config: StudyConfig, plan: StudyPlan | None) -> dict[str, str]:
     """Values of the fields that texts need, with the announced time from the plan; '' = the study file has none."""
-    ethics = config.ethics
-    given = (ethics.institution, ethics.contact, ethics.pay, ethics.irb, announced_minutes(config, plan))
-    values = (*given, config.privacy.retention)
-    return {field: str(value or "").strip() for field, value in zip(_FIELDS, values, strict=True)}
+    values = {field: getattr(config.ethics, field.removeprefix("ethics."), "") for field in _FIELDS}
+    values |= {"ethics.duration_min": announced_minutes(config, plan), "privacy.retention": config.privacy.retention}
+    return {field: str(value or "").strip() for field, value in values.items()}
 
 
 def _time_limit(config: StudyConfig, task: TaskKind) -> str:

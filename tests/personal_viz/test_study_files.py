@@ -26,6 +26,11 @@ ETHICS = {
     "institution": "The University of Anywhere",
     "contact": "study@anywhere.example",
     "pay": "12 EUR",
+    "pay_if_leaving": "You get it whenever you stop.",
+    "insurance": "There is none.",
+    "data_protection_officer": "dpo@anywhere.example",
+    "legal_basis": "your consent",
+    "complaint_body": "the Data Protection Authority of Anywhere",
 }
 
 
@@ -35,7 +40,9 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
     study, dataset = tmp_path / "study", tmp_path / "dataset"
     invented_dataset(dataset, name="FlowHome", seed=5)
     StudyInit(study=study, dataset=dataset, per_split=1).run()
-    assert "ethics.institution, ethics.contact, ethics.pay, ethics.irb, privacy.retention\n" in capsys.readouterr().out
+    law = "ethics.insurance, ethics.data_protection_officer, ethics.legal_basis, ethics.complaint_body"
+    fields = f"ethics.institution, ethics.contact, ethics.pay, ethics.pay_if_leaving, {law}, ethics.irb"
+    assert f"{fields}, privacy.retention\n" in capsys.readouterr().out
     file = (study / STUDY_FILE).read_text(encoding="utf-8")
     for asked, instead in (
         ("trials_per_person: null", "trials_per_person: 4"),
@@ -132,7 +139,7 @@ def test_the_wizard_asks_for_what_only_a_person_knows_and_checks_each_answer(
     assert "answer: privacy.retention is '2027-02-31'" in done.stdout
     left = [line for line in done.stdout.splitlines() if line.startswith("Before people take part")]
     assert "ethics.institution" in left[0]
-    assert "ethics.pay" not in left[0]
+    assert "ethics.pay," not in left[0]
 
 
 def test_a_wizard_that_ends_early_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from human_study.design.study import (
     MAX_STUDY_NAME,
     SCHEMA_FILE,
     STUDY_FILE,
+    StudyAggregate,
     StudyConfig,
     StudyDataset,
     StudyDesign,
@@ -63,6 +64,7 @@ class StudyInit:
             dataset=StudyDataset(sha256=episodes.digest(), splits=splits, seed=self.seed),
             task=self.task,
             design=StudyDesign(kind=self.design),
+            aggregate=StudyAggregate(intervals="homes"),
         )
         if self.wizard:
             config = asked(config)

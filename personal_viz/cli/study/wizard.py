@@ -12,7 +12,10 @@ from human_study.design.study_yaml import field_told, schema_of
 from human_study.texts.words import empty_fields
 from sim.errors import StudyError, line_from_validation_error
 
-ALWAYS = ("study", "task", "design.kind", "design.raters_per_episode", "design.trials_per_person", "recruit.kind")
+ALWAYS = (
+    *("study", "task", "design.kind", "design.raters_per_episode", "design.trials_per_person"),
+    *("smallest_effect", "sample_size_reason", "recruit.kind", "ethics.language_model"),
+)
 """Fields that are asked for besides those that the texts need."""
 
 
