@@ -49,6 +49,8 @@ model (`glb`). POG: pointing after a look at the home (`map_first`), with text a
 the agents' own top-down map (`map_2d`)."""
 HomeView = Literal["browser", "server"]
 """Where the pictures of a 3-D home are made: in the browser, which then has its geometry, or on the server."""
+Language = Literal["en"]
+"""A language of `texts/languages`."""
 FlowStep = Literal["device", "consent", "instructions", "quiz"]
 
 
@@ -225,6 +227,8 @@ class StudyConfig(BaseModel):
     steps: Annotated[int, Field(ge=1, le=MAX_STEPS)] = MAX_STEPS
     pan_max_s: Annotated[float, Field(gt=0)] | None = None
     """Longest PAN trial; then it ends as `timeout`."""
+    language: Language = "en"
+    """Language of every text for participants besides the episodes' own."""
     query_index: Count = 0
     """Index of the query's paraphrase that everybody reads."""
     success: SuccessRule = "paper"

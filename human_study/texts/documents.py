@@ -14,6 +14,7 @@ from ..design.analysis import ALPHA, HYPOTHESIS_NAME, LEVEL, NUM_RESAMPLES
 from ..design.plan import PlannedParticipant, StudyPlan
 from ..design.study import StudyConfig
 from ..store.exclusions import rules_before_data
+from .catalogue import ENGLISH, catalogue_of
 from .estimate import BREAK_S, LOOK_S, READING_S, ROUND_TO_MIN, TRIAL_S, TimeEstimate, estimate_time
 from .words import filled, open_place, words_of
 
@@ -85,10 +86,15 @@ def ethics_documents(config: StudyConfig, plan: StudyPlan | None, *, consent: st
     """
     sample = sample_of(config, plan) if plan is not None else None
     words = board_words(config, plan, sample)
+    told = words_of(config, plan=plan)
+    told |= {
+        "per_task": [words_of(config, plan=plan, task=task) for task in config.task],
+        "pay_sentence": _sentence(told["pay"]),
+    }
     return {
         "protocol.md": filled("protocol.md", words),
-        "information_sheet.md": filled("information_sheet.md", words),
-        "consent.md": consent if consent is not None else filled("consent.md", words),
+        "information_sheet.md": filled("information_sheet.md", told),
+        "consent.md": consent if consent is not None else filled("consent.md", told),
         "data_flow.md": filled("data_flow.md", words),
         "retention.md": filled("retention.md", words),
         "time_and_pay.md": filled("time_and_pay.md", words | _times(sample)),
@@ -98,8 +104,8 @@ def ethics_documents(config: StudyConfig, plan: StudyPlan | None, *, consent: st
 
 def board_words(config: StudyConfig, plan: StudyPlan | None, sample: Sample | None) -> dict[str, Any]:
     """The words of the study for readers who are not participants, with the numbers of its plan."""
-    words = words_of(config, plan=plan)
-    pay, changes = words["pay"], plan.changes if plan is not None else ()
+    words = words_of(config, plan=plan, catalogue=catalogue_of(ENGLISH))
+    changes = plan.changes if plan is not None else ()
     practice = [f"{getattr(config.practice, task)} {task.upper()}" for task in config.task]
     return words | {
         "is_planned": plan is not None,
@@ -108,10 +114,9 @@ def board_words(config: StudyConfig, plan: StudyPlan | None, sample: Sample | No
         "spare": f"{sample.num_spare} more may be invited, who do the trials that others leave."
         if sample is not None and sample.num_spare
         else "",
-        "per_task": [words_of(config, plan=plan, task=task) for task in config.task],
         "practice": ", ".join(practice) if any(getattr(config.practice, task) for task in config.task) else "",
         "is_counterbalanced": any(len(config.conditions(task)) > 1 for task in config.task),
-        "pay_sentence": pay if pay.endswith((".", "!", "]")) else f"{pay}.",
+        "pay_sentence": _sentence(words["pay"]),
     }
 
 
@@ -193,6 +198,10 @@ def _analysis(config: StudyConfig) -> dict[str, Any]:
         "alpha": f"{ALPHA:.0%}",
         "resamples": f"{NUM_RESAMPLES:,}".replace(",", " "),
     }
+
+
+def _sentence(pay: str) -> str:
+    return pay if pay.endswith((".", "!", "]")) else f"{pay}."
 
 
 def _people(count: int) -> str:

@@ -7,7 +7,15 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from human_study.design.study import MAX_STUDY_NAME, STUDY_FILE, StudyConfig, StudyDataset, StudyDesign, save_study
+from human_study.design.study import (
+    MAX_STUDY_NAME,
+    STUDY_FILE,
+    Language,
+    StudyConfig,
+    StudyDataset,
+    StudyDesign,
+    save_study,
+)
 from human_study.private_files import write_private
 from human_study.texts.participants import TEXT_FILES, write_texts
 from human_study.texts.words import empty_fields
@@ -37,6 +45,7 @@ class StudyInit:
     name: Annotated[str | None, arg(help="Public name of the study; that of the folder by default.")] = None
     task: Annotated[tuple[Literal["pan", "pog"], ...], arg(help="Both: each participant does one of them.")] = ("pan",)
     design: Literal["house-once", "crossed"] = "house-once"
+    language: Annotated[Language, arg(help="Language of the texts for participants.")] = "en"
     per_split: Annotated[int, arg(help="Episodes of each split.")] = 50
     seed: int = 0
 
@@ -52,10 +61,11 @@ class StudyInit:
             study=self.name or _study_name(self.study),
             dataset=StudyDataset(sha256=episodes.digest(), splits=splits, seed=self.seed),
             task=self.task,
+            language=self.language,
             design=StudyDesign(kind=self.design),
         )
         save_study(self.study, config)
-        write_texts(self.study)
+        write_texts(self.study, self.language)
         write_private(self.study / CODES_FILE, CODES_TEMPLATE)
         print(f"Written to {self.study}: {STUDY_FILE}, {', '.join(TEXT_FILES)}, {CODES_FILE}")
         left = [field for field in empty_fields(config) if field != "ethics.duration_min"]  # the plan estimates it
