@@ -197,6 +197,18 @@ class StudyEthics(BaseModel):
     institution: str = ""
     contact: str = ""
     pay: str = ""
+    pay_if_leaving: str = ""
+    """Pay of people who stop early, withdraw or cannot take part after the consent form, as participants read it."""
+    insurance: str = ""
+    """The insurance of participants, or that there is none, as participants read it."""
+    data_protection_officer: str = ""
+    """Name or office, with an address."""
+    legal_basis: str = ""
+    """Legal basis for storing the data, such as `your consent, Art. 6 (1) (a) GDPR`."""
+    complaint_body: str = ""
+    """The office to which people can complain about the use of their data."""
+    language_model: str = ""
+    """Which data of people goes to which language model, and who runs it where, as participants read it; "" = none."""
     duration_min: Annotated[int, Field(ge=1)] | None = None
     """Duration announced to participants, minutes; None = estimated from the plan."""
 
@@ -267,6 +279,10 @@ class StudyConfig(BaseModel):
     """Your own rules that leave trials or people out: id to text, written down before the first trial."""
     primary: Annotated[tuple[Annotated[str, AfterValidator(require_hypothesis)], ...], Field(max_length=3)] = ()
     """At most three hypotheses, named before the first trial in the form of `analysis`."""
+    smallest_effect: Annotated[float, Field(gt=0, le=100)] | None = None
+    """Smallest difference between success rates that would matter, percentage points; needed to preregister."""
+    sample_size_reason: str = ""
+    """Why this many people and trials, such as the power that `study plan --power` gives; needed to preregister."""
     privacy: StudyPrivacy = StudyPrivacy()
     recruit: StudyRecruit = StudyRecruit()
     ethics: StudyEthics = StudyEthics()
@@ -377,7 +393,7 @@ def load_study(folder: Path) -> StudyConfig:
     except ValidationError as error:
         is_other = any(problem["loc"] == ("version",) for problem in error.errors())
         advice = OTHER_PROGRAM if is_other else _ADVICE
-        raise StudyError(line_from_validation_error(path, error, advice=advice)) from None
+        raise StudyError(line_from_validation_error(path, error, advice=advice, model=StudyConfig)) from None
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -176,6 +176,7 @@ def require_keys(reader: StudyReader) -> None:
     sealed = reader.rows(
         f"SELECT code, trial_id || '/' || seq, payload FROM event {of_trial} WHERE seq = 1 UNION ALL"
         f" SELECT code, trial_id || '/outcome', payload FROM outcome {of_trial}"
+        " UNION ALL SELECT code, code || '/' || kind, payload FROM personal_answer"
     )
     withdrew = {code for (code,) in reader.rows("SELECT code FROM stage WHERE stage = 'withdrawn'")}
     deleted = withdrew if reader.config.privacy.on_withdraw == "delete" else set()

@@ -3,17 +3,19 @@
 import hashlib
 import json
 import sqlite3
+import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from sim.errors import StudyError, line_from_validation_error
+from sim.errors import StudyError, did_you_mean, line_from_validation_error
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import EpisodeKey, TaskKind
 
@@ -32,6 +34,8 @@ _RESTORE = "Restore the folder from a backup."
 _END = "CASE WHEN end_reason IS NULL OR end_reason IN ('technical', 'abandoned') THEN end_reason ELSE 'done' END"
 """The end of a trial without its result: all other reasons read as `done`."""
 _Frozen = TypeVar("_Frozen", bound=BaseModel)
+AnswerKind = Literal["survey", "comment"]
+"""Kinds of answers in which people say something of themselves or about the study."""
 VerificationStatus = Literal["verified", "drift", "failed", "unsupported"]
 
 
@@ -110,6 +114,21 @@ class VerificationEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class StudyDates:
+    """The days of a study by its records, UTC, as `2027-03-31`."""
+
+    frozen: str
+    """Study file and plan were written to the records."""
+    read: str
+    """The records were read."""
+    num_begun: int
+    """Counted trials that somebody has begun, those of people who withdrew included."""
+    first: str | None
+    """The first of these was begun; None where there is none."""
+    last: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class ExclusionEntry:
     """A trial or participant that a rule leaves out of the figures."""
 
@@ -168,6 +187,15 @@ class StudyReader:
     def created_ns(self) -> int:
         """Time at which the study was made: nanoseconds since 1970."""
         return self._one("SELECT created_ns FROM study")[0]
+
+    def dates(self) -> StudyDates:
+        """The days on which the study was frozen, and on which its counted trials were begun."""
+        count, *ends = self._one(
+            "SELECT count(DISTINCT assignment_id), min(opened_ns), max(opened_ns) FROM trial JOIN assignment"
+            " USING(assignment_id) WHERE phase = 'main'"
+        )
+        first, last = (None if end is None else _day(end) for end in ends)
+        return StudyDates(_day(self.created_ns), _day(time.time_ns()), count, first, last)
 
     @property
     def app_version(self) -> str:
@@ -279,6 +307,14 @@ class StudyReader:
         )
         return tuple(ExclusionEntry(*row[:6], is_undone=bool(row[6])) for row in rows)
 
+    def answers(self, kind: AnswerKind) -> dict[str, str]:
+        """The newest answer of this kind by participant; people whose key is deleted are left out."""
+        rows = self.rows("SELECT code, payload FROM personal_answer WHERE kind = ? ORDER BY seq", kind)
+        newest = {code: payload for code, payload in rows if not self.is_shredded(code)}
+        return {
+            code: self._vault.open(code, payload, where=answer_place(code, kind)) for code, payload in newest.items()
+        }
+
     def is_shredded(self, code: str) -> bool:
         """Whether the participant's data was deleted; a key that is merely lost is an error when data is read."""
         if self._vault.has_key(code):
@@ -341,7 +377,10 @@ class StudyReader:
         if not self.rows("SELECT 1 FROM participant WHERE code = ?", code):
             codes = self.codes()
             ends = " to ".join((*codes[:1], *codes[1:][-1:]))
-            raise StudyError(f"{self._path}: found no participant {code!r}; expected one of {ends}. See study status.")
+            raise StudyError(
+                f"{self._path}: found no participant {code!r}; expected one of {ends}.{did_you_mean(code, codes)} "
+                "See study status."
+            )
 
     def _people(self, code: str | None = None) -> list[Person]:
         """All participants, or the given one, without decrypting anything."""
@@ -479,6 +518,15 @@ def store_error(path: Path, error: sqlite3.Error) -> StudyError:
         f"{path}: cannot be used ({error}); expected a database on a local disk that you can write. "
         "Check the folder's permissions."
     )
+
+
+def _day(at_ns: int) -> str:
+    return datetime.fromtimestamp(at_ns / 1e9, UTC).date().isoformat()
+
+
+def answer_place(code: str, kind: AnswerKind) -> str:
+    """The name of the place to which a personal answer's ciphertext is bound."""
+    return f"{code}/{kind}"
 
 
 def first_hash(study_version: str, trial_id: str) -> str:

@@ -14,6 +14,7 @@ from ..design.analysis import ALPHA, HYPOTHESIS_NAME, LEVEL, NUM_RESAMPLES
 from ..design.plan import PlannedParticipant, StudyPlan
 from ..design.study import StudyConfig
 from ..store.exclusions import rules_before_data
+from ..store.records import StudyDates
 from .catalogue import ENGLISH, catalogue_of
 from .estimate import BREAK_S, LOOK_S, READING_S, ROUND_TO_MIN, TRIAL_S, TimeEstimate, estimate_time
 from .words import filled, open_place, words_of
@@ -77,12 +78,15 @@ class Sample:
         return sum(share.num_trials for share in self.shares)
 
 
-def ethics_documents(config: StudyConfig, plan: StudyPlan | None, *, consent: str | None = None) -> dict[str, str]:
+def ethics_documents(
+    config: StudyConfig, plan: StudyPlan | None, *, consent: str | None = None, dates: StudyDates | None = None
+) -> dict[str, str]:
     """Each document by its file name, Markdown.
 
     Args:
         plan: Gives the numbers of people, trials and homes; None = not planned yet, and they are marked as open.
         consent: The consent form as the participants will read it; None = the form that a new study begins with.
+        dates: Dates of the study's records; None = the study has none yet.
     """
     sample = sample_of(config, plan) if plan is not None else None
     words = board_words(config, plan, sample)
@@ -98,7 +102,7 @@ def ethics_documents(config: StudyConfig, plan: StudyPlan | None, *, consent: st
         "data_flow.md": filled("data_flow.md", words),
         "retention.md": filled("retention.md", words),
         "time_and_pay.md": filled("time_and_pay.md", words | _times(sample)),
-        "preregistration.md": filled("preregistration.md", words | _analysis(config)),
+        "preregistration.md": filled("preregistration.md", words | _analysis(config) | _registered(config, dates)),
     }
 
 
@@ -202,6 +206,20 @@ def _analysis(config: StudyConfig) -> dict[str, Any]:
 
 def _sentence(pay: str) -> str:
     return pay if pay.endswith((".", "!", "]")) else f"{pay}."
+
+
+def _registered(config: StudyConfig, dates: StudyDates | None) -> dict[str, Any]:
+    """What was fixed when, and what only the researcher knows about the size of the sample."""
+    effect = config.smallest_effect
+    begun = dates.num_begun if dates is not None else 0
+    return {
+        "dates": dates,
+        "begun": f"{how_many(begun, 'counted trial')} {'was' if begun == 1 else 'were'}",
+        "smallest_effect": open_place("smallest_effect")
+        if effect is None
+        else f"a difference of {effect:g} percentage points between success rates",
+        "sample_size_reason": config.sample_size_reason or open_place("sample_size_reason"),
+    }
 
 
 def _people(count: int) -> str:

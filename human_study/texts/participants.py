@@ -17,7 +17,7 @@ from ..design.plan import StudyPlan
 from ..design.study import Condition, Language, StudyConfig, write_whole
 from ..journey import AssignedTrial, Person
 from .catalogue import catalogue_of
-from .contradictions import disagreements
+from .contradictions import disagreements, unsaid
 from .words import filled, filled_text, open_places, source_of, words_of
 
 CONSENT_FILE = "consent.md"
@@ -58,7 +58,8 @@ def freeze_texts(folder: Path, config: StudyConfig, plan: StudyPlan) -> dict[str
             text = filled_text(source, words, where=folder / name)
             told[told_name(name, task)] = text
             if config.flow != ("instructions",) and name.removesuffix(".md") in config.flow:
-                problems += [f"{name}: {problem}" for problem in _problems(text, config, plan, task)]
+                found = _problems(text, config, plan, task) + (unsaid(text, config) if name == CONSENT_FILE else [])
+                problems += [f"{name}: {problem}" for problem in found]
     if problems:
         raise StudyError(
             f"{folder}: texts for participants do not fit study.yaml: {'; '.join(dict.fromkeys(problems))}. Expected "

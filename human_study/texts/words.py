@@ -39,6 +39,11 @@ _FIELDS = {
     "ethics.institution": "institution",
     "ethics.contact": "contact",
     "ethics.pay": "pay",
+    "ethics.pay_if_leaving": "pay_if_leaving",
+    "ethics.insurance": "insurance",
+    "ethics.data_protection_officer": "data_protection_officer",
+    "ethics.legal_basis": "legal_basis",
+    "ethics.complaint_body": "complaint_body",
     "ethics.irb": "irb",
     "ethics.duration_min": "minutes",
     "privacy.retention": "retention_date",
@@ -199,10 +204,13 @@ def _environment(catalogue: Catalogue) -> SandboxedEnvironment:
 
 def _stated(config: StudyConfig, plan: StudyPlan | None, told: Catalogue) -> dict[str, str]:
     """Values of the fields that texts need, with the announced time from the plan; '' = the study file has none."""
-    ethics, day = config.ethics, config.privacy.retention
-    given = (ethics.institution, ethics.contact, ethics.pay, ethics.irb, announced_minutes(config, plan))
-    values = (*given, told.date(day) if day is not None else None)
-    return {field: str(value or "").strip() for field, value in zip(_FIELDS, values, strict=True)}
+    values = {field: getattr(config.ethics, field.removeprefix("ethics."), "") for field in _FIELDS}
+    day = config.privacy.retention
+    values |= {
+        "ethics.duration_min": announced_minutes(config, plan),
+        "privacy.retention": told.date(day) if day is not None else "",
+    }
+    return {field: str(value or "").strip() for field, value in values.items()}
 
 
 def _time_limit(config: StudyConfig, task: TaskKind, told: Catalogue) -> str:

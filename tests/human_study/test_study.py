@@ -79,8 +79,14 @@ def test_a_study_file_comes_back_as_it_was_and_is_never_replaced(tmp_path: Path)
     ("change", "message"),
     [
         ({"max_steps": 3}, "max_steps is 3; expected: Extra inputs are not permitted"),
+        ({"desing": {}}, "Extra inputs are not permitted. Did you mean 'design'? Correct the field"),
+        (
+            {"memory": {"arm": ["none"]}},
+            "memory.arm is ['none']; expected: Extra inputs are not permitted. Did you mean",
+        ),
         ({"steps": 501}, "steps is 501; expected: Input should be less than or equal to 500"),
         ({"actions": "all"}, "actions is 'all'; expected: Input should be 'paper4' or 'paper6'"),
+        ({"actions": "paper"}, "Input should be 'paper4' or 'paper6'. Did you mean 'paper"),
         ({"study": "../up"}, "study is '../up'"),
         ({"task": ["pan", "pan"]}, "each of task once"),
         ({"memory": {"arms": ["none", "none"]}}, "each of memory.arms once"),

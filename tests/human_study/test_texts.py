@@ -235,8 +235,11 @@ def test_a_study_whose_file_is_not_filled_in_cannot_be_planned(tmp_path: Path) -
         frozen(tmp_path, paged_study())
     line = str(caught.value)
     assert "\n" not in line
-    fields = "ethics.institution, ethics.pay, privacy.retention, ethics.contact, ethics.irb"
-    assert f"consent.md: {fields} to be filled in" in line
+    fields = (
+        "ethics.institution, ethics.insurance, ethics.pay, ethics.pay_if_leaving, privacy.retention, ethics.contact"
+    )
+    law = "ethics.irb, ethics.legal_basis, ethics.data_protection_officer, ethics.complaint_body"
+    assert f"consent.md: {fields}, {law} to be filled in" in line
     assert not (tmp_path / "told").exists()
     frozen(tmp_path, paged_study(**FILLED))
     frozen(tmp_path, paged_study(flow=("instructions",)))  # nobody is shown the consent form
@@ -269,7 +272,7 @@ def test_a_text_changed_by_hand_must_say_what_the_study_file_says(tmp_path: Path
     for part in (
         "consent.md: says 'takes about 20 minutes'",
         "ethics.duration_min) is 2700",
-        "says '15 EUR', but ethics.pay is 12",
+        "says '15 EUR', but ethics.pay is 4 or 12",
         "instructions.md: says 'have 500 steps', but steps is 300",
         "says 'within two metres'",
         "Correct study.yaml or the text, then plan again.",
@@ -309,6 +312,24 @@ def test_a_text_changed_by_hand_must_say_what_the_study_file_says(tmp_path: Path
 def test_numbers_are_compared_where_words_name_them(text: str, is_said_otherwise: bool) -> None:
     config = paged_study(task=("pan",), **FILLED)
     assert bool(disagreements(text, config, plan=plan(config), task="pan")) == is_said_otherwise, text
+
+
+def test_a_consent_form_must_say_what_goes_to_a_language_model(tmp_path: Path) -> None:
+    told = "We send your comments to the language model of Somebody Ltd, in Anywhere, to sort them."
+    config = paged_study(**(FILLED | {"ethics": FILLED["ethics"] | {"language_model": told}}))
+    frozen(tmp_path / "own", config)
+    consent = (tmp_path / "own" / told_name("consent.md", "pan")).read_text(encoding="utf-8")
+    assert f"{told} Nothing else of yours is sent to a language model." in " ".join(consent.split())
+    for text, problem in (
+        ("Take part.", "does not name the language model, but ethics.language_model is set"),
+        ("We never send a word to a language model.", "says 'never send a word to a language model', but ethics.lan"),
+    ):
+        (tmp_path / "own" / "consent.md").write_text(text)
+        with pytest.raises(StudyError, match=f"consent.md: {problem}"):
+            frozen(tmp_path / "own", config)
+    frozen(tmp_path / "none", paged_study(**FILLED))
+    consent = (tmp_path / "none" / told_name("consent.md", "pan")).read_text(encoding="utf-8")
+    assert "Nothing that you do or write is sent to a language model" in " ".join(consent.split())
 
 
 def test_a_field_that_no_study_has_is_refused_with_its_name(tmp_path: Path) -> None:

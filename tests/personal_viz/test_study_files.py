@@ -1,6 +1,7 @@
 """`study init` and `study plan`: texts are frozen with the plan, and nothing that was asked changes in silence."""
 
 import hashlib
+import json
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,11 @@ ETHICS = {
     "institution": "The University of Anywhere",
     "contact": "study@anywhere.example",
     "pay": "12 EUR",
+    "pay_if_leaving": "You get it whenever you stop.",
+    "insurance": "There is none.",
+    "data_protection_officer": "dpo@anywhere.example",
+    "legal_basis": "your consent",
+    "complaint_body": "the Data Protection Authority of Anywhere",
 }
 
 
@@ -28,7 +34,9 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
     study, dataset = tmp_path / "study", tmp_path / "dataset"
     invented_dataset(dataset, name="FlowHome", seed=5)
     StudyInit(study=study, dataset=dataset, per_split=1).run()
-    assert "ethics.institution, ethics.contact, ethics.pay, ethics.irb, privacy.retention\n" in capsys.readouterr().out
+    law = "ethics.insurance, ethics.data_protection_officer, ethics.legal_basis, ethics.complaint_body"
+    fields = f"ethics.institution, ethics.contact, ethics.pay, ethics.pay_if_leaving, {law}, ethics.irb"
+    assert f"{fields}, privacy.retention\n" in capsys.readouterr().out
     file = (study / STUDY_FILE).read_text(encoding="utf-8")
     for asked, instead in (
         ("trials_per_person: null", "trials_per_person: 4"),
@@ -50,6 +58,11 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
     made = load_plan(study, load_study(study))
     assert made.changes[0].startswith("design.trials_per_person: 4 asked, 1 planned, because")
     assert f"  Other than asked: {made.changes[0]}.\n" in printed
+    assert "  trials of each split that a person has: easy 0 to 1, medium 0 to 1, hard 0 to 1\n" in printed
+    assert StudyPlanVerb(study=study, dataset=dataset, json=True).run() == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["per_person"] == {"easy": [0, 1], "medium": [0, 1], "hard": [0, 1]}
+    assert (told["people"], told["trials"], told["changes"]) == (15, 15, list(made.changes))
     assert set(made.texts) == {"consent.md", "instructions.md", "told/consent-pan.md", "told/instructions-pan.md"}
     told = study / "told" / "consent-pan.md"
     assert "The University of Anywhere invites you" in told.read_text(encoding="utf-8")

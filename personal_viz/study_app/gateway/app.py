@@ -18,12 +18,13 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import HTTPConnection, Request
-from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from sim.errors import StudyError
+from sim.page_style import TOKENS
 
 from ..page_script import STATIC, is_other_viser, page_of, page_version
 from .admission import Admission, Arrival, DeviceProfile, Tickets
@@ -123,6 +124,7 @@ class Gateway:
             Route("/page-version", self.version),
             WebSocketRoute("/ws/{ticket:str}", self.websocket, middleware=ours),
             WebSocketRoute("/ws/{ticket:str}/{version:str}", self.websocket, middleware=ours),
+            Route("/static/tokens.css", self.tokens),
             Mount("/static", StaticFiles(directory=STATIC)),
         ]
         if self._admission.has_open_link:
@@ -228,6 +230,10 @@ class Gateway:
     async def version(self, _: Request) -> Response:
         """The version of the served pages, for open pages that check whether they are up to date."""
         return PlainTextResponse(self._version)
+
+    async def tokens(self, _: Request) -> Response:
+        """The tokens of the design system, which the style sheets of all pages name."""
+        return FileResponse(TOKENS)
 
     async def download(self, request: Request) -> Response:
         """Bytes by which `study doctor` measures the line."""

@@ -124,12 +124,7 @@ def progress_html(journey: Journey, words: Catalogue) -> str:
     if not num_all:
         return ""
     done = html.escape(words("page.done", done=num_done, all=num_all))
-    return (
-        f'<div class="personal-progress" role="progressbar" aria-valuemin="0" aria-valuemax="{num_all}" '
-        f'aria-valuenow="{num_done}" aria-label="{done}">'
-        f'<div style="width:{100 * num_done / num_all:.1f}%"></div></div>'
-        f'<p class="quiet">{done}</p>'
-    )
+    return f'<progress max="{num_all}" value="{num_done}" aria-label="{done}"></progress><p class="quiet">{done}</p>'
 
 
 def _practice(words: Catalogue, num_practice: int) -> Card:
