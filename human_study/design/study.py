@@ -167,6 +167,9 @@ class StudyAggregate(BaseModel):
     model_config = _MODEL
     total: Literal["mean_of_splits", "pooled", "dataset_weighted"] = "mean_of_splits"
     weight: Literal["trials", "participants"] = "trials"
+    intervals: Literal["homes", "episodes"] = "episodes"
+    """What intervals take for random beside people: homes with the episodes in them, or episodes alone, which holds for
+    other episodes of the same homes only. New studies say `homes`; files without the field are of earlier ones."""
 
 
 class StudyPrivacy(BaseModel):

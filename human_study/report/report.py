@@ -39,7 +39,7 @@ from .counts import (
 )
 from .effects import BlockRow, EffectRow, memory_effects, order_blocks, order_effects
 from .hypotheses import AgentPairRow, HypothesisRow, agent_pairs, hypothesis_rows
-from .rows import Aggregate, ReportRow, TotalKind, require_totals, rows_of
+from .rows import Aggregate, RandomKind, ReportRow, TotalKind, require_totals, rows_of
 from .sensitivity import SensitivityRow, sensitivity_rows
 from .source import ReportSource, StudyRecords
 from .statistics import Weight
@@ -74,6 +74,8 @@ class StudyReport(ReportValue):
     """Success rule of the PAN rows."""
     total: TotalKind
     weight: Weight
+    intervals: RandomKind
+    """What the intervals take for random: `homes` beside people and episodes, or people and `episodes` alone."""
     scene_kinds: tuple[str, ...]
     """Kinds of the homes. A human baseline for PersONAL is claimed on scans only."""
     scene_labels: tuple[str, ...]
@@ -167,7 +169,7 @@ def report_of(
     told = {name: str(value) for run in runs if run.info.who_kind == "human" for name, value in run.info.config.items()}
     aggregate = _aggregate_of(config, split_sizes)
     rows = _rows(groups, aggregate)
-    memory = memory_effects(people)
+    memory = memory_effects(people, aggregate)
     flow = flow_counts(records.people, records.rows, num_deleted=records.num_deleted) if records.people else []
     exclusions = exclusion_counts(records.rows, records.exclusions)
     is_pilot = records.is_pilot or (config is None and told.get("pilot") == "True")
@@ -182,6 +184,7 @@ def report_of(
         rule=rule,
         total=aggregate.total,
         weight=aggregate.weight,
+        intervals=aggregate.intervals,
         scene_kinds=tuple(sorted({run.info.scene_kind for run in runs})),
         scene_labels=scene_labels(run.info.scene_kind for run in runs),
         warnings=_warnings(runs, rule),
@@ -190,8 +193,8 @@ def report_of(
         ends=tuple(row for group in (*people, *groups.agents) for row in end_rows(group)),
         hypotheses=tuple(hypothesis_rows(config.primary if config else (), groups.differences, memory, aggregate)),
         memory=tuple(memory),
-        order=tuple(order_effects(people)),
-        blocks=tuple(order_blocks(people)),
+        order=tuple(order_effects(people, aggregate)),
+        blocks=tuple(order_blocks(people, aggregate)),
         agent_pairs=tuple(agent_pairs(groups.agents, _episodes_of(people))),
         sensitivity=tuple(
             row for group in (*people, *groups.differences) for row in sensitivity_rows(group, records.rows, aggregate)
@@ -218,7 +221,8 @@ def _aggregate_of(config: StudyConfig | None, split_sizes: Mapping[str, int] | N
     """How the study file wants numbers averaged; as the paper does without one."""
     found = Aggregate(split_sizes=split_sizes)
     if config is not None:
-        found = Aggregate(config.aggregate.total, config.aggregate.weight, split_sizes)
+        chosen = config.aggregate
+        found = Aggregate(chosen.total, chosen.weight, split_sizes, chosen.intervals)
     found.require_sizes()
     return found
 

@@ -10,7 +10,7 @@ from typing import Any
 from sim.types import TaskKind
 from sim.words.english import how_many
 
-from ..design.analysis import ALPHA, HYPOTHESIS_NAME, LEVEL, NUM_RESAMPLES
+from ..design.analysis import ALPHA, HYPOTHESIS_NAME, LEVEL
 from ..design.plan import PlannedParticipant, StudyPlan
 from ..design.study import StudyConfig
 from ..store.exclusions import rules_before_data
@@ -200,7 +200,6 @@ def _analysis(config: StudyConfig) -> dict[str, Any]:
         "rules": rules_before_data(config),
         "level": f"{LEVEL:.0%}",
         "alpha": f"{ALPHA:.0%}",
-        "resamples": f"{NUM_RESAMPLES:,}".replace(",", " "),
     }
 
 

@@ -24,8 +24,8 @@ Succeeds = Callable[[Split, str], bool]
 
 
 def pan(split: Split, episode: str, *, success: bool, steps: int, code: str | None, reason: EndReason = "stop"):
-    """An episode in one home, of `steps` steps, a second each."""
-    key = EpisodeKey(split, "Home", episode)
+    """An episode of `steps` steps, a second each; the episodes of a split are in different homes."""
+    key = EpisodeKey(split, f"Home{episode}", episode)
     return pan_episode(key, success=success, steps=steps, code=code, path=16, reason=reason)
 
 

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from human_study.design.secrets import new_id, new_token, token_hash, token_matches
-from human_study.design.study import StudyConfig, StudyDataset, load_study, save_study
+from human_study.design.study import StudyAggregate, StudyConfig, StudyDataset, load_study, save_study
 from sim.errors import StudyError
 from sim.types import Action, Camera
 
@@ -61,6 +61,15 @@ def test_a_field_of_a_later_version_leaves_running_studies_alone() -> None:
     values = study().model_dump()
     assert LaterConfig(**values).study_version == study().study_version
     assert LaterConfig(**values, breaks_every=5).study_version != study().study_version
+
+
+def test_intervals_of_a_study_without_the_field_take_episodes_for_random_and_its_version_stays(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text(EXAMPLE)
+    old = load_study(tmp_path)
+    assert old.aggregate.intervals == "episodes"
+    assert old.study_version == "37e363a130291f559d8592b767675fb3e6c0d49ebbfd3dd64c3f558cd6587142"
+    new = old.model_copy(update={"aggregate": StudyAggregate(intervals="homes")})
+    assert new.study_version != old.study_version
 
 
 def test_a_study_file_comes_back_as_it_was_and_is_never_replaced(tmp_path: Path) -> None:

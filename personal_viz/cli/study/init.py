@@ -11,6 +11,7 @@ from human_study.design.study import (
     MAX_STUDY_NAME,
     STUDY_FILE,
     Language,
+    StudyAggregate,
     StudyConfig,
     StudyDataset,
     StudyDesign,
@@ -63,6 +64,7 @@ class StudyInit:
             task=self.task,
             language=self.language,
             design=StudyDesign(kind=self.design),
+            aggregate=StudyAggregate(intervals="homes"),
         )
         save_study(self.study, config)
         write_texts(self.study, self.language)
