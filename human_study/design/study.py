@@ -54,6 +54,8 @@ model (`glb`). POG: pointing after a look at the home (`map_first`), with text a
 the agents' own top-down map (`map_2d`)."""
 HomeView = Literal["browser", "server"]
 """Where the pictures of a 3-D home are made: in the browser, which then has its geometry, or on the server."""
+Language = Literal["en"]
+"""A language of `texts/languages`."""
 FlowStep = Literal["device", "consent", "instructions", "quiz"]
 
 
@@ -265,6 +267,8 @@ class StudyConfig(BaseModel):
     """Most actions of a PAN trial; then it ends as `steps`."""
     pan_max_s: Annotated[float, Field(gt=0)] | None = None
     """Longest PAN trial, seconds; then it ends as `timeout`; None = no limit."""
+    language: Language = "en"
+    """Language of every text for participants besides the episodes' own."""
     query_index: Count = 0
     """Index of the query's paraphrase that everybody reads."""
     success: SuccessRule = "paper"
