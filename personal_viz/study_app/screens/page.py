@@ -18,6 +18,7 @@ from typing import Any, Literal
 
 import viser
 
+from human_study.texts.catalogue import Catalogue
 from human_study.trial.commands import Measure, Move, PageChanged, PressStop, Resize
 from sim.types import Action, Task
 
@@ -40,8 +41,6 @@ PANEL_WIDTH = 400
 """Width at which viser opens the side panel, pixels; `page.css` makes it wider for larger text."""
 GIVE_UP = "Give up this search"
 GIVING_UP = "Press Give up again to end this search"
-MARKS_ON, MARKS_OFF = "Highlight names", "Remove highlights"
-"""Labels of the button that marks the names of the query in the paragraph."""
 AGAIN = ": press again"
 """Added to the label of STOP or giving up after the first press."""
 MAX_WAITING = 200
@@ -82,9 +81,9 @@ class Item:
 class Page:
     """One participant's page; `clear` empties it for the next screen."""
 
-    def __init__(self, client: viser.ClientHandle) -> None:
-        """Sets up the page, once per connection."""
-        self.client = client
+    def __init__(self, client: viser.ClientHandle, words: Catalogue) -> None:
+        """Sets up the page in a language, once per connection."""
+        self.client, self.words = client, words
         self.has_lost_picture = False
         """Whether the browser can no longer draw in 3-D until the page is loaded again."""
         self.own_keys: Mapping[KeyAction, str] = {}
@@ -99,7 +98,7 @@ class Page:
         self._handles: list[Any] = []
         self._on_camera: list[CameraListener] = []
         client.gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False)
-        client.gui.set_panel_label("PersONAL study")
+        client.gui.set_panel_label(words("study.title"))
         client.gui.main_panel.dock_right()
         client.gui.main_panel.set_width(PANEL_WIDTH)
         client.camera.on_update(self._camera_moved)
@@ -241,7 +240,7 @@ class Page:
 
     def description(self, task: Task) -> None:
         """Adds the paragraph, with a button that highlights the names of the query in it."""
-        self.add(self.client.gui.add_html(description_html(task.description, task.queries[0])))
+        self.add(self.client.gui.add_html(description_html(task.description, task.queries[0], self.words)))
 
     def overlay(self, content: str) -> viser.GuiHtmlHandle:
         """Adds a sheet over the 3-D canvas, which then gets no mouse; returns it so that its content can change."""
@@ -267,7 +266,7 @@ class Page:
         """
         self.clear()
         with self.client.atomic():
-            self.add(self.client.gui.add_html(card_html(card) + when_shown("shown")))
+            self.add(self.client.gui.add_html(card_html(card, self.words) + when_shown("shown")))
             for choice in card.choices:
                 assert chosen is not None, card.title
                 press = partial(chosen, choice.name)
@@ -353,18 +352,22 @@ def roomy_html(shown: str, *others: str) -> str:
     return f'<div class="personal-room" data-before="{before}" data-after="{after}"><div>{shown}</div></div>'
 
 
-def description_html(description: str, query: str) -> str:
+def description_html(description: str, query: str, words: Catalogue) -> str:
     """HTML of the paragraph; where it has names of the query, a button above it highlights them."""
     pattern = "|".join(rf"\b{re.escape(name)}\b" for name in names_in(query, description))
     tool, parts = "", [description]
     if pattern:
         tool = (
-            f'<button type="button" data-tool="names" data-other="{MARKS_OFF}" aria-pressed="false">{MARKS_ON}</button>'
+            f'<button type="button" data-tool="names" data-other="{html.escape(words("task.names_off"))}" '
+            f'aria-pressed="false">{html.escape(words("task.names_on"))}</button>'
         )
         parts = re.split(f"({pattern})", description)
     escaped = [html.escape(part) for part in parts]
     escaped[1::2] = [f'<span class="personal-name">{part}</span>' for part in escaped[1::2]]
-    return f'<div class="personal-text personal-description">{tool}<p>{"".join(escaped)}</p></div>'
+    return (
+        '<div class="personal-text personal-description scroll" tabindex="0" role="region" '
+        f'aria-label="{html.escape(words("task.description"))}">{tool}<p>{"".join(escaped)}</p></div>'
+    )
 
 
 def names_in(query: str, description: str) -> tuple[str, ...]:
