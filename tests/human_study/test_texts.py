@@ -262,7 +262,7 @@ def test_people_of_a_pilot_read_plain_words_where_the_file_is_empty(tmp_path: Pa
 
 def test_a_text_changed_by_hand_must_say_what_the_study_file_says(tmp_path: Path) -> None:
     config = paged_study(steps=300, **FILLED)
-    write_texts(tmp_path)
+    write_texts(tmp_path, "en")
     (tmp_path / "consent.md").write_text("It takes about 20 minutes. You get 15 EUR. It takes {{ minutes }} minutes.")
     (tmp_path / "instructions.md").write_text("# Ours\n\nYou have 500 steps. Stop within two metres of it.")
     with pytest.raises(StudyError) as caught:
