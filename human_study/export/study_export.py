@@ -23,7 +23,7 @@ from .collect import Collected, collect, event_rows
 from .data_dictionary import dictionary_text
 from .formats import table_bytes
 from .manifest import MANIFEST_FILE, LeftOutTrial, Manifest, exported_file, read_manifest, strangers
-from .rows import EventRow, ExclusionRow, ParticipantRow, VerificationRow
+from .rows import CommentRow, EventRow, ExclusionRow, ParticipantRow, VerificationRow
 from .runs import run_files
 from .trial_table import TrialRow
 
@@ -39,6 +39,10 @@ TABLES: dict[str, tuple[str, type[BaseModel]]] = {
     "verifications": ("One row per time that an attempt was done again and compared.", VerificationRow),
 }
 """(meaning of one row, row model) by file name without ending."""
+PERSONAL_TABLES: dict[str, tuple[str, type[BaseModel]]] = {
+    "comments": ("One row per person who wrote a comment. Read all of them before you publish this table.", CommentRow),
+}
+"""The same for tables with people's own words, which are written only where somebody gave some."""
 
 
 def export_study(folder: Path, out: Path) -> list[Path]:
@@ -66,12 +70,16 @@ def _table_files(found: Collected) -> dict[str, tuple[bytes, int | None]]:
     """Content and number of rows of each table in each format, and of the data dictionary."""
     files: dict[str, tuple[bytes, int | None]] = {}
     events = [line for row, stored in found.events for line in event_rows(row, stored)]
-    rows_of = {"events": events, **{name: getattr(found, name) for name in TABLES if name != "events"}}
-    for name, (_, model) in TABLES.items():
+    rows_of = {
+        "events": events,
+        **{name: getattr(found, name) for name in (*TABLES, *PERSONAL_TABLES) if name != "events"},
+    }
+    tables = TABLES | {name: table for name, table in PERSONAL_TABLES.items() if rows_of[name]}
+    for name, (_, model) in tables.items():
         rows = rows_of[name]
         for ending, content in table_bytes(model, rows).items():
             files[f"{name}.{ending}"] = (content, len(rows))
-    files[DICTIONARY_FILE] = (dictionary_text("Data dictionary", TABLES).encode(), None)
+    files[DICTIONARY_FILE] = (dictionary_text("Data dictionary", tables).encode(), None)
     return files
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from sim.types import FORWARD_STEP, TURN_STEP, TaskKind
 
 from ..design.plan import StudyPlan
-from ..design.study import StudyConfig
+from ..design.study import Language, StudyConfig
 from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S
 from .estimate import announced_minutes
 from .words import limits_m
@@ -31,6 +31,9 @@ _SCALE = {"c": 0.01, "s": 1.0, "h": 3600.0}
 _NEAR = r"(?:within|(?:closer|nearer|less|more) than|at most|up to|under|radius of|distance of)"
 _MOST = r"(?:have|has|after|within|most|up to|than|uses?|used|are|(?:maximum|limit|budget)(?: of| is)?)"
 _ABOUT = r"(?:about |around |approximately |roughly |some |up to |at most |\d+ ?(?:to|-|–) ?)*"
+
+
+_COMMENT: dict[Language, str] = {"en": "comment", "de": "kommentar"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +131,8 @@ def _of_another_rule(plain: str, config: StudyConfig, task: TaskKind) -> list[st
 
 def _told(config: StudyConfig) -> list[tuple[str, str]]:
     """(word that a consent form must use, field that makes it necessary)."""
-    return [("language model", "ethics.language_model")] if config.ethics.language_model else []
+    told = [("language model", "ethics.language_model")] if config.ethics.language_model else []
+    return [*told, *([(_COMMENT[config.language], "comments")] if config.comments else [])]
 
 
 def _denied(plain: str, config: StudyConfig) -> list[str]:

@@ -80,6 +80,9 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
         with pytest.raises(StudyError, match="the text that was planned"):
             require_texts(study, load_study(study), made)
         path.write_text(before, encoding="utf-8")
+    (study / "debriefing.md").write_text("Thanks.", encoding="utf-8")
+    with pytest.raises(StudyError, match=r"debriefing\.md: was written after the plan; expected"):
+        require_texts(study, load_study(study), made)
 
 
 def test_marks_that_an_earlier_version_planned_are_not_shown_to_anybody_new(tmp_path: Path) -> None:

@@ -14,11 +14,12 @@ import jinja2
 from markupsafe import Markup
 
 from human_study.design.study import Condition, StudyConfig
-from human_study.journey import Journey, Person, Stage, journey_of, last_detail
+from human_study.journey import Journey, Person, Place, Stage, journey_of, last_detail
 from human_study.store.store import StudyStore
 from human_study.texts.catalogue import catalogue_of
 from human_study.texts.participants import (
     CONSENT_FILE,
+    DEBRIEFING_FILE,
     INSTRUCTIONS_FILE,
     instruction_texts,
     leave_text,
@@ -34,7 +35,10 @@ from .device import MIN_HEIGHT, MIN_WIDTH, SMALLER, device_report, needs_webgl
 from .pauses import machine_time, pause_left_s, steady_detail
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
-MAX_FORM_BYTES = 4096
+MAX_COMMENT = 2000
+"""Most characters of a comment."""
+MAX_FORM_BYTES = 32 * 1024
+"""Largest form: a comment takes 12 bytes per character at most."""
 _TEMPLATE_OF = {"declined": "end", "withdrawn": "end", "screened_out": "end", "full": "end", "finished": "end"}
 
 
@@ -172,7 +176,7 @@ class Pages:
                 left_s = self._left_s(journey)
                 words = {"back_in": self.words.waiting_time(left_s) if left_s > 0 else None}
             case "finished" | "declined" | "withdrawn" | "screened_out" | "full":
-                words = {"end": self._end_code(person.code, journey.place)}
+                words = self._end(person, journey.place)
             case _:
                 words = {}
         return self._html(_TEMPLATE_OF.get(journey.place, journey.place), person, journey, base, **words)
@@ -237,6 +241,24 @@ class Pages:
             else None,
         }
 
+    def _end(self, person: Person, place: Place) -> dict[str, Any]:
+        """The last page's code, what the study is about, and whether a comment may still be written."""
+        text = told_text(self._texts, DEBRIEFING_FILE, person.task)
+        debriefing = (
+            _text_words(text, self.words("end.debriefing_title")) if place in ("finished", "withdrawn") else None
+        )
+        if debriefing is not None and not text.strip():
+            debriefing["text"] = _html_of(self.words("end.debriefing"))
+        asks = self._config.comments and place == "finished"
+        has_commented = asks and self._store.has_answered(person.code, "comment")
+        return {
+            "end": self._end_code(person.code, place),
+            "debriefing": debriefing,
+            "has_commented": has_commented,
+            "may_comment": asks and not has_commented,
+            "max_comment": MAX_COMMENT,
+        }
+
     def _left_s(self, journey: Journey) -> float:
         """Seconds that a pause still lasts."""
         assert journey.rest is not None
@@ -255,6 +277,8 @@ class Pages:
                 self._store.enter_stage(code, "instructed", {"after_failed_rounds": journey.failed_rounds})
             case "quiz", _:
                 self._store_quiz(person, journey, form.get("answer", ""))
+            case "finished", "comment" if self._config.comments and (comment := _tidy(form.get("comment", ""))):
+                self._store.keep_answer(code, "comment", comment)
             case "break", "next":
                 self._store.enter_stage(code, "break_ended", done)
             case "pause", "next" if self._left_s(journey) <= 0:
@@ -292,6 +316,12 @@ def _may_leave(journey: Journey) -> bool:
 def _shuffled(person: Person, question: Question) -> tuple[str, ...]:
     """The answers in this participant's order."""
     return question.shuffled([*person.code.encode(), *question.name.encode()])
+
+
+def _tidy(comment: str) -> str:
+    """A comment without control characters and with plain ends of lines, cut at its largest length; '' = none."""
+    lines = comment.replace("\r\n", "\n")[:MAX_COMMENT].splitlines()
+    return "\n".join("".join(letter if letter.isprintable() else " " for letter in line) for line in lines).strip()
 
 
 def _text_words(text: str, otherwise: str) -> dict[str, Any]:
