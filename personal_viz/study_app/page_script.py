@@ -28,6 +28,7 @@ STATIC = Path(__file__).parent / "static"
 VISER_CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
 PAGE_FILES = ("page.js", "card.css", "page.css", "updated.js")
 """Files of `static` in a page, besides viser's client and the tokens of the design system."""
+VISER_TITLE = b"<title>Viser</title>"
 SUBPROTOCOL = f"viser-v{viser.__version__}"
 """Websocket subprotocol that viser's client of this version asks for."""
 _VERSION_PLACE = "PAGE_VERSION"
@@ -149,16 +150,11 @@ class PageMessages:
 
 
 @functools.cache
-def page_html(words: Catalogue, *, panel_width: int) -> str:
-    """HTML that puts the style sheet and the script into a page, once for each connection.
-
-    Args:
-        words: The study's language.
-        panel_width: Width of the side panel, pixels.
-    """
+def page_html(words: Catalogue) -> str:
+    """HTML that puts the style sheets and the script, in a language, into a page, once for each connection."""
     script, *styles = ((STATIC / name).read_text(encoding="utf-8") for name in PAGE_FILES[:3])
     script = script.replace(_WORDS_PLACE, _json(words.under("script", "key", "leave")))
-    return f"<style>:root {{ --personal-panel: {panel_width}px; }}\n{''.join(styles)}</style>{_runs(script)}"
+    return f"<style>{tokens_css()}{''.join(styles)}</style>{_runs(script)}"
 
 
 def when_shown(call: Literal["shown", "refresh", "reload", "goOn"]) -> str:
@@ -194,7 +190,14 @@ def page_of(served: str, words: Catalogue) -> bytes:
     head, begin, rest = client.partition(b"<head>")
     assert begin, f"{VISER_CLIENT}: found no <head>"
     style = f"<style>{tokens_css()}</style>"
-    return b"".join((head, begin, f"{style}<script>{script}</script>".encode(), rest))
+    return b"".join(
+        (
+            head,
+            begin,
+            f"{style}<script>{script}</script>".encode(),
+            rest.replace(VISER_TITLE, b"<title>PersONAL study</title>", 1),
+        )
+    )
 
 
 def is_other_viser(offered: Iterable[str]) -> bool:

@@ -214,7 +214,7 @@ def test_damaged_letters_are_dropped(text: str) -> None:
 
 
 def test_the_script_survives_being_an_attribute() -> None:
-    source = page_html(catalogue_of("en"), panel_width=400)
+    source = page_html(catalogue_of("en"))
     assert tags_in(source) == ["style", "img"]
 
     script = dict(Tags(source).found)["img"]["onerror"] or ""

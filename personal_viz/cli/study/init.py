@@ -9,6 +9,7 @@ from tyro.conf import Positional, arg
 
 from human_study.design.study import (
     MAX_STUDY_NAME,
+    SCHEMA_FILE,
     STUDY_FILE,
     Language,
     StudyAggregate,
@@ -26,6 +27,7 @@ from sim.errors import StudyError
 from sim.types import SPLITS, Split
 
 from ..options import Dataset, Evidence, dataset_options
+from .wizard import asked
 
 CODES_TEMPLATE = """# Codes that the recruiting platform gave for this study; uncomment with
 # recruit.kind: prolific. Never share this file.
@@ -49,6 +51,7 @@ class StudyInit:
     language: Annotated[Language, arg(help="Language of the texts for participants.")] = "en"
     per_split: Annotated[int, arg(help="Episodes of each split.")] = 50
     seed: int = 0
+    wizard: Annotated[bool, arg(help="Ask here for what only a person knows, such as pay and approval.")] = False
 
     def run(self) -> int:
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
@@ -66,12 +69,15 @@ class StudyInit:
             design=StudyDesign(kind=self.design),
             aggregate=StudyAggregate(intervals="homes"),
         )
+        if self.wizard:
+            config = asked(config)
         save_study(self.study, config)
         write_texts(self.study, self.language)
         write_private(self.study / CODES_FILE, CODES_TEMPLATE)
-        print(f"Written to {self.study}: {STUDY_FILE}, {', '.join(TEXT_FILES)}, {CODES_FILE}")
+        print(f"Written to {self.study}: {STUDY_FILE}, {SCHEMA_FILE}, {', '.join(TEXT_FILES)}, {CODES_FILE}")
         left = [field for field in empty_fields(config) if field != "ethics.duration_min"]  # the plan estimates it
-        print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
+        if left:
+            print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
         print(f"Next: personal-viz study plan {self.study} {dataset_options(self.dataset, self.evidence)}")
         return 0
 

@@ -42,7 +42,8 @@ class LookScreen:
         if self._surface is not None:
             add_camera_buttons(page, is_map=False)
         begin, close = page.words(f"look.{view.what}_begin"), functools.partial(send, CloseMap())
-        page.button(begin, close, color="green")
+        with page.always_visible("bottom"):
+            page.button(begin, close, color="green")
         page.hotkey("enter", begin, close)
         self._show_storey(view.storey)
         self._draw_status()
@@ -76,10 +77,8 @@ class LookScreen:
         title, advice, clock = html.escape(title), html.escape(advice), html.escape(clock)
         self._status.content = (
             f'<div class="personal-caption">{self._caption}</div>'
-            f'<div class="personal-text" style="padding:.3em .65rem">'
-            f'<p style="font-size:1.2em;font-weight:600;margin:.2em 0">{title}</p>'
-            f'<p style="margin:.2em 0">{advice}</p>'
-            f'<div role="timer" style="margin:.5em 0;font-weight:600">{roomy_html(clock, longest)}</div></div>'
+            f'<div class="personal-text personal-look"><p class="personal-query">{title}</p><p>{advice}</p>'
+            f'<div role="timer"><b>{roomy_html(clock, longest)}</b></div></div>'
         )
         self._page.client.flush()
 

@@ -5,14 +5,16 @@ viser's event loop.
 """
 
 import asyncio
+import contextlib
 import dataclasses
 import html
 import queue
+import re
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import viser
 
@@ -36,7 +38,7 @@ from ..page_script import (
 from .cards import Card, card_html
 
 PANEL_WIDTH = 400
-"""Width of the side panel with texts and buttons, pixels."""
+"""Width at which viser opens the side panel, pixels; `page.css` makes it wider for larger text."""
 MAX_WAITING = 200
 """Most inputs that may wait; a person never has more than a few."""
 PAGE_COMMANDS = (PageChanged, Resize, Measure)
@@ -96,7 +98,7 @@ class Page:
         client.gui.main_panel.dock_right()
         client.gui.main_panel.set_width(PANEL_WIDTH)
         client.camera.on_update(self._camera_moved)
-        client.gui.add_html(page_html(words, panel_width=PANEL_WIDTH))
+        client.gui.add_html(page_html(words))
         self._sign, self._signed = client.gui.add_html(""), ("", 0)
 
     def new_screen(self, *, hears: tuple[type, ...] = PAGE_COMMANDS) -> Send:
@@ -219,17 +221,22 @@ class Page:
         """Calls `listener` too whenever the 3-D camera has moved, until the next `clear`."""
         self._on_camera.append(listener)
 
-    def task_texts(self, task: Task) -> None:
-        """Adds the query, then the paragraph; nothing else of the episode exists here."""
-        query = html.escape(task.queries[0])
-        description, label = (html.escape(text) for text in (task.description, self.words("task.description")))
-        self.add(
-            self.client.gui.add_html(
-                f'<div class="personal-text" style="padding:.5em .65rem">'
-                f'<p style="font-size:1.2em;font-weight:600;line-height:1.35;margin:.2em 0 .6em">{query}</p>'
-                f'<div class="scroll" tabindex="0" role="region" aria-label="{label}">{description}</div></div>'
-            )
-        )
+    @contextlib.contextmanager
+    def always_visible(self, edge: Literal["top", "bottom"]) -> Iterator[None]:
+        """Keeps the elements that are added in the block in sight at an edge of the panel; the others scroll."""
+        folder = self.client.gui.add_folder(edge)
+        with folder:
+            self.add(self.client.gui.add_html(f'<i class="personal-{edge}"></i>'))
+            yield
+        self.add(folder)
+
+    def query(self, task: Task) -> None:
+        """Adds the query."""
+        self.add(self.client.gui.add_html(f'<p class="personal-query">{html.escape(task.queries[0])}</p>'))
+
+    def description(self, task: Task) -> None:
+        """Adds the paragraph, with a button that highlights the names of the query in it."""
+        self.add(self.client.gui.add_html(description_html(task.description, task.queries[0], self.words)))
 
     def overlay(self, content: str) -> viser.GuiHtmlHandle:
         """Adds a sheet over the 3-D canvas, which then gets no mouse; returns it so that its content can change."""
@@ -343,6 +350,33 @@ def roomy_html(shown: str, *others: str) -> str:
     """
     before, after = (html.escape(text) for text in (*others, "", "")[:2])
     return f'<div class="personal-room" data-before="{before}" data-after="{after}"><div>{shown}</div></div>'
+
+
+def description_html(description: str, query: str, words: Catalogue) -> str:
+    """HTML of the paragraph; where it has names of the query, a button above it highlights them."""
+    pattern = "|".join(rf"\b{re.escape(name)}\b" for name in names_in(query, description))
+    tool, parts = "", [description]
+    if pattern:
+        tool = (
+            f'<button type="button" data-tool="names" data-other="{html.escape(words("task.names_off"))}" '
+            f'aria-pressed="false">{html.escape(words("task.names_on"))}</button>'
+        )
+        parts = re.split(f"({pattern})", description)
+    escaped = [html.escape(part) for part in parts]
+    escaped[1::2] = [f'<span class="personal-name">{part}</span>' for part in escaped[1::2]]
+    return (
+        '<div class="personal-text personal-description scroll" tabindex="0" role="region" '
+        f'aria-label="{html.escape(words("task.description"))}">{tool}<p>{"".join(escaped)}</p></div>'
+    )
+
+
+def names_in(query: str, description: str) -> tuple[str, ...]:
+    """The words of the query that are names: capitals in the query, and wherever they stand in the paragraph."""
+    words = re.findall(r"[^\W\d_]+(?:-[^\W\d_]+)*", description)
+    capital = {word for word in words if word[0].isupper()}
+    common = {word.lower() for word in words if word[0].islower()}
+    asked = re.findall(r"[^\W\d_]+(?:-[^\W\d_]+)*", query)
+    return tuple(dict.fromkeys(word for word in asked if word in capital and word.lower() not in common))
 
 
 def overlay_html(content: str) -> str:

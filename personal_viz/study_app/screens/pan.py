@@ -64,8 +64,10 @@ class PanScreen:
         page.clear()
         with page.client.atomic():
             self._status_html = _status_html(caption, view, page.words)
-            self._status = page.add(page.client.gui.add_html(self._status_html))
-            page.task_texts(view.task)
+            with page.always_visible("top"):
+                page.query(view.task)
+                self._status = page.add(page.client.gui.add_html(self._status_html))
+            page.description(view.task)
             self._image = page.overlay(self._image_html(view))
             self._shown = (view.rgb, view.step)
             self._add_controls(view, send)
@@ -104,10 +106,11 @@ class PanScreen:
                 press = partial(send, Move(action, code=f"button-{action.value}"))
                 self._buttons[action] = page.button(button_label(action, page.words, page.own_keys), press)
         stop = partial(send, PressStop(code="button-stop"))
-        self._buttons[Action.STOP] = page.button(
-            button_label(Action.STOP, page.words, page.own_keys), stop, color="red"
-        )
-        self._give_up = page.button(page.words("give_up.button"), partial(send, GiveUp()), color="gray")
+        with page.always_visible("bottom"):
+            self._buttons[Action.STOP] = page.button(
+                button_label(Action.STOP, page.words, page.own_keys), stop, color="red"
+            )
+            self._give_up = page.button(page.words("give_up.button"), partial(send, GiveUp()), color="gray")
         for key, (code, action) in HOTKEYS.items():
             if action in view.task.actions:
                 page.hotkey(key, f"{action.value} ({code})", partial(send, Move(action, code=code)))

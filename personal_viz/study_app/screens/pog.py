@@ -57,13 +57,16 @@ class PogScreen:
         self._shown = view
         page.clear()
         page.add(self)
+        with page.always_visible("top"):
+            page.query(view.task)
         self._status = page.add(page.client.gui.add_html(""))
-        page.task_texts(view.task)
+        page.description(view.task)
         add_storey_buttons(page, len(view.storeys), send)
         add_camera_buttons(page, is_map=surface.is_map)
         self._add_nudges()
-        page.button(page.words("pog.confirm"), partial(send, Confirm()), color="green")
-        self._give_up = page.button(page.words("give_up.button"), partial(send, GiveUp()), color="gray")
+        with page.always_visible("bottom"):
+            page.button(page.words("pog.confirm"), partial(send, Confirm()), color="green")
+            self._give_up = page.button(page.words("give_up.button"), partial(send, GiveUp()), color="gray")
         page.client.scene.on_click()(self._on_click)  # type: ignore[arg-type]  # viser awaits it
         sample_camera(page, send)
         page.listen_to_camera(surface.camera_moved)

@@ -91,6 +91,9 @@
   const isUpdated = () => document.querySelector('dialog.personal-updated[open]') !== null;
   const isLost = () => state.pending.length > 0 && now() - state.pending[0].t_cli_ms > LOST_MS;
   setInterval(() => {
+    const part = document.querySelector('.personal-page h1, .personal-caption');  // the tab is called after the page's part
+    const title = (part ? part.textContent + ' - ' : '') + 'PersONAL study';
+    if (document.title !== title) document.title = title;
     if (!state.seat) return;
     if (!state.pending.length && now() - state.sentAt > PING_MS) tell({ kind: 'ping' });
     else if (isLost()) {
@@ -192,7 +195,14 @@
     if (button.dataset.tool === 'keys') openDialog();
     if (button.dataset.tool === 'large') setLarge(!document.documentElement.classList.contains('personal-large'));
     if (button.dataset.tool === 'leave') openLeaving(button.dataset.text);
+    if (button.dataset.tool === 'names') turnNames(button);
   }, true);
+
+  const turnNames = (button) => {
+    const isOn = button.parentElement.classList.toggle('personal-shows-names');
+    [button.textContent, button.dataset.other] = [button.dataset.other, button.textContent];
+    button.setAttribute('aria-pressed', isOn);
+  };
 
   // --- what happens to the page -----------------------------------------------------------------------------------
   const changed = (what) => tell({ kind: 'page', what: what });
@@ -200,6 +210,7 @@
   window.addEventListener('blur', (event) => { if (event.target === window) changed('blur'); });
   document.addEventListener('visibilitychange', () => changed(document.hidden ? 'hidden' : 'visible'));
   window.addEventListener('webglcontextlost', () => changed('context_lost'), true);
+  window.addEventListener('online', () => { if (state.seat) tell({ kind: 'ping' }); });
   window.addEventListener('offline', () => showBanner(say('script.offline')));
   let resizing = 0;
   window.addEventListener('resize', () => {
