@@ -111,7 +111,6 @@ def failures(proxy: Proxy, folder: Path, *, changed: tuple[str, str] = ("", ""))
     with running(folder, options=options) as gateway, proxy(folder, ports, gateway.port, changed=changed):
         url = f"https://localhost:{ports['tls']}"
         checks = examine(url, link=f"{url}/#good", insecure_ca=folder / "cert.pem", http_port=ports["http"])
-    print(checks)
     assert all(check.passed is not None for check in checks.values())
     return [name for name, check in checks.items() if not check.passed]
 
