@@ -128,7 +128,8 @@ def _of_another_rule(plain: str, config: StudyConfig, task: TaskKind) -> list[st
 
 def _told(config: StudyConfig) -> list[tuple[str, str]]:
     """(word that a consent form must use, field that makes it necessary)."""
-    return [("language model", "ethics.language_model")] if config.ethics.language_model else []
+    told = [("language model", "ethics.language_model")] if config.ethics.language_model else []
+    return told + ([("survey", "survey.questions")] if config.survey.questions else [])
 
 
 def _denied(plain: str, config: StudyConfig) -> list[str]:

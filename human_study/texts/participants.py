@@ -31,6 +31,7 @@ PARTS: dict[str, str] = {
     "quiz": "Questions",
     "practice": "Practice",
     "trial": "Study",
+    "survey": "About you",
     "finished": "End",
 }
 """Names of the parts of a study, as participants read them above each page, by the place where each part begins."""
@@ -124,7 +125,8 @@ def parts_of(config: StudyConfig, person: Person) -> tuple[str, ...]:
     if config.flow == ("instructions",):
         return ()
     has_practice = any(trial.phase == "practice" for trial in person.trials)
-    steps = [*config.flow, *(["practice"] if has_practice else []), "trial", "finished"]
+    asked = ["survey"] if config.survey.questions else []
+    steps = [*config.flow, *(["practice"] if has_practice else []), "trial", *asked, "finished"]
     return tuple(PARTS[step] for step in steps)
 
 

@@ -24,6 +24,7 @@ from ..design.plan import StudyPlan
 from ..design.study import Condition, PanCondition, PogCondition, StudyConfig
 from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S, terms_of
 from .estimate import announced_minutes
+from .survey import questions_of
 
 WIDTH = 110
 _LIMITS: dict[SuccessRule, tuple[float, ...]] = {
@@ -122,6 +123,7 @@ def words_of(
         "looks": {name: _look_limit(config, name) for name in met},
         "is_longer_than_a_sitting": _is_longer_than_a_sitting(config),
         "has_platform_code": hashes_platform_ids(config),
+        "survey_topics": [question.about for question in questions_of(config).values()],
     }
     passages = vars(_ENVIRONMENT.get_template(_PASSAGES).make_module(values))
     return values | {name: str(words()).strip() for name, words in passages.items() if isinstance(words, Macro)}
