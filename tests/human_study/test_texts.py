@@ -22,7 +22,7 @@ from human_study.texts.participants import (
     write_texts,
 )
 from human_study.texts.quiz import questions_for
-from human_study.texts.survey import PREFER_NOT, SURVEY
+from human_study.texts.survey import SURVEY, questions_of
 from human_study.texts.words import limits_m, open_places
 from human_study.trial.terms import terms_of
 from sim.episodes.schema import Episode, Goal
@@ -31,7 +31,7 @@ from sim.tasks.rules import score_answer, score_run
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun
 from sim.types import SUCCESS_RULES, Action, Pose, SuccessRule, TaskKind
 
-from .small_world import FILLED, SCENE_DIGEST, SquareRoom, episode, paged_study, plan
+from .small_world import FILLED, SCENE_DIGEST, SquareRoom, episode, paged_study, plan, study
 
 STEP_M = 0.25
 PAN_ARMS: tuple[tuple[PanCondition, ...], ...] = (("none",), ("topdown",), ("none", "topdown", "glb"))
@@ -263,7 +263,7 @@ def test_people_of_a_pilot_read_plain_words_where_the_file_is_empty(tmp_path: Pa
 
 def test_a_text_changed_by_hand_must_say_what_the_study_file_says(tmp_path: Path) -> None:
     config = paged_study(steps=300, **FILLED)
-    write_texts(tmp_path)
+    write_texts(tmp_path, "en")
     (tmp_path / "consent.md").write_text("It takes about 20 minutes. You get 15 EUR. It takes {{ minutes }} minutes.")
     (tmp_path / "instructions.md").write_text("# Ours\n\nYou have 500 steps. Stop within two metres of it.")
     with pytest.raises(StudyError) as caught:
@@ -351,9 +351,12 @@ def test_a_consent_form_must_say_what_the_survey_asks(tmp_path: Path) -> None:
 
 def test_each_question_of_the_survey_can_be_refused() -> None:
     assert set(SURVEY) == set(get_args(SurveyTopic))
-    for question in SURVEY.values():
-        assert list(question.answers)[-1] == PREFER_NOT
-        assert len(question.choices) >= 2
+    for topic, answers in SURVEY.items():
+        config = study(flow=("consent",), survey={"questions": (topic,)})
+        (question,) = questions_of(config).values()
+        assert list(question.answers.values())[-1] == "I prefer not to say"
+        assert tuple(question.answers) == answers
+        assert len(answers) >= 3
 
 
 def test_a_field_that_no_study_has_is_refused_with_its_name(tmp_path: Path) -> None:
