@@ -223,7 +223,8 @@ def test_a_study_moves_to_another_machine_and_an_open_page_goes_on_at_the_same_s
         assert answer_pages(session) is None
         page = session.view.split("websocket=")[1]
         headers = {"Cookie": session.cookie, "Origin": session.origin}
-        with line_to(page, additional_headers=headers) as line:
+        line = line_to(page, additional_headers=headers)
+        with line:
             walker = WireClient(line)
             walker.send(CAMERA)
             for step, key in enumerate("AW"):
@@ -243,7 +244,8 @@ def test_a_study_moves_to_another_machine_and_an_open_page_goes_on_at_the_same_s
     assert list(lines) == []
     with served(new / "my-study", dataset, port=port, ended_by=signal.SIGTERM) as second:
         assert second.links == first.links
-        with line_to(page, additional_headers=headers) as line:
+        line = line_to(page, additional_headers=headers)
+        with line:
             walker = WireClient(line)
             walker.send(CAMERA)
             walker.see_step(2)
