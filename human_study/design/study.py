@@ -54,7 +54,7 @@ model (`glb`). POG: pointing after a look at the home (`map_first`), with text a
 the agents' own top-down map (`map_2d`)."""
 HomeView = Literal["browser", "server"]
 """Where the pictures of a 3-D home are made: in the browser, which then has its geometry, or on the server."""
-Language = Literal["en"]
+Language = Literal["en", "de"]
 """A language of `texts/languages`."""
 FlowStep = Literal["device", "consent", "instructions", "quiz"]
 SurveyTopic = Literal["age", "gender", "education", "language", "games", "expertise", "ai_tools", "other_help", "homes"]
