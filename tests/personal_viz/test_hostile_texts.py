@@ -130,7 +130,9 @@ def through_the_pages_script(session: Session) -> None:
         connection.send(msgspec.msgpack.encode(CAMERA))
         page = BotPage()
         while page.seat is None or page.letter_box is None:
-            page.apply(connection.recv(timeout=60))
+            data = connection.recv(timeout=60)
+            assert isinstance(data, bytes)
+            page.apply(data)
         for text in HOSTILE.values():
             told = {"n": 0, "t_cli_ms": 1.0}
             for said in (
