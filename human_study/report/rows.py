@@ -52,7 +52,7 @@ class ReportRow(ReportValue):
 
     `sr_strict` = percent of successes by rule `paper-strict`, over the trials that have it; `far_from_view` = percent
     of the successes by `paper` that end more than 1 m of walking from every view point. Trials that a rule excludes
-    have neither.
+    have neither. `on_object` = percent of POG answers whose click met the target itself.
     """
     value: float
     low: float | None
@@ -60,7 +60,7 @@ class ReportRow(ReportValue):
     method: str
     """Method of the interval, or the reason why there is none."""
     bootstrap_low: float | None
-    """Ends of the bootstrap interval; None also for `sr_within_K`, `sr_strict` and `far_from_view`, which have none."""
+    """Ends of the bootstrap interval; None also for `sr_within_K`, `sr_strict`, `far_from_view` and `on_object`."""
     bootstrap_high: float | None
     k: int | None
     """Successes; None for other measures."""
