@@ -224,13 +224,6 @@ def has_rested(person: Person, journey: Journey) -> bool:
     return journey.num_done > 0 and _rested_at(person.stages) == journey.num_done
 
 
-def trial_name(person: Person, trial: AssignedTrial) -> str:
-    """The trial's name for participants, with its number within its phase; attention trials look like any other."""
-    alike = [other for other in person.kept if (other.phase == "practice") == (trial.phase == "practice")]
-    number = 1 + sum(other.order_no < trial.order_no for other in alike)
-    return f"{'Practice' if trial.phase == 'practice' else 'Search'} {number} of {len(alike)}"
-
-
 def _place(config: StudyConfig, person: Person, num_done: int) -> Place:
     stages = person.stages
     out = way_out(stages)

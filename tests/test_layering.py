@@ -21,7 +21,7 @@ ALLOWED = {
 }
 ROOMS = {
     "sim": """
-        public_names types errors extras plugins files cache compiled frames walk.navigation_map mesh
+        public_names types errors extras plugins files cache page_style compiled frames walk.navigation_map mesh
         words render walk episodes scans
         homes.cells homes.images homes.plan homes.kind homes.furniture homes.building
         homes.invented homes.clutter homes.recovered homes

@@ -7,7 +7,7 @@ import re
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from sim.errors import AgentError
+from sim.errors import AgentError, did_you_mean
 from sim.plugins import build_plugin, is_plugin, own_name, require_methods
 
 from .cached_texts import CachedTextEncoder
@@ -93,7 +93,7 @@ def parse_encoder_name(name: EncoderName) -> EncoderParts:
         return EncoderParts(family, source, is_oracle)
     raise AgentError(
         f"encoder {name!r}: is not known; expected {', '.join(TEXT_ENCODERS)}, or {_families()}, or your own as "
-        "package.module:factory. "
+        f"package.module:factory.{did_you_mean(family, (*TEXT_ENCODERS, *MODEL_FAMILIES))} "
         "Example: clip:openai/clip-vit-large-patch14."
     )
 

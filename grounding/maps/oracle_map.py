@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Vector3
-from sim.errors import SceneError
+from sim.errors import SceneError, did_you_mean
 from sim.mesh import Scene
 from sim.types import GridSpec
 from sim.walk.storeys import same_storey
@@ -138,8 +138,8 @@ def storey_objects(home: OracleHome, floor_id: str | None) -> list[int]:
     if not found:
         labels = sorted({item.floor_id for item in home.objects})
         raise SceneError(
-            f"{home.scene}: found no object with floor_id {floor_id!r}; expected one of {labels}. "
-            '"personal-viz validate" lists every problem.'
+            f"{home.scene}: found no object with floor_id {floor_id!r}; expected one of {labels}."
+            f'{did_you_mean(floor_id, labels)} "personal-viz validate" lists every problem.'
         )
     return found
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Literal, Protocol, get_args
 
-from sim.errors import AgentError
+from sim.errors import AgentError, did_you_mean
 from sim.plugins import build_plugin, is_plugin
 from sim.types import Task
 
@@ -93,7 +93,7 @@ def require_method(name: str) -> None:
     if name not in get_args(GrounderName) and not is_plugin(name):
         raise AgentError(
             f"--method is {name!r}; expected {', '.join(get_args(GrounderName))}, or your own as "
-            "package.module:factory."
+            f"package.module:factory.{did_you_mean(name, get_args(GrounderName))}"
         )
 
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from sim.errors import AgentError
+from sim.errors import AgentError, did_you_mean
 from sim.mesh import Scene
 from sim.plugins import build_plugin, is_plugin, own_name
 from sim.types import Frame, Observation, Pose
@@ -218,10 +218,13 @@ def _parts(name: str, *, needed: tuple[str, ...]) -> dict[str, str]:
     parts = {key: value for key, _, value in pairs}
     if set(parts) <= set(_PARTS) and len(parts) == len(pairs) and all(parts.values()) and set(needed) <= set(parts):
         return parts
+    wrong = next((part for part in parts if part not in _PARTS), "")
+    meant = did_you_mean(wrong, _PARTS if "=" in text else ("oracle", "oracle:mild", "oracle:strong"))
     raise AgentError(
         f"--perception is {name!r}; expected oracle, oracle:mild, oracle:strong, your own as package.module:factory, "
-        "or encoder=NAME,detector=NAME, with segmenter= and scorer=package.module:factory if you have them. Example: "
-        "encoder=clip:openai/clip-vit-large-patch14,detector=owlv2:google/owlv2-base-patch16-ensemble."
+        "or encoder=NAME,detector=NAME, with segmenter= and scorer=package.module:factory if you have them."
+        f"{meant} Example: encoder=clip:openai/clip-vit-large-patch14,"
+        "detector=owlv2:google/owlv2-base-patch16-ensemble."
     )
 
 
@@ -231,5 +234,6 @@ def _require_detector(name: str, family: str) -> None:
         families = ", ".join(f"{known}:" for known in DETECTOR_FAMILIES)
         raise AgentError(
             f"detector {name!r}: is not known; expected {families} and a model id, folder or file, or your own as "
-            "package.module:factory. Example: owlv2:google/owlv2-base-patch16-ensemble."
+            f"package.module:factory.{did_you_mean(family, DETECTOR_FAMILIES)} Example: "
+            "owlv2:google/owlv2-base-patch16-ensemble."
         )

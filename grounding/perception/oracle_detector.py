@@ -13,7 +13,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from sim.errors import AgentError
+from sim.errors import AgentError, did_you_mean
 from sim.tasks.observers import Detection
 from sim.types import Frame
 
@@ -151,7 +151,8 @@ def oracle_level(level: Level, *, seed: int = 0) -> OracleLevel:
             )  # fmt: skip
         case _:
             raise AgentError(
-                f"perception: oracle level is {level!r}; expected one of {', '.join(get_args(Level))}. Choose one."
+                f"perception: oracle level is {level!r}; expected one of {', '.join(get_args(Level))}."
+                f"{did_you_mean(level, get_args(Level))} Choose one."
             )
     return OracleLevel(perception, faults)
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from sim.episodes.schema import Episode
-from sim.errors import AgentError
+from sim.errors import AgentError, did_you_mean
 from sim.plugins import build_plugin, is_plugin, own_name
 from sim.types import Task
 
@@ -92,6 +92,7 @@ def make_phrases(name: PhraseSourceName, *, episodes: Iterable[Episode] = (), ch
         case _:
             raise AgentError(
                 f"--phrases is {name!r}; expected dataset, rules, llm, or your own as package.module:factory."
+                f"{did_you_mean(name, ('dataset', 'rules', 'llm'))}"
             )
 
 

@@ -1,6 +1,7 @@
 """`plan.json`: the trials of each person in order, made offline from a seed. Holds no secret."""
 
 import hashlib
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -10,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from sim.errors import StudyError, line_from_validation_error
 from sim.files import bounded_json
 from sim.homes.plan import HOMES_VERSION
-from sim.types import ClutterLevel, EpisodeKey, SceneKind, Split, TaskKind
+from sim.types import SPLITS, ClutterLevel, EpisodeKey, SceneKind, Split, TaskKind
 
 from ..private_files import write_private
 from .study import OTHER_PROGRAM, Condition, StudyConfig
@@ -199,6 +200,14 @@ def with_groups(config: StudyConfig, scenes: Sequence[StudyScene], order: Sequen
     """The homes, dealt in the given order into as many groups as the task with the most conditions has conditions."""
     num_groups = max(len(config.conditions(task)) for task in config.task)
     return tuple(scenes[place].model_copy(update={"group": number % num_groups}) for number, place in enumerate(order))
+
+
+def per_person(people: Sequence[PlannedParticipant]) -> dict[Split, tuple[int, int]]:
+    """Least and largest number of counted trials of each split that one person has; spare people do not count."""
+    counts = [Counter(trial.split for trial in person.trials if trial.phase == "main") for person in people]
+    counts = [found for found in counts if found]
+    splits = [split for split in SPLITS if any(split in found for found in counts)]
+    return {split: (min(found[split] for found in counts), max(found[split] for found in counts)) for split in splits}
 
 
 def save_plan(folder: Path, plan: StudyPlan) -> Path:

@@ -1,7 +1,7 @@
 """Makes the plan of a study from the seed, offline: episodes, conditions and order of the trials of each person."""
 
 import math
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -14,13 +14,11 @@ from sim.tasks.provenance import program_release
 from sim.types import EpisodeKey, Split, TaskKind
 from sim.words.english import how_many
 
-from .max_flow import flow_of
-from .plan import Phase, PlannedParticipant, PlannedTrial, Slot, StudyPlan, StudyScene, with_groups
+from .dealing import deal
+from .plan import Phase, PlannedParticipant, PlannedTrial, Slot, StudyPlan, StudyScene, per_person, with_groups
 from .study import Condition, StudyConfig
 
 T = TypeVar("T")
-_MORE_PEOPLE = 200
-"""Number of people above the minimum that are tried before a plan counts as impossible."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,9 +127,28 @@ def _changes(config: StudyConfig, people: Sequence[PlannedParticipant]) -> tuple
             f"among whom nobody meets a home twice, share {sum(counts)} counted trials evenly "
             f"({how_many(len(per_home), 'home')}, up to {max(per_home.values())} episodes in one)"
         )
+    if config.design.kind == "house-once":
+        changes += [line for task in config.task for line in _uneven_splits(people, task)]
     if every is not None and not any(trial.phase == "check" for person in people for trial in person.trials):
         changes.append(f"checks.every: {every} asked, no attention trial planned, because nobody has that many trials")
     return tuple(changes)
+
+
+def _uneven_splits(people: Sequence[PlannedParticipant], task: TaskKind) -> list[str]:
+    """A sentence for each split of which a person has more than one trial above or below the mean."""
+    lines = []
+    of_task = [person for person in people if person.task == task]
+    for split, (least, most) in per_person(of_task).items():
+        trials = [trial for person in of_task for trial in person.trials if trial.phase == "main"]
+        homes = {trial.scene for trial in trials if trial.split == split}
+        num_people = sum(any(trial.phase == "main" for trial in person.trials) for person in of_task)
+        mean = sum(trial.split == split for trial in trials) / num_people
+        if least < mean - 1 or most > mean + 1:
+            lines.append(
+                f"splits of each person: {least} to {most} {split} {task.upper()} trials planned, {mean:.1f} in the "
+                f"mean, because nobody meets a home twice and these lie in {how_many(len(homes), 'home')}"
+            )
+    return lines
 
 
 def _people(
@@ -159,53 +176,20 @@ def _people(
 
 
 def _house_once(
-    config: StudyConfig,
-    task: TaskKind,
-    keys: list[EpisodeKey],
-    groups: dict[str, int],
-    rng: np.random.Generator,
+    config: StudyConfig, task: TaskKind, keys: list[EpisodeKey], groups: dict[str, int], rng: np.random.Generator
 ) -> list[list[Slot]]:
-    """Slots of each person, never twice in one home: the fewest people that a maximum flow allows, as even as possible.
-
-    Raises:
-        StudyError: No number of people is enough.
-    """
+    """Slots of each person, never twice in one home: the fewest people, arms in turns, all with equally much to do."""
     conditions = config.conditions(task)
     raters, most = config.design.raters_per_episode, config.design.trials_per_person or len(groups)
-    num_slots = raters * len(keys) * len(conditions)
     per_home = Counter(key.scene for key in keys)
-    least = max(math.ceil(num_slots / min(most, len(per_home))), raters * len(conditions) * max(per_home.values()))
-    step = len(conditions)
-    shuffled = [keys[place] for place in rng.permutation(len(keys))]
-    for num_people in range(math.ceil(least / step) * step, least + _MORE_PEOPLE, step):
-        edges: list[tuple[str, str, int]] = []
-        order = [int(place) for place in rng.permutation(num_people)]
-        for person in order:
-            edges += [(f"person {person}", f"visit {person} {scene}", 1) for scene in sorted(per_home)]
-            for key in (shuffled[place] for place in rng.permutation(len(shuffled))):
-                condition = _condition(conditions, groups, key, person)
-                edges.append((f"visit {person} {key.scene}", f"episode {condition} {key}", 1))
-        edges += [(f"episode {condition} {key}", "to", raters) for condition in conditions for key in shuffled]
-        even = math.ceil(num_slots / num_people)
-        for each in sorted({even, min(even + 1, most), most}):
-            loads = [("from", f"person {person}", each) for person in order]
-            flow = flow_of([*loads, *edges], source="from", sink="to")
-            if sum(amount for (tail, _), amount in flow.items() if tail == "from") == num_slots:
-                by_name = {f"episode {of} {key}": Slot(task, of, key, 0) for of in conditions for key in keys}
-                return _slots_of(flow, num_people, by_name)
-    raise StudyError(
-        f"study {config.study}: design house-once with {most} trials a person and {max(per_home.values())} episodes in "
-        f"one home found no plan with up to {least + _MORE_PEOPLE} people; expected one. Lower dataset.max_per_scene."
-    )
-
-
-def _slots_of(flow: dict[tuple[str, str], int], num_people: int, by_name: dict[str, Slot]) -> list[list[Slot]]:
-    """Slots of each person in a flow; `by_name` has them by the names of their nodes."""
-    slots: dict[int, list[Slot]] = defaultdict(list)
-    for tail, head in flow:
-        if tail.startswith("visit "):
-            slots[int(tail.split()[1])].append(by_name[head])
-    return [sorted(slots[person], key=lambda slot: slot.key) for person in range(num_people)]
+    num_people = max(raters * max(per_home.values()), math.ceil(raters * len(keys) / min(most, len(per_home))))
+    parts = {home: group % len(conditions) for home, group in groups.items()}
+    arms = [deal(keys, raters, num_people, parts, rng) for _ in conditions]
+    people = [found for in_turn in zip(*arms, strict=True) for found in in_turn]
+    return [
+        [Slot(task, _condition(conditions, groups, key, person), key, 0) for key in found]
+        for person, found in enumerate(people)
+    ]
 
 
 def _condition(conditions: tuple[Condition, ...], groups: dict[str, int], key: EpisodeKey, person: int) -> Condition:

@@ -5,11 +5,12 @@ from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_flow
 
 from sim.errors import StudyError
 from sim.types import EpisodeKey, Split
 
-from .max_flow import flow_of
 from .study import StudyConfig
 
 
@@ -56,7 +57,7 @@ def _counts(
         edges = [("from", f"split {split}", count) for split, count in wanted.items()]
         edges += [(f"split {of}", f"scene {home}", min(bound, len(groups[of, home]))) for of, home in order]
         edges += [(f"scene {home}", "to", cap) for home in sorted({home for _, home in order})]
-        return flow_of([edge for edge in edges if edge[2] > 0], source="from", sink="to")
+        return _flow([edge for edge in edges if edge[2] > 0])
 
     def is_full(found: dict[tuple[str, str], int]) -> bool:
         return sum(amount for (tail, _), amount in found.items() if tail == "from") == num_wanted
@@ -76,3 +77,25 @@ def _counts(
         least = math.ceil(num_wanted / len({home for _, home in order}))
         found = next(evener for most in range(least, cap + 1) if is_full(evener := flow(bound, most)))
     return {(split, scene): found.get((f"split {split}", f"scene {scene}"), 0) for split, scene in order}
+
+
+def _flow(edges: Sequence[tuple[str, str, int]]) -> dict[tuple[str, str], int]:
+    """A largest possible flow from `from` to `to`, as amounts > 0 by (tail, head).
+
+    The edges are (tail, head, capacity > 0), each pair once. The choice among equal flows depends only on the order in
+    which nodes first appear.
+    """
+    numbers: dict[str, int] = {}
+    for name in ("from", "to", *(name for edge in edges for name in edge[:2])):
+        numbers.setdefault(name, len(numbers))
+    tails = [numbers[tail] for tail, _, _ in edges]
+    heads = [numbers[head] for _, head, _ in edges]
+    capacities = np.array([capacity for _, _, capacity in edges], np.int32)
+    graph = csr_array((capacities, (tails, heads)), shape=(len(numbers), len(numbers)))
+    flow = maximum_flow(graph, numbers["from"], numbers["to"], method="dinic").flow.tocoo()
+    names = list(numbers)
+    return {
+        (names[tail], names[head]): int(amount)
+        for tail, head, amount in zip(flow.coords[0], flow.coords[1], flow.data, strict=True)
+        if amount > 0
+    }

@@ -11,19 +11,23 @@ from markdown_it import MarkdownIt
 from markdown_it.renderer import RendererHTML
 from markdown_it.token import Token
 
+from sim.page_style import tokens_css
+
 from ..export.text_tables import markdown_line, markdown_table, one_cell
 from .trials import row_label
 
 NOBODY = "no such trials"
 _TEMPLATES = Path(__file__).parent / "templates"
 _STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 78rem; padding: 0 1rem; color: #1b1b1b; }
+body { font: .9375rem/1.45 var(--personal-font); margin: 2rem auto; max-width: 78rem; padding: 0 1rem;
+  color: var(--personal-ink); background: var(--personal-paper); }
 table { border-collapse: collapse; margin: .6rem 0; font-size: 13px; }
-th, td { border: 1px solid #c9c9c9; padding: .25rem .5rem; text-align: left; vertical-align: top; }
-thead th { background: #f0f0ee; }
-table + p { color: #4d4d4d; font-size: 12.5px; margin: 0 0 1rem; }
+th, td { border: 1px solid var(--personal-line); padding: .25rem .5rem; text-align: left; vertical-align: top; }
+thead th { background: var(--personal-head); }
+table + p { color: var(--personal-quiet); font-size: 12.5px; margin: 0 0 1rem; }
 figure { margin: 1rem 0; overflow-x: auto; }
-figcaption { color: #4d4d4d; font-size: 13px; }
+svg text { font-family: var(--personal-font); }
+figcaption { color: var(--personal-quiet); font-size: 13px; }
 """
 _BESIDE = "figure:has(> svg[role=img]) {{ display: inline-block; width: {}px; margin: .6rem; vertical-align: top; }}\n"
 
@@ -68,7 +72,7 @@ def html_page(markdown: str, pictures: Mapping[str, str], *, beside_px: int | No
         if [child.type for child in token.children or ()] == ["image"]:
             tokens[at - 1].tag = tokens[at + 1].tag = "figure"
     body = reader.renderer.render(tokens, reader.options, {"pictures": pictures})
-    style = _STYLE if beside_px is None else _STYLE + _BESIDE.format(beside_px)
+    style = tokens_css() + _STYLE + ("" if beside_px is None else _BESIDE.format(beside_px))
     title = next((tokens[at + 1].content for at, token in enumerate(tokens) if token.tag == "h1"), "Report")
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'

@@ -1,10 +1,14 @@
-"""Reads the input of a report: run folders, exports of a study, or study folders, whose records are read directly."""
+"""Reads the input of a report: run folders, exports of a study, or study folders, whose records are read directly.
+
+Runs of agents that cannot stand beside the people are left out, each with its reason.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.errors import StudyError
+from sim.errors import RunFileError, StudyError
+from sim.tasks.metrics import metric_rows, require_comparable
 from sim.tasks.run_files import Run
 from sim.tasks.run_folders import read_runs, with_controls
 
@@ -16,6 +20,7 @@ from ..export.manifest import MANIFEST_FILE, read_manifest
 from ..export.rows import ExclusionRow, ParticipantRow
 from ..export.trial_table import TrialRow
 from ..store.records import DATABASE_FILE, read_study
+from .trials import LeftOutRun
 
 TRIALS_FILE = "trials.jsonl"
 _PARTICIPANTS_FILE, _EXCLUSIONS_FILE = "participants.jsonl", "exclusions.jsonl"
@@ -43,14 +48,75 @@ class ReportSource:
     """Runs of people and agents, and the records of the people's study if there are any."""
 
     runs: tuple[Run, ...]
+    """In the order of their ids."""
     records: StudyRecords = StudyRecords()
+    left_out: tuple[LeftOutRun, ...] = ()
+    """Runs of agents that cannot stand beside the people."""
+
+
+def source_of(runs: Sequence[Run], records: StudyRecords | None = None) -> ReportSource:
+    """The runs of people, and those of agents that can stand beside them; the others with the reason.
+
+    Raises:
+        StudyError: There is no run of people, or their runs are of two studies.
+        RunFileError: People's runs are on different episode files, or in scans and other homes.
+    """
+    ordered = sorted(runs, key=lambda run: run.info.run_id)
+    people = [run for run in ordered if run.info.who_kind == "human"]
+    if not people:
+        raise StudyError(
+            f"found {len(runs)} runs of agents and none of people; expected at least one of people. "
+            "Write them with personal-viz study export."
+        )
+    versions = {str(run.info.config.get("study_version", "")): run.info.run_id for run in people}
+    if len(versions) > 1:
+        names = ", ".join(f"{version[:12] or 'none'} ({run_id})" for version, run_id in sorted(versions.items()))
+        raise StudyError(
+            f"runs of people: found study versions {names}; expected one, because people's codes are those of one "
+            "study. Make a report of each."
+        )
+    require_comparable(run.info for run in people)
+    reasons = {id(run): _why_not_beside(run, people) for run in ordered if run.info.who_kind != "human"}
+    kept = tuple(run for run in ordered if not reasons.get(id(run)))
+    left_out = tuple(LeftOutRun(run=run.info.run_id, reason=why) for run in ordered if (why := reasons.get(id(run))))
+    return ReportSource(kept, records or StudyRecords(), left_out)
+
+
+def _why_not_beside(run: Run, people: Sequence[Run]) -> str:
+    """Why a run of an agent cannot stand in a report on these people; empty if it can."""
+    info, theirs = run.info, people[0].info
+    version, study = str(info.config.get("study_version", "")), str(theirs.config.get("study_version", ""))
+    if version and version != study:
+        return f"ran on study version {version[:12]}, people on {study[:12] or 'none'}"
+    if info.dataset_digest != theirs.dataset_digest:
+        return f"is on other episode files ({info.dataset_digest[:12]}) than people ({theirs.dataset_digest[:12]})"
+    kinds = {one.info.scene_kind for one in people}
+    if info.scene_kind not in {*kinds, "oracle-map"}:
+        return f"was made in homes of kind {info.scene_kind}, people were in {', '.join(sorted(kinds))}"
+    done = {"PAN": {item.key for one in people for item in one.episodes}}
+    done["POG"] = {item.key for one in people for item in one.answers}
+    own = {"PAN": {item.key for item in run.episodes}, "POG": {item.key for item in run.answers}}
+    tasks, asked = ([task for task, keys in of.items() if keys] for of in (own, done))
+    if not set(tasks) & set(asked):
+        return f"{' and '.join(tasks) or 'empty'} run in a {' and '.join(asked)} report"
+    if not any(own[task] & done[task] for task in asked):
+        return f"did none of the {sum(map(len, done.values()))} episodes that people did"
+    has_labels = {one.info.labels for one in people if one.episodes}
+    if run.episodes and has_labels and info.labels not in has_labels:
+        words = ("had", "did not") if info.labels else ("lacked", "had them")
+        return f"its pictures {words[0]} the categories written on objects, people's {words[1]}"
+    try:
+        metric_rows([run])
+    except RunFileError as error:
+        return str(error).removeprefix(f"{info.run_id}: ").partition("; ")[0]
+    return ""
 
 
 def read_source(folders: Sequence[Path]) -> ReportSource:
     """Everything in run folders, folders of run folders, and at most one study folder or export.
 
     Raises:
-        StudyError: There are records of more than one study, or records are damaged.
+        StudyError: There are records of more than one study, records are damaged, or there is no run of people.
         RunFileError: A folder holds no run, or a run is damaged.
     """
     studies = [folder for folder in folders if (folder / DATABASE_FILE).is_file()]
@@ -64,11 +130,11 @@ def read_source(folders: Sequence[Path]) -> ReportSource:
     others = [folder for folder in folders if folder not in (*studies, *exports)]
     others += [found for study in studies if (found := own_agents(study, others)) is not None]
     if not studies and not exports:
-        return ReportSource(tuple(read_runs(with_controls(others))))
+        return source_of(read_runs(with_controls(others)))
     people, records = _of_study(studies[0]) if studies else _of_export(exports[0])
     if not people and not others:
         raise _no_trial(folders[0])
-    return ReportSource((*people, *(read_runs(with_controls(others)) if others else ())), records)
+    return source_of([*people, *(read_runs(with_controls(others)) if others else ())], records)
 
 
 def own_agents(study: Path, given: Sequence[Path]) -> Path | None:

@@ -8,8 +8,9 @@ import hashlib
 import math
 import sqlite3
 import time
+from collections import Counter
 
-from sim.types import EpisodeKey, TaskKind
+from sim.types import EpisodeKey, Split, TaskKind
 
 from ..design.plan import PlannedTrial, Slot, StudyPlan
 from ..design.secrets import new_id
@@ -109,8 +110,9 @@ def release_one(database: sqlite3.Connection, assignment_id: str, reason: str) -
 def fill(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, code: str) -> bool:
     """Gives the participant one episode that nobody holds (any more); False when there is none.
 
-    The participant's own episodes in the plan come first, in its order; then the one with the fewest other people, in a
-    home that the participant has never met (`house-once`), or at least an episode that the participant has not done.
+    The participant's own episodes in the plan come first, in its order; then one of the split of which the participant
+    has the smallest share, and of these the one with the fewest other people; always in a home that the participant has
+    never met (`house-once`), or at least an episode that the participant has not done.
     After each `checks.every` counted trials an attention trial is given too.
     """
     slot = free_slot(database, config, plan, code)
@@ -119,8 +121,8 @@ def fill(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, cod
     last = database.execute("SELECT max(order_no) FROM assignment WHERE code = ?", (code,)).fetchone()[0]
     number = (last or 0) + 1
     assign(database, code, PlannedTrial.of(slot, order_no=number, phase="main"), made_by="fill")
-    every = config.checks.every
-    if every is not None and _num_main(database, code) % every == 0:
+    every, num_main = config.checks.every, _splits_held(database, code).total()
+    if every is not None and num_main % every == 0:
         checks: list[tuple[EpisodeKey, TaskKind]] = [
             (trial.key, trial.task)
             for person in plan.participants
@@ -128,7 +130,7 @@ def fill(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan, cod
             if trial.phase == "check" and trial.task == slot.task
         ]
         if checks:
-            key, task = checks[_num_main(database, code) // every % len(checks)]
+            key, task = checks[num_main // every % len(checks)]
             check = Slot(task, slot.condition, key, 0)
             assign(database, code, PlannedTrial.of(check, order_no=number + 1, phase="check"), made_by="fill")
     return True
@@ -140,7 +142,8 @@ def free_slot(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan
     most = config.design.trials_per_person or max(
         sum(trial.phase == "main" for trial in known.trials) for known in plan.participants
     )
-    if _num_main(database, code) >= most:
+    held = _splits_held(database, code)
+    if held.total() >= most:
         return None
     conditions = plan.conditions_of(config, person)
     met = _met(database, code)
@@ -157,20 +160,24 @@ def free_slot(database: sqlite3.Connection, config: StudyConfig, plan: StudyPlan
         and (slot.key.scene not in homes if config.design.kind == "house-once" else slot.key not in met)
     ]
     planned = {trial.slot: trial.order_no for trial in person.trials}
+    of_task = [known for known in plan.participants if known.task == person.task]
+    totals = Counter(trial.split for known in of_task for trial in known.trials if trial.phase == "main")
 
-    def preference(slot: Slot) -> tuple[float, int, str]:
-        """Sort key: the participant's own episodes in the plan's order, then the rarest; equally rare ones mixed."""
+    def preference(slot: Slot) -> tuple[float, float, int, str]:
+        """Sort key: own episodes in the plan's order, then the split that lacks most, then the rarest; others mixed."""
         mixed = hashlib.sha256(f"{code}/{slot}".encode()).hexdigest()
-        return planned.get(slot, math.inf), _num_holders(database, slot), mixed
+        split = slot.key.split
+        return planned.get(slot, math.inf), held[split] / totals[split], _num_holders(database, slot), mixed
 
     return min(allowed, key=preference, default=None)
 
 
-def _num_main(database: sqlite3.Connection, code: str) -> int:
-    """Number of counted trials that the participant has or did."""
-    return database.execute(
-        f"SELECT count(*) FROM assignment WHERE code = ? AND phase = 'main' AND {_LIVE}", (code,)
-    ).fetchone()[0]
+def _splits_held(database: sqlite3.Connection, code: str) -> Counter[Split]:
+    """Number of counted trials of each split that the participant has or did."""
+    rows = database.execute(
+        f"SELECT split, count(*) FROM assignment WHERE code = ? AND phase = 'main' AND {_LIVE} GROUP BY split", (code,)
+    )
+    return Counter(dict(rows))
 
 
 def _met(database: sqlite3.Connection, code: str) -> set[EpisodeKey]:

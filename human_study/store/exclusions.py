@@ -55,31 +55,28 @@ def require_rule_id(rule_id: str) -> str:
     return rule_id
 
 
-def find_target(reader: StudyReader, *, trial: str | None, participant: str | None) -> ExclusionTarget:
-    """The person, or the attempts at a trial named `p03/12` (code and place in the order), as `study status` prints it.
+def find_target(reader: StudyReader, name: str) -> ExclusionTarget:
+    """The person named `p03`, or the attempts at a trial named `p03/12` (code and place in the order).
 
     Raises:
-        StudyError: Not exactly one of the two is given, or the trial or participant does not exist.
+        StudyError: The name has another form, or the trial or participant does not exist.
     """
-    if (trial is None) == (participant is None):
-        raise StudyError(
-            "study exclude: found both or none of --trial and --participant; expected exactly one. "
-            "Give --trial p03/12 or --participant p03."
-        )
-    if participant is not None:
-        return ExclusionTarget(reader.participant(participant).code, ())
-    assert trial is not None
-    found = _TRIAL.fullmatch(trial)
+    if "/" not in name:
+        return ExclusionTarget(reader.participant(name).code, ())
+    found = _TRIAL.fullmatch(name)
     if found is None:
-        raise StudyError(f"--trial {trial}: expected a participant's code and a place in the order, such as p03/12.")
+        raise StudyError(
+            f"{name}: expected a participant's code, such as p03, or with a place in the order, such as p03/12. "
+            "See study status."
+        )
     code, order_no = found[1], int(found[2])
     attempts = [status for status in reader.trials(code) if status.order_no == order_no]
-    return ExclusionTarget(code, _opened(attempts, trial))
+    return ExclusionTarget(code, _opened(attempts, name))
 
 
 def _opened(attempts: Sequence[StoredTrial], trial: str) -> tuple[str, ...]:
     ids = tuple(status.trial_id for status in attempts if status.trial_id is not None)
     if not ids:
         found = "never opened" if attempts else "not assigned"
-        raise StudyError(f"--trial {trial}: was {found}; expected a trial that has begun. See study status.")
+        raise StudyError(f"trial {trial}: was {found}; expected a trial that has begun. See study status.")
     return ids

@@ -164,7 +164,18 @@ WHEN EXISTS(SELECT 1 FROM outcome WHERE trial_id = NEW.trial_id)
 BEGIN SELECT RAISE(ABORT, 'the trial has ended'); END;
 """ + _guards(*_TABLES)
 
-MIGRATIONS: tuple[str, ...] = (_SCHEMA,)
+_PERSONAL_ANSWERS = """
+CREATE TABLE personal_answer(
+    seq INTEGER PRIMARY KEY,
+    code TEXT NOT NULL REFERENCES participant(code),
+    kind TEXT NOT NULL,
+    payload TEXT NOT NULL CHECK(json_valid(payload)),
+    at_ns INTEGER NOT NULL
+) STRICT;
+CREATE INDEX personal_answer_of_code ON personal_answer(code);
+""" + _guards("personal_answer")
+
+MIGRATIONS: tuple[str, ...] = (_SCHEMA, _PERSONAL_ANSWERS)
 """All steps, the first one from an empty database."""
 SCHEMA_VERSION = FIRST_VERSION + len(MIGRATIONS) - 1
 """`PRAGMA user_version` of an up-to-date database."""

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
-from sim.errors import StudyError
+from sim.errors import StudyError, did_you_mean
 
 from ..design.plan import StudyPlan
 from ..design.secrets import new_id
@@ -17,11 +17,13 @@ from ..design.study import StudyConfig
 from ..journey import Person, Stage
 from .assigning import due_order_no, free_slot, others_can_take, release
 from .database import BACKUP_FOLDER, audit, backup
-from .records import AUDIT_PILOT, DATABASE_FILE, VerificationEntry, read_study
+from .records import AUDIT_PILOT, DATABASE_FILE, AnswerKind, VerificationEntry, answer_place, read_study
 from .trial_writes import Now, abandon_running
 from .vault import Vault
 from .writer import GroupWriter
 
+MAX_ANSWER = 4000
+"""Most characters of a personal answer."""
 KEPT_BACKUPS = 10
 """Number of kept backups; older ones are deleted."""
 
@@ -87,6 +89,27 @@ class PeopleWrites:
             _add_stage(database, code, "consented" if given else "declined", "{}")
             if not given:
                 release(database, code, "declined")
+
+        self._writer.write(job)
+
+    def keep_answer(self, code: str, kind: AnswerKind, text: str) -> None:
+        """Stores what a participant says about the study or about themselves, encrypted with the participant's key.
+
+        A second answer of a kind is stored too; the newest one counts.
+
+        Raises:
+            StudyError: There is no such participant, the participant's records are deleted, or the text is too long.
+        """
+        if len(text) > MAX_ANSWER:
+            raise StudyError(f"participant {code!r}: {kind} has {len(text)} characters; expected {MAX_ANSWER} at most.")
+
+        def job(database: sqlite3.Connection) -> None:
+            self._require_known(database, code)
+            payload = self._vault.seal(code, text, where=answer_place(code, kind))
+            database.execute(
+                "INSERT INTO personal_answer(code, kind, payload, at_ns) VALUES (?, ?, ?, ?)",
+                (code, kind, payload, time.time_ns()),
+            )
 
         self._writer.write(job)
 
@@ -260,8 +283,13 @@ class PeopleWrites:
         return free_slot(database, self.config, self.plan, code) is not None
 
     def _require_known(self, database: sqlite3.Connection, code: str) -> None:
-        if not database.execute("SELECT 1 FROM participant WHERE code = ?", (code,)).fetchone():
-            raise StudyError(f"{self.folder}: found no participant {code!r}; expected one of the study's.")
+        codes = [found for (found,) in database.execute("SELECT code FROM participant ORDER BY rowid")]
+        if code not in codes:
+            ends = " to ".join((*codes[:1], *codes[1:][-1:]))
+            raise StudyError(
+                f"{self.folder}: found no participant {code!r}; expected one of {ends}.{did_you_mean(code, codes)} "
+                "See study status."
+            )
 
 
 def _add_stage(database: sqlite3.Connection, code: str, stage: Stage, detail: str) -> None:

@@ -60,7 +60,13 @@ def disagreements(text: str, config: StudyConfig, *, plan: StudyPlan, task: Task
                 if all(abs(_quantity(match) - allowed) > 1e-9 for allowed in fact.allowed):
                     expected = " or ".join(f"{value:g}" for value in sorted(fact.allowed)) or "empty"
                     found.append(f"says {match[0]!r}, but {fact.field} is {expected}")
-    return list(dict.fromkeys([*found, *_of_another_rule(plain, config, task)]))
+    return list(dict.fromkeys([*found, *_of_another_rule(plain, config, task), *_denied(plain, config)]))
+
+
+def unsaid(text: str, config: StudyConfig) -> list[str]:
+    """What the study does with people's data and a consent form does not say, in words."""
+    plain = " ".join(text.split()).lower()
+    return [f"does not name the {word}, but {field} is set" for word, field in _told(config) if word not in plain]
 
 
 def _facts(config: StudyConfig, plan: StudyPlan, task: TaskKind) -> list[_Fact]:
@@ -68,7 +74,8 @@ def _facts(config: StudyConfig, plan: StudyPlan, task: TaskKind) -> list[_Fact]:
     breaks, minutes = config.breaks, announced_minutes(config, plan)
     numbers = {breaks.every, breaks.sitting_max, config.checks.every, config.practice.pan, config.practice.pog}
     seldom = {float(number) for number in (*counts, *numbers, 1, 2) if number is not None}
-    pay = [_value(number) for number in re.findall(r"\d+(?:[.,]\d+)?", config.ethics.pay)]
+    stated = f"{config.ethics.pay} {config.ethics.pay_if_leaving} {config.ethics.insurance}"
+    pay = [_value(number) for number in re.findall(r"\d+(?:[.,]\d+)?", stated)]
     retention = config.privacy.retention
     facts = [
         _Fact("the study's number of searches", seldom, (rf"\b{_N} (?:searches|trials|tasks)\b",)),
@@ -117,6 +124,20 @@ def _of_another_rule(plain: str, config: StudyConfig, task: TaskKind) -> list[st
     match = re.search(pattern, plain, flags=re.IGNORECASE)
     rule = f"success is {config.success}" if task == "pan" else "a mark counts by its distance from the middle"
     return [f"says {match[0]!r}, but {rule}"] if match is not None else []
+
+
+def _told(config: StudyConfig) -> list[tuple[str, str]]:
+    """(word that a consent form must use, field that makes it necessary)."""
+    return [("language model", "ethics.language_model")] if config.ethics.language_model else []
+
+
+def _denied(plain: str, config: StudyConfig) -> list[str]:
+    """Sentences that deny what the study does with people's data."""
+    found = []
+    for word, field in _told(config):
+        match = re.search(rf"\b(?:no|not|never|nothing(?! else))\b[^.:;]{{0,80}}\b{word}", plain, flags=re.IGNORECASE)
+        found += [f"says {match[0]!r}, but {field} is set"] if match is not None else []
+    return found
 
 
 def _quantity(match: re.Match[str]) -> float:

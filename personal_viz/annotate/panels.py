@@ -24,9 +24,11 @@ MOST_ROWS = 200
 _STYLE = (
     "<style>.bw.an .row{display:flex;gap:.5em;align-items:baseline}.bw.an .row .dim{flex:1;overflow:hidden;"
     "text-overflow:ellipsis;white-space:nowrap}.bw.an .row .tag{white-space:nowrap}"
-    ".tag.complete,.tag.kept,.tag.changed{background:#d5f0e0!important}.tag.unsaved,.tag.flagged{background:#ffe3b3!important}"
+    ".tag.complete,.tag.kept,.tag.changed{background:var(--personal-good-soft)!important}"
+    ".tag.unsaved,.tag.flagged{background:var(--personal-warn-soft)!important}"
     ".bw .grid{display:grid;grid-template-columns:1fr 1fr;gap:4px}.bw .grid img{width:100%;display:block}"
-    ".bw .said{background:#e3f4ea;border:1px solid #9bd0b1;border-radius:6px;padding:.3em .6em}"
+    ".bw .said{background:var(--personal-good-soft);border:1px solid var(--personal-good);"
+    "border-radius:6px;padding:.3em .6em}"
     ".bw .old{font-size:15px}.bw .word{margin:0 .3em .3em 0}</style>"
 )
 """Sent with the list, which every app has."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from sim.episodes.ownership import OwnershipGraph
 from sim.episodes.schema import Episode
+from sim.page_style import tokens_css
 from sim.render.renderer import jpeg_bytes
 from sim.tasks.run_files import Answer, EpisodeRun
 
@@ -34,7 +35,7 @@ _HERE = Path(__file__).parent
 
 def style_html() -> str:
     """The style of every panel; sent once."""
-    return f"<style>{(_HERE / 'browse.css').read_text(encoding='utf-8')}</style>"
+    return f"<style>{tokens_css()}{(_HERE / 'browse.css').read_text(encoding='utf-8')}</style>"
 
 
 def part_html(name: str, **values: object) -> str:

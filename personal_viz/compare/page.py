@@ -8,6 +8,7 @@ from pathlib import Path
 import jinja2
 
 from recordings.texts import NOTICE
+from sim.page_style import tokens_css
 from sim.tasks.metrics import paper_table
 from sim.types import SPLITS
 from sim.words.english import how_many
@@ -67,6 +68,7 @@ class Page:
 def page_html(page: Page) -> str:
     """The page as HTML; every text of runs and episodes is escaped."""
     style, script = ((_HERE / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
+    style = tokens_css() + style
     policy = (
         f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; img-src 'self' file: data:; "
         "base-uri 'none'; form-action 'none'"

@@ -21,10 +21,12 @@ from typing import Annotated, Literal
 import msgspec
 import viser
 
+from sim.page_style import TOKENS, tokens_css
+
 STATIC = Path(__file__).parent / "static"
 VISER_CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
-PAGE_FILES = ("page.js", "tokens.css", "page.css", "updated.js")
-"""Files of `static` in a page, besides viser's client."""
+PAGE_FILES = ("page.js", "card.css", "page.css", "updated.js")
+"""Files of `static` in a page, besides viser's client and the tokens of the design system."""
 SUBPROTOCOL = f"viser-v{viser.__version__}"
 """Websocket subprotocol that viser's client of this version asks for."""
 _VERSION_PLACE = "PAGE_VERSION"
@@ -150,7 +152,7 @@ def page_html(*, panel_width: int) -> str:
     Args:
         panel_width: Width of the side panel, pixels.
     """
-    script, *styles = ((STATIC / name).read_text(encoding="utf-8") for name in ("page.js", "tokens.css", "page.css"))
+    script, *styles = ((STATIC / name).read_text(encoding="utf-8") for name in PAGE_FILES[:3])
     return f"<style>:root {{ --personal-panel: {panel_width}px; }}\n{''.join(styles)}</style>{_runs(script)}"
 
 
@@ -173,19 +175,20 @@ def sign_html(text: str, number: int) -> str:
 def page_version() -> str:
     """12 hex digits of a hash of this program's version, viser's, and every file of a page."""
     hashed = hashlib.sha256(f"{version('personal-viz')} {viser.__version__}".encode())
-    for path in (VISER_CLIENT, *(STATIC / name for name in PAGE_FILES)):
+    for path in (VISER_CLIENT, TOKENS, *(STATIC / name for name in PAGE_FILES)):
         hashed.update(hashlib.sha256(path.read_bytes()).digest())
     return hashed.hexdigest()[:12]
 
 
 def page_of(served: str) -> bytes:
-    """viser's client with our script, which knows its version and checks whether it is still the served one."""
+    """viser's client with our style and our script, which checks whether its version is still the served one."""
     assert re.fullmatch(r"[\w.-]{1,64}", served, re.ASCII), served
     script = (STATIC / "updated.js").read_text(encoding="utf-8").replace(_VERSION_PLACE, served)
     client = VISER_CLIENT.read_bytes()
     head, begin, rest = client.partition(b"<head>")
     assert begin, f"{VISER_CLIENT}: found no <head>"
-    return b"".join((head, begin, b"<script>", script.encode(), b"</script>", rest))
+    style = f"<style>{tokens_css()}</style>"
+    return b"".join((head, begin, f"{style}<script>{script}</script>".encode(), rest))
 
 
 def is_other_viser(offered: Iterable[str]) -> bool:

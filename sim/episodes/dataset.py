@@ -10,7 +10,7 @@ from typing import Annotated
 
 from pydantic import FailFast, ValidationError
 
-from sim.errors import DatasetError, line_from_validation_error, short
+from sim.errors import DatasetError, did_you_mean, line_from_validation_error, short
 from sim.files import bounded_json
 from sim.types import SPLITS, EpisodeKey, Split
 
@@ -79,8 +79,11 @@ class PersonalDataset:
         """
         key = (split, scene)
         if key not in self.files:
-            known = ", ".join(name for of_split, name in self.files if of_split == split) or "no scene"
-            raise DatasetError(f"{self.root}: scene {scene!r} is not in split {split!r}; expected one of: {known}.")
+            known = [name for of_split, name in self.files if of_split == split]
+            raise DatasetError(
+                f"{self.root}: scene {scene!r} is not in split {split!r}; expected one of: "
+                f"{', '.join(known) or 'no scene'}.{did_you_mean(scene, known)}"
+            )
         if not re.fullmatch(NAME_PATTERN, scene):
             raise DatasetError(
                 f"{self.files[key]}: the scene's name is {short(scene, most=80)}; expected 1-64 letters, digits, _ or "
@@ -138,10 +141,14 @@ class PersonalDataset:
             DatasetError: There is no such episode, or the text is not a key.
         """
         key = key_from_text(key) if isinstance(key, str) else key
+        keys: list[EpisodeKey] = []
         for episode in self.episodes(splits=(key.split,), scenes=(key.scene,)):
             if episode.key == key:
                 return episode
-        raise DatasetError(f"{self.root}: found no episode {key}; expected an id of {key.split}/{key.scene}.")
+            keys.append(episode.key)
+        raise DatasetError(
+            f"{self.root}: found no episode {key}; expected an id of {key.split}/{key.scene}.{did_you_mean(key, keys)}"
+        )
 
     def goals(self, scene: str) -> dict[str, Goal]:
         """Every goal object of a scene by `object_name`, from all splits; the first split with the object counts."""
@@ -157,7 +164,10 @@ class PersonalDataset:
     def require_scene(self, scene: str) -> None:
         """Raises DatasetError when no split has the scene."""
         if scene not in self.scenes:
-            raise DatasetError(f"{self.root}: found no scene {scene!r}; expected one of: {', '.join(self.scenes)}.")
+            raise DatasetError(
+                f"{self.root}: found no scene {scene!r}; expected one of: {', '.join(self.scenes)}."
+                f"{did_you_mean(scene, self.scenes)}"
+            )
 
     def digest(self) -> str:
         """sha256 over the decompressed bytes of all content files, in order of split and scene, and over the digests of
@@ -187,7 +197,10 @@ def key_from_text(text: str, *, where: str = "episode") -> EpisodeKey:
     """
     split, scene, episode_id = (*text.strip().split("/"), "", "", "")[:3]
     if text.count("/") != 2 or split not in SPLITS or not (scene and episode_id):
-        raise DatasetError(f"{where}: found {text!r}; expected SPLIT/SCENE/ID, SPLIT one of {', '.join(SPLITS)}.")
+        raise DatasetError(
+            f"{where}: found {text!r}; expected SPLIT/SCENE/ID, SPLIT one of {', '.join(SPLITS)}."
+            f"{'' if split in SPLITS else did_you_mean(split, SPLITS)}"
+        )
     return EpisodeKey(split, scene, episode_id)
 
 

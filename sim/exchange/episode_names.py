@@ -11,7 +11,7 @@ from typing import Literal, cast
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.errors import DatasetError, RunFileError, short
+from sim.errors import DatasetError, RunFileError, did_you_mean, short
 from sim.types import SPLITS, EpisodeKey, Split
 
 NumberedBy = Literal["id", "place", "onemap"]
@@ -36,10 +36,11 @@ def find_episode(
     """
     split, scene, episode_id = named
     if (split, scene) not in dataset.files:
-        known = ", ".join(name for of_split, name in dataset.files if of_split == split) or "no scene"
+        known = [name for of_split, name in dataset.files if of_split == split]
         raise RunFileError(
             f"{where}: scene {scene!r} is not in split {split!r} of {dataset.root}; expected one of: "
-            f"{known}. Give --dataset the episodes that were played."
+            f"{', '.join(known) or 'no scene'}.{did_you_mean(scene, known)} Give --dataset the episodes that were "
+            "played."
         )
     try:
         episodes = list(dataset.episodes(splits=(split,), scenes=(scene,)))
@@ -90,7 +91,10 @@ def key_of_facts(
     rest = fallback._asdict() if fallback else {}
     split, scene, episode_id = (str(told.get(name, rest.get(name))) for name in ("split", "scene", "episode_id"))
     if split not in SPLITS:
-        raise RunFileError(f"{where}: split is {split!r}; expected one of {', '.join(SPLITS)}. Correct it.")
+        raise RunFileError(
+            f"{where}: split is {split!r}; expected one of {', '.join(SPLITS)}.{did_you_mean(split, SPLITS)} "
+            "Correct it."
+        )
     return EpisodeKey(cast(Split, split), _scene_name(scene), episode_id.removesuffix(".0"))
 
 

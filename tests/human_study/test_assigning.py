@@ -2,17 +2,19 @@
 
 import json
 import threading
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
+from human_study.design.planning import make_plan
 from human_study.design.secrets import token_hash
 from human_study.journey import has_dropped_out
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore, TrialEndedError
 from sim.errors import StudyError
 from sim.tasks.run_files import EpisodeEnd
-from sim.types import SPLITS
+from sim.types import SPLITS, EpisodeKey
 
 from .small_world import study
 from .stores import HOMES, KEY, begin_next, checked, do_next, open_planned, plan_homes, started, trials_of
@@ -210,12 +212,23 @@ def test_a_person_who_comes_back_goes_on_in_the_order_of_the_plan(tmp_path: Path
         assert store.next_trial("p01") is None
 
 
-def test_a_spare_person_gets_easy_and_hard_episodes_mixed(tmp_path: Path) -> None:
+def test_a_spare_person_gets_as_many_of_each_split_as_the_others(tmp_path: Path) -> None:
     with twelve_homes(tmp_path) as store:
         for code in ("p01", "p02", "p03"):
             store.drop_out(code, "away")
         keys = [key for key in (do_next(store, "p04") for _ in range(12)) if key is not None]
     assert len({key.scene for key in keys}) == 12
-    splits = [key.split for key in keys]
-    assert len(set(splits[:6])) >= 2
-    assert splits != sorted(splits, key=SPLITS.index)
+    for done in (3, 6, 9, 12):
+        assert Counter(key.split for key in keys[:done]) == dict.fromkeys(SPLITS, done // 3)
+
+
+def test_a_replacement_takes_splits_in_the_proportion_of_the_study(tmp_path: Path) -> None:
+    config = study(task=("pan",), design={"kind": "house-once", "raters_per_episode": 1, "overbook": 2.0})
+    drawn = plan_homes(config, "ABCDEF", splits=("easy",))
+    episodes = [EpisodeKey("easy" if home < "E" else "hard", home, "0") for home in "ABCDEF"]
+    with open_planned(tmp_path, config, make_plan(config, drawn.scenes, episodes)) as store:
+        store.drop_out("p01", "away")
+        splits = [key.split for key in (do_next(store, "p02") for _ in range(6)) if key is not None]
+    assert Counter(splits) == {"easy": 4, "hard": 2}
+    assert set(splits[:3]) == {"easy", "hard"}  # the first of each, then twice as many easy ones
+    assert Counter(splits[:3])["easy"] == 2 or splits[2:4] == ["easy", "easy"]

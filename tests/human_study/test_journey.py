@@ -18,8 +18,8 @@ from human_study.journey import (
     has_rested,
     journey_of,
     trial_before,
-    trial_name,
 )
+from human_study.texts.participants import trial_name
 from sim.types import EpisodeKey
 
 NOW_NS = 1_800_000_000 * 10**9
@@ -162,7 +162,7 @@ def test_the_stored_trial_before_the_next_one_is_named(
     person = somebody(*stages, trials=trials)
     found = trial_before(person)
     assert (found and found.order_no) == before
-    assert (trial_name(person, found) if found else "") == name
+    assert (trial_name(config(), person, found) if found else "") == name
 
 
 def test_only_a_trial_that_has_ended_is_stored() -> None:

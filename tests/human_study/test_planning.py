@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 from collections import Counter
 from pathlib import Path
 
@@ -9,7 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from human_study.design.plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene, load_plan, save_plan
+from human_study.design.plan import (
+    PlannedParticipant,
+    PlannedTrial,
+    StudyPlan,
+    StudyScene,
+    load_plan,
+    per_person,
+    save_plan,
+)
 from human_study.design.planning import Practice, make_plan
 from human_study.design.sampling import sample_episodes
 from human_study.design.study import StudyConfig
@@ -86,6 +95,88 @@ def test_house_once_needs_25_people_of_30_trials_and_shows_nobody_a_home_twice()
         assert len({trial.scene for trial in trials}) == 30
         raters.update(trial.key for trial in trials)
     assert raters == dict.fromkeys(keys, 5)
+
+
+def split_counts(made: StudyPlan, condition: str | None = None) -> set[tuple[int, ...]]:
+    """Numbers of counted trials by split, of each person who has any."""
+    counts = [
+        Counter(trial.split for trial in main(person) if condition in (None, trial.condition))
+        for person in made.participants
+    ]
+    return {tuple(found[split] for split in SPLITS) for found in counts if found}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_each_of_25_people_gets_ten_trials_of_each_split(seed: int) -> None:
+    config = house_once(dataset={"sha256": "0", "seed": seed})
+    made = planned(config, sample_episodes(config, POOL))
+    assert split_counts(made) == {(10, 10, 10)}
+    assert per_person(made.participants) == dict.fromkeys(SPLITS, (10, 10))
+
+
+def test_conditions_of_a_person_have_equal_shares_of_each_split() -> None:
+    config = house_once(memory={"arms": ("none", "topdown")})
+    made = planned(config, sample_episodes(config, POOL))
+    assert split_counts(made) == {(10, 10, 10)}
+    for condition in ("none", "topdown"):
+        assert {number for found in split_counts(made, condition) for number in found} <= {4, 5, 6}
+
+
+def test_people_share_no_more_episodes_than_chance_would_have_it() -> None:
+    people = planned(house_once(), sample_episodes(house_once(), POOL)).participants
+    episodes = [{trial.key for trial in main(person)} for person in people]
+    shared = [len(a & b) for a, b in itertools.combinations(episodes, 2)]
+    assert sum(shared) / len(shared) == 5.0  # each of 150 episodes is shared by 10 of 300 pairs of people
+    assert max(shared) <= 15
+
+
+def test_splits_that_few_homes_have_are_dealt_as_evenly_as_possible_and_the_plan_says_so() -> None:
+    keys = [EpisodeKey("easy", HOMES[0], str(number)) for number in range(4)]
+    keys += [EpisodeKey("hard", HOMES[home], str(number)) for home in (0, 1, 2, 3) for number in range(home and 4)]
+    config = house_once(design={"kind": "house-once", "raters_per_episode": 1})
+    made = planned(config, tuple(keys))
+    assert split_counts(made) == {(1, 0, 3)}
+    assert made.changes == ()
+    keys = [EpisodeKey("easy", home, str(number)) for home in HOMES[:3] for number in range(2)]
+    keys += [EpisodeKey("hard", home, "0") for home in HOMES[3:6]]
+    keys += [EpisodeKey("hard", HOMES[6], str(number)) for number in range(9)]
+    made = planned(config, tuple(keys))
+    assert {len(main(person)) for person in made.participants} == {2}
+    assert split_counts(made) == {(1, 0, 1), (0, 0, 2)}
+    assert made.changes == ()
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    homes=st.lists(st.tuples(*[st.integers(0, 3)] * 3).filter(any), min_size=1, max_size=7),
+    raters=st.integers(1, 3),
+    most=st.none() | st.integers(1, 7),
+)
+def test_every_house_once_plan_is_as_even_as_its_splits_allow_or_says_that_it_is_not(
+    homes: list[tuple[int, int, int]], raters: int, most: int | None
+) -> None:
+    keys = [
+        EpisodeKey(split, HOMES[home], str(number))
+        for home, counts in enumerate(homes)
+        for split, count in zip(SPLITS, counts, strict=True)
+        for number in range(count)
+    ]
+    config = house_once(
+        design={"kind": "house-once", "raters_per_episode": raters, "trials_per_person": most}, checks={"every": None}
+    )
+    made = planned(config, tuple(keys))
+    people = [main(person) for person in made.participants]
+    num_slots = raters * len(keys)
+    largest_home = max(map(sum, homes))
+    assert len(people) == max(raters * largest_home, math.ceil(num_slots / min(most or 99, len(homes))))
+    assert {len(trials) for trials in people} <= {num_slots // len(people), math.ceil(num_slots / len(people))}
+    assert all(len({trial.scene for trial in trials}) == len(trials) for trials in people)
+    assert Counter(trial.key for trials in people for trial in trials) == dict.fromkeys(keys, raters)
+    for split, (least, largest) in per_person(made.participants).items():
+        mean = sum(trial.split == split for trials in people for trial in trials) / len(people)
+        is_even = mean - 1 <= least and largest <= mean + 1
+        told = [line for line in made.changes if line.startswith("splits of each person") and f" {split} " in line]
+        assert len(told) == (not is_even)
 
 
 @pytest.mark.parametrize("arms", [("none",), ("none", "topdown")])

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from human_study.design.secrets import new_token, token_hash
+from human_study.store.database import require_keys
 from human_study.store.records import VerificationEntry, read_study
 from human_study.store.store import SupersededError, TrialEndedError
 from human_study.store.writer import StoreFullError
@@ -19,7 +20,7 @@ from sim.tasks.run_files import EpisodeEnd
 from sim.types import Action
 
 from .small_world import plan, study
-from .stores import KEY, OPEN, checked, filled, open_small, opened, trials_of
+from .stores import KEY, OPEN, checked, edit, filled, open_small, opened, trials_of
 
 
 def test_stored_events_come_back_as_they_were(tmp_path: Path) -> None:
@@ -270,3 +271,39 @@ def test_an_error_of_the_connection_is_kept_with_the_running_trial_only(tmp_path
         store.finish_trial(trial.trial_id, EpisodeEnd(reason="stop"))
         store.note_error("p02", "too late")
         assert checked(store) == 2
+
+
+def test_personal_answers_are_encrypted_and_the_newest_counts(tmp_path: Path) -> None:
+    with filled(tmp_path) as store:
+        store.keep_answer("p01", "survey", "I am 44")
+        store.keep_answer("p01", "survey", "I am 45")
+        store.keep_answer("p02", "comment", "Fine, thanks")
+        with read_study(tmp_path) as reader:
+            assert reader.answers("survey") == {"p01": "I am 45"}
+            assert reader.answers("comment") == {"p02": "Fine, thanks"}
+            require_keys(reader)
+            (stored,) = reader.rows("SELECT group_concat(payload) FROM personal_answer")
+        assert "I am" not in stored[0]
+        assert "Fine" not in stored[0]
+
+
+def test_personal_answers_go_with_a_withdrawal(tmp_path: Path) -> None:
+    with filled(tmp_path) as store:
+        store.keep_answer("p01", "survey", "I am 44")
+        store.withdraw("p01")
+        with read_study(tmp_path) as reader:
+            assert reader.answers("survey") == {}
+        with pytest.raises(StudyError, match="has no key of participant p01"):
+            store.keep_answer("p01", "survey", "once more")
+
+
+def test_a_personal_answer_of_another_person_or_of_any_length_is_refused(tmp_path: Path) -> None:
+    with filled(tmp_path) as store:
+        store.keep_answer("p01", "survey", "I am 44")
+        with pytest.raises(StudyError, match="found no participant 'p77'"):
+            store.keep_answer("p77", "survey", "hello")
+        with pytest.raises(StudyError, match=r"survey has 4001 characters; expected 4000"):
+            store.keep_answer("p01", "survey", "x" * 4001)
+    edit(tmp_path, "UPDATE personal_answer SET code = 'p02'")
+    with read_study(tmp_path) as reader, pytest.raises(StudyError, match="cannot be decrypted"):
+        reader.answers("survey")

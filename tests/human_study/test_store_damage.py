@@ -9,7 +9,7 @@ import pytest
 
 from human_study.store import database as database_module
 from human_study.store.database import bring_up_to_date, migrate
-from human_study.store.migrations import MIGRATIONS
+from human_study.store.migrations import MIGRATIONS, SCHEMA_VERSION
 from human_study.store.records import read_study
 from human_study.trial.events import Moment, Shown
 from sim.errors import StudyError
@@ -55,7 +55,7 @@ def test_a_database_of_another_program_is_left_alone(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("version", "message"),
     [
-        pytest.param(99, r"has schema version 99; expected at most 2.*newer personal-viz", id="a newer one"),
+        pytest.param(99, r"has schema version 99; expected at most \d.*newer personal-viz", id="a newer one"),
         pytest.param(
             1,
             r"schema version 1; expected at least 2\..*use the personal-viz that",
@@ -112,14 +112,26 @@ def test_an_up_to_date_database_needs_no_migration(tmp_path: Path) -> None:
     assert not (tmp_path / database_module.BACKUP_FOLDER).exists()
 
 
+def test_a_database_of_the_first_release_gets_the_later_tables(tmp_path: Path) -> None:
+    with opened(tmp_path) as (store, trial):
+        store.append(trial.trial_id, trial.epoch, KEY)
+    edit(tmp_path, "DROP TABLE personal_answer; PRAGMA user_version = 2")
+    assert bring_up_to_date(tmp_path) == [3]
+    with open_small(tmp_path) as store:
+        store.keep_answer("p01", "survey", "{}")
+    with read_study(tmp_path) as reader:
+        assert reader.answers("survey") == {"p01": "{}"}
+        assert reader.check() == 2
+
+
 def test_a_migration_keeps_a_copy_of_the_old_database_and_raises_the_version(tmp_path: Path) -> None:
     with opened(tmp_path) as (store, trial):
         store.append_many(trial.trial_id, trial.epoch, [KEY, KEY])
     path = tmp_path / "study.db"
     database = sqlite3.connect(path, isolation_level=None)
     steps = (*MIGRATIONS, "ALTER TABLE trial ADD COLUMN later TEXT", "ALTER TABLE trial ADD COLUMN last TEXT")
-    assert migrate(database, path, steps=steps) == [3, 4]
-    assert database.execute("PRAGMA user_version").fetchone()[0] == 4
+    assert migrate(database, path, steps=steps) == [SCHEMA_VERSION + 1, SCHEMA_VERSION + 2]
+    assert database.execute("PRAGMA user_version").fetchone()[0] == SCHEMA_VERSION + 2
     assert database.execute("SELECT later, last FROM trial").fetchall() == [(None, None)]
     database.close()
     (copy,) = (tmp_path / database_module.BACKUP_FOLDER).iterdir()
@@ -134,7 +146,7 @@ def test_a_migration_that_fails_leaves_the_database_as_it_was(tmp_path: Path) ->
     path = tmp_path / "study.db"
     database = sqlite3.connect(path, isolation_level=None)
     bad = "ALTER TABLE trial ADD COLUMN later TEXT; INSERT INTO nowhere VALUES (1)"
-    with pytest.raises(StudyError, match="cannot go from schema version 2 to 3"):
+    with pytest.raises(StudyError, match=f"cannot go from schema version {SCHEMA_VERSION} to {SCHEMA_VERSION + 1}"):
         migrate(database, path, steps=(*MIGRATIONS, bad))
     database.close()
     with read_study(tmp_path) as reader:

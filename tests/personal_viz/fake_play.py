@@ -12,6 +12,7 @@ import pytest
 from human_study.design.study import Condition
 from human_study.store.store import SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
+from human_study.texts.catalogue import catalogue_of
 from human_study.trial.events import Event, event_from_json, event_to_json
 from human_study.trial.views import LookView, MarkedObject, PanView, PogView, RateView
 from personal_viz.study_app.home import homes as homes_module
@@ -116,6 +117,7 @@ class ScriptedPage:
     """Stands for a `Page`: hands out a script, then the browser is gone."""
 
     client = None
+    words = catalogue_of("en")
 
     def __init__(self, script: Sequence[Any], clock: Clock, screens: list[str]) -> None:
         self._script, self._clock, self._screens = list(script), clock, screens
@@ -190,7 +192,7 @@ class FakeScene:
     """The parts of a scene that trials need."""
 
     label = "a room (invented)"
-    unnamed_label = "an invented room"
+    kind = "invented"
     digest = "d" * 64
     navigation = SquareRoom()
     objects = (LAMP,)

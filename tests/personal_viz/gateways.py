@@ -119,6 +119,10 @@ class NoPages:
     def leaving(self, code: str, base: str) -> None:
         """There is nothing to leave."""
 
+    def message(self, name: str) -> str:
+        """Names the page, and the script of the entry page."""
+        return f"{name}.js"
+
     def answer(self, code: str, form: dict[str, str]) -> None:
         """Nothing was asked."""
 

@@ -11,6 +11,7 @@ from PIL import Image
 
 from human_study.design.study import Condition, StudyConfig, StudyDataset
 from human_study.journey import Journey
+from human_study.texts.catalogue import catalogue_of
 from human_study.texts.participants import instruction_texts
 from human_study.texts.quiz import QuizRound, questions_for
 from personal_viz.screenshots.make import MAX_BYTES, SIZE, small_jpeg
@@ -156,13 +157,13 @@ def test_the_right_answer_is_not_always_the_first_and_stays_where_it_is() -> Non
 
 
 def test_progress_is_said_in_words_and_to_screen_readers() -> None:
-    bar = progress_html(Journey("trial", num_done=3, num_all=12))
+    bar = progress_html(Journey("trial", num_done=3, num_all=12), catalogue_of("en"))
     assert "3 of 12 searches done" in bar
-    assert 'role="progressbar"' in bar
-    assert tags_in(bar) == ["div", "div", "p"]
+    assert '<progress max="12" value="3"' in bar
+    assert tags_in(bar) == ["progress", "p"]
     card = Card("Title <b>", "<p>x</p>", parts=("A", "B", "C"), part=1)
-    assert '<li class="now" aria-current="step">B</li>' in card_html(card)
-    assert "<h1>Title &lt;b&gt;</h1>" in card_html(card)
+    assert '<li class="now" aria-current="step">B</li>' in card_html(card, catalogue_of("en"))
+    assert "<h1>Title &lt;b&gt;</h1>" in card_html(card, catalogue_of("en"))
 
 
 def letter(*said: dict, seat: str = "s") -> str:

@@ -263,7 +263,7 @@ def test_commands_of_the_researcher_work_while_the_study_is_served(
         trial, study = store.open_trial("p02", 1), Kept(store)
         with upkeep(store, study.keeper, tell=study.told.append, tick_s=0.01):
             assert StudyWithdraw(study=tmp_path, participant="p01").run() == 0
-            names = {"study": tmp_path, "trial": "p02/1", "participant": None, "rule": "disturbed"}
+            names = {"study": tmp_path, "who": "p02/1", "rule": "disturbed"}
             assert StudyExclude(**names, reason="somebody came in").run() == 0
             assert StudyExclude(**names, undo=True).run() == 0
         assert store.participant("p01").is_withdrawn

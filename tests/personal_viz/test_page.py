@@ -10,6 +10,7 @@ from unittest.mock import MagicMock
 import pytest
 
 from human_study.store.store import SupersededError
+from human_study.texts.catalogue import catalogue_of
 from human_study.trial.commands import GiveUp, Measure, Move, PageChanged, PressStop, Resize
 from personal_viz.study_app.page_script import Device, OwnKeys, PageTold, Pressed, RoundTrip, Told
 from personal_viz.study_app.screens.cards import Card, Choice
@@ -22,7 +23,7 @@ CARD = Card("Title", "<p>text</p>", (Choice("yes", "Yes"),))
 @pytest.fixture
 def page() -> Page:
     """A page that no browser shows."""
-    return Page(MagicMock())
+    return Page(MagicMock(), catalogue_of("en"))
 
 
 def run(work: Awaitable[None]) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from personal_viz.cli.verbs import options_of, parse
 from sim.tasks.run_files import MAX_NAME, RUN_ID, fitting_name, fitting_run_id, read_run
 
 from .program import assert_one_line, personal_viz
@@ -68,3 +69,44 @@ def test_the_line_names_the_option_that_a_file_refused(invented_root: Path, tmp_
     assert done.stderr.endswith("Give another --name.\n")
     assert personal_viz(*same).returncode == 0  # the folder's name is made to fit
     assert "study: a-study-with-a-long-name-and-bla" in (tmp_path / same[2] / "study.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("plan x", "personal-viz: found 'plan', which is no command. Did you mean 'study plan'?"),
+        ("validat x", "personal-viz: found 'validat', which is no command. Did you mean 'validate'?"),
+        ("study withdrw pan p02", "personal-viz study: found 'withdrw', which is no command. Did you mean 'withdraw'?"),
+        ("run --agnt random", "personal-viz run: found '--agnt', which is no option. Did you mean '--agent'?"),
+        ("study serve x --publc", "found '--publc', which is no option. Did you mean '--public'?"),
+        ("stats --no-jsn", "found '--no-jsn', which is no option. Did you mean '--no-json'?"),
+        ("run --split=Easi", "found 'Easi', which is no value of --split. Did you mean 'easy'?"),
+        ("run --split easy mediun", "found 'mediun', which is no value of --split. Did you mean 'medium'?"),
+        ("bench --quick simm", None),
+        ("bench simm", "personal-viz bench: found 'simm', which is no value here. Did you mean 'sim'?"),
+    ],
+)
+def test_a_word_that_is_nearly_known_is_one_line(
+    words: str, line: str | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        parse(words.split())
+    said = capsys.readouterr().err
+    assert ended.value.code == 2
+    if line is not None:
+        assert line in said
+        assert said.count("\n") == 1
+
+
+def test_a_value_that_is_like_a_choice_of_another_option_is_taken() -> None:
+    verb = parse(["generate", "data", "--scenes", "Llm", "--describe", "llm", "--out", "llm_out"])
+    assert (vars(verb)["describe"], vars(verb)["out"]) == ("llm", Path("llm_out"))
+
+
+@pytest.mark.parametrize("name", ["run", "study serve", "generate"])
+def test_every_option_of_the_help_is_known(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parse([*name.split(), "--help"])
+    options = set(re.findall(r"^\W+(--[a-z][a-z-]*)", capsys.readouterr().out, re.MULTILINE))
+    assert len(options) > 10
+    assert options <= set(options_of(name))

@@ -1,6 +1,7 @@
 """`study verify`, `exclude`, `export` and `import-check` on real invented homes, practice included."""
 
 import json
+import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -241,29 +242,28 @@ def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys
 
     assert run_folders() == 2
     capsys.readouterr()
-    assert "participant p01 is left out by rule disturbed (written down before data)" in say(participant="p01")
-    assert "rule own (not written down before data)" in say(trial="p02/2", rule="own")
-    assert "trial p02/3 is left out" in say(trial="p02/3")
+    assert "participant p01 is left out by rule disturbed (written down before data)" in say(who="p01")
+    assert "rule own (not written down before data)" in say(who="p02/2", rule="own")
+    assert "trial p02/3 is left out" in say(who="p02/3")
     assert run_folders() == 0
     capsys.readouterr()
-    assert "participant p01 counts again" in say(participant="p01", undo=True, reason=None)
-    assert "trial p02/3 counts again" in say(trial="p02/3", undo=True)
+    assert "participant p01 counts again" in say(who="p01", undo=True, reason=None)
+    assert "trial p02/3 counts again" in say(who="p02/3", undo=True)
     assert run_folders() == 2
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"trial": "p02/3", "participant": "p02"}, "found both or none of --trial and --participant"),
-        ({}, "found both or none of --trial and --participant"),
-        ({"trial": "p2-3"}, "--trial p2-3: expected a participant's code and a place in the order"),
-        ({"trial": "p02/77"}, "--trial p02/77: was not assigned"),
-        ({"participant": "p77"}, "found no participant 'p77'; expected one of p01 to p02"),
-        ({"participant": "p01", "rule": "Was bad!"}, "--rule Was bad!: expected small letters"),
-        ({"participant": "p01", "reason": " "}, "--reason: found nothing"),
-        ({"participant": "p01", "undo": True}, "rule disturbed leaves nothing out here"),
+        ({"who": "p2/3"}, "p2/3: expected a participant's code, such as p03, or with a place in the order"),
+        ({"who": "p02/77"}, "trial p02/77: was not assigned"),
+        ({"who": "p77"}, "found no participant 'p77'; expected one of p01 to p02. See"),
+        ({"who": "P1"}, "found no participant 'P1'; expected one of p01 to p02. Did you mean 'p01'? See study status"),
+        ({"who": "p01", "rule": "Was bad!"}, "--rule Was bad!: expected small letters"),
+        ({"who": "p01", "reason": " "}, "--reason: found nothing"),
+        ({"who": "p01", "undo": True}, "rule disturbed leaves nothing out here"),
     ],
 )
 def test_impossible_exclusions_are_refused(study: Path, changes: dict[str, object], message: str) -> None:
-    with pytest.raises(StudyError, match=message.replace("(", r"\(").replace("!", r"\!")):
+    with pytest.raises(StudyError, match=re.escape(message)):
         StudyExclude(study, **({"rule": "disturbed", "reason": "x"} | changes)).run()

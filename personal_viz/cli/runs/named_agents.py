@@ -9,7 +9,7 @@ from grounding.chat.endpoint import LlmOptions
 from grounding.encoders.by_name import require_no_model_options
 from grounding.encoders.protocol import ModelOptions
 from grounding.perception.by_name import is_oracle, own_parts, perception_called
-from sim.errors import AgentError
+from sim.errors import AgentError, did_you_mean
 from sim.plugins import is_plugin, own_name, plugin_digest
 from sim.tasks.agent_makers import AgentMaker, MakesPlugin, MakesRandom, MakesShortestPath
 from sim.tasks.agents import load_agent
@@ -70,9 +70,10 @@ def named_agent(name: str, options: AgentOptions, *, seed: int) -> NamedAgent:
             own = load_agent(name)
             looks = own.looks if isinstance(own, LooksFirst) else frozenset()
             return NamedAgent(MakesPlugin(name), own_name(own, name), config=_code({"agent": name}), looks=looks)
+    known = ("random", "random-frontier", *SEEING, "shortest-path")
     raise AgentError(
-        f"--agent is {name!r}; expected random, random-frontier, {', '.join(SEEING)}, shortest-path, or your own as "
-        "package.module:factory. Correct the name."
+        f"--agent is {name!r}; expected {', '.join(known)}, or your own as package.module:factory."
+        f"{did_you_mean(name, known)} Correct the name."
     )
 
 

@@ -18,9 +18,10 @@ class StudyExclude:
     """Leave a trial or a participant out of the figures by a rule; nothing is deleted, and --undo takes it back."""
 
     study: Positional[Path]
+    who: Annotated[
+        Positional[str], arg(metavar="p03|p03/12", help="A participant, or one trial: its place in the order.")
+    ]
     rule: Annotated[str, arg(help="Id of the rule; those written down before data are in preregistration.md.")]
-    trial: Annotated[str | None, arg(help="p03/12: participant and place in the order.")] = None
-    participant: str | None = None
     reason: Annotated[str | None, arg(help="Why it applies here; published, so name nobody.")] = None
     undo: bool = False
 
@@ -32,14 +33,14 @@ class StudyExclude:
             )
         config = load_study(self.study)
         with read_study(self.study) as reader:
-            target = find_target(reader, trial=self.trial, participant=self.participant)
+            target = find_target(reader, self.who)
             targets = set(target.trial_ids) or {target.code}
             live = [
                 entry.exclusion_id
                 for entry in reader.exclusions()
                 if entry.target in targets and entry.rule_id == rule_id and not entry.is_undone
             ]
-        name = f"{'participant' if self.participant else 'trial'} {self.participant or self.trial}"
+        name = f"{'trial' if target.trial_ids else 'participant'} {self.who}"
         if self.undo and not live:
             raise StudyError(
                 f"{name}: rule {rule_id} leaves nothing out here; expected that it does. See study export."

@@ -1,14 +1,15 @@
 """Verb `study plan`: draws episodes, assigns them to people, freezes the study; or says how precise it will be."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import ValidationError
 from tyro.conf import Positional, arg
 
-from human_study.design.plan import PLAN_FILE, StudyPlan, load_plan
+from human_study.design.plan import PLAN_FILE, StudyPlan, load_plan, per_person
 from human_study.design.study import StudyConfig, load_study
 from human_study.store.records import DATABASE_FILE
 from sim.errors import StudyError, line_from_validation_error
@@ -16,6 +17,7 @@ from sim.words.english import how_many
 
 from ...study_app.study_files import plan_study
 from ..options import Evidence, ScenesDir, dataset_options
+from ..output import print_json
 
 _OPTIONS = {"agent_gap": "gap", "person_sds": "person_sd", "num_simulations": "simulations"}
 """Names of options whose name differs from their field in the assumptions."""
@@ -61,7 +63,11 @@ class StudyPlanVerb:
                 "changes after that: give a new study another folder."
             )
         made = plan_study(self.study, self.dataset, self.scenes_dir, evidence=self.evidence, pilot=self.pilot)
-        _print_plan(made, load_study(self.study))
+        facts = _facts(made, load_study(self.study))
+        if self.json:
+            print_json({"written": str(self.study / PLAN_FILE), **facts})
+            return 0
+        _print_plan(made, facts)
         next_verb = f"personal-viz study serve {self.study} {dataset_options(self.dataset, self.evidence)}"
         print(f"Written to {self.study / PLAN_FILE}. Next: {next_verb}")
         return 0
@@ -108,19 +114,37 @@ class StudyPlanVerb:
         return 0
 
 
-def _print_plan(made: StudyPlan, config: StudyConfig) -> None:
+def _facts(made: StudyPlan, config: StudyConfig) -> dict[str, Any]:
+    """What `study plan` says of a plan: its sizes, the trials of each person, and what differs from the study file."""
     counted = [(person.code, trial) for person in made.participants for trial in person.trials if trial.phase == "main"]
-    per_person = Counter(Counter(code for code, _ in counted).values())
+    trials = Counter(code for code, _ in counted)
     visits = Counter((code, trial.scene) for code, trial in counted)
-    kinds = Counter(scene.kind for scene in made.scenes)
-    episodes = how_many(len({trial.key for _, trial in counted}), "episode")
-    print(f"{config.study}: {episodes} in {how_many(len(made.scenes), 'home')}, design {config.design.kind}")
-    sizes = ", ".join(f"{people} people x {number} trials" for number, people in sorted(per_person.items()))
-    spare = len(made.participants) - per_person.total()
-    print(f"  {len(counted)} counted trials: {sizes}" + (f"; {spare} spare people" if spare else ""))
+    return {
+        "study": config.study,
+        "design": config.design.kind,
+        "episodes": len({trial.key for _, trial in counted}),
+        "homes": dict(sorted(Counter(scene.kind for scene in made.scenes).items())),
+        "people": len(trials),
+        "spare_people": len(made.participants) - len(trials),
+        "trials": len(counted),
+        "people_by_trials": {str(number): people for number, people in sorted(Counter(trials.values()).items())},
+        "per_person": per_person(made.participants),
+        "most_in_one_home": max(visits.values(), default=0),
+        "changes": made.changes,
+    }
+
+
+def _print_plan(made: StudyPlan, facts: Mapping[str, Any]) -> None:
+    episodes, homes = how_many(facts["episodes"], "episode"), how_many(len(made.scenes), "home")
+    print(f"{facts['study']}: {episodes} in {homes}, design {facts['design']}")
+    sizes = ", ".join(f"{people} people x {number} trials" for number, people in facts["people_by_trials"].items())
+    spare = facts["spare_people"]
+    print(f"  {facts['trials']} counted trials: {sizes}" + (f"; {spare} spare people" if spare else ""))
+    ranges = (f"{split} " + " to ".join(map(str, sorted(set(of)))) for split, of in facts["per_person"].items())
+    print(f"  trials of each split that a person has: {', '.join(ranges)}")
     for change in made.changes:
         print(f"  Other than asked: {change}.")
-    print(f"  most trials of one person in one home: {max(visits.values(), default=0)}")
-    print("  homes: " + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())))
-    if set(kinds) != {"scan"}:
+    print(f"  most trials of one person in one home: {facts['most_in_one_home']}")
+    print("  homes: " + ", ".join(f"{count} {kind}" for kind, count in facts["homes"].items()))
+    if set(facts["homes"]) != {"scan"}:
         print("  Not a human baseline for PersONAL: that is claimed on scans only.")

@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from human_study.design.study import load_study
 from human_study.store.requests import Withdrawal, change_study
@@ -14,7 +15,7 @@ class StudyWithdraw:
     """Withdraw a participant who asked you to; what was done is deleted if the study file says so."""
 
     study: Positional[Path]
-    participant: str
+    participant: Annotated[Positional[str], arg(metavar="p02", help="The code that study status shows.")]
 
     def run(self) -> int:
         config = load_study(self.study)

@@ -16,10 +16,10 @@ from markupsafe import Markup
 from human_study.design.study import Condition, StudyConfig
 from human_study.journey import Journey, Person, Stage, journey_of, last_detail
 from human_study.store.store import StudyStore
+from human_study.texts.catalogue import catalogue_of
 from human_study.texts.participants import (
     CONSENT_FILE,
     INSTRUCTIONS_FILE,
-    PARTS,
     instruction_texts,
     leave_text,
     parts_of,
@@ -27,8 +27,6 @@ from human_study.texts.participants import (
     welcome_text,
 )
 from human_study.texts.quiz import Question, QuizRound, questions_for
-from sim.mesh import UNNAMED_LABELS
-from sim.words.english import waiting_time
 
 from ..markdown import html_from_markdown, title_of
 from ..recruit_codes import EndCode
@@ -67,6 +65,8 @@ class Pages:
         self._quizzes: dict[str, QuizRound] = {}
         """Unfinished rounds of the quiz by participant, so that a reload does not begin a new one."""
         self._locks: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
+        self.words = catalogue_of(store.config.language)
+        """Short texts in the study's language."""
         self._templates = jinja2.Environment(
             loader=jinja2.FileSystemLoader(TEMPLATES),
             undefined=jinja2.StrictUndefined,
@@ -74,6 +74,7 @@ class Pages:
             trim_blocks=True,
             lstrip_blocks=True,
         )
+        self._templates.globals["words"] = self.words
 
     @property
     def _config(self) -> StudyConfig:
@@ -107,7 +108,7 @@ class Pages:
             return self._html("leave", person, journey, base, on_leave=leave_text(self._config))
 
     def message(self, name: str) -> str:
-        """A page that belongs to no place in the study: `paused`."""
+        """A page that belongs to no place in the study: `enter`, `paused`."""
         return self._templates.get_template(f"{name}.html").render(parts=(), part=0, base="", place="", may_leave=False)
 
     def answer(self, code: str, form: Mapping[str, str]) -> None:
@@ -162,13 +163,14 @@ class Pages:
                     "smaller": SMALLER,
                 }
             case "consent":
-                words = _text_words(told_text(self._texts, CONSENT_FILE, person.task), "Before you begin")
+                words = _text_words(told_text(self._texts, CONSENT_FILE, person.task), self.words("consent.title"))
             case "instructions":
                 words = self._instructions(person, page)
             case "quiz":
                 words = self._question(person, journey)
             case "pause":
-                words = {"back_in": waiting_time(left_s) if (left_s := self._left_s(journey)) > 0 else None}
+                left_s = self._left_s(journey)
+                words = {"back_in": self.words.waiting_time(left_s) if left_s > 0 else None}
             case "finished" | "declined" | "withdrawn" | "screened_out" | "full":
                 words = {"end": self._end_code(person.code, journey.place)}
             case _:
@@ -177,8 +179,8 @@ class Pages:
 
     def _html(self, name: str, person: Person, journey: Journey, base: str, **words: Any) -> str:
         parts = parts_of(self._config, person)
-        own = PARTS.get("trial" if journey.place in ("break", "pause") else journey.place)
-        part = parts.index(own) if own is not None and own in parts else None
+        own = "trial" if journey.place in ("break", "pause") else journey.place
+        part = parts.index(own) if own in parts else None
         return self._templates.get_template(f"{name}.html").render(
             parts=() if part is None else parts,
             part=part,
@@ -200,15 +202,15 @@ class Pages:
 
     def _instructions(self, person: Person, page: int) -> dict[str, Any]:
         if self._config.flow == ("instructions",):
-            words = _text_words(welcome_text(self._config, person.task), "Welcome")
+            words = _text_words(welcome_text(self._config, person.task), self.words("instructions.welcome"))
             scene = self._store.plan.scene(person.kept[0].key.scene) if person.kept else None
-            home = UNNAMED_LABELS[scene.kind] if scene is not None else None
+            home = self.words(f"home.{scene.kind}") if scene is not None else None
             return {**words, "page": 1, "num_pages": 1, "home": home, "is_only": True}
         own = told_text(self._texts, INSTRUCTIONS_FILE, person.task)
         conditions: list[Condition] = [trial.condition for trial in person.kept]
         pages = (*([own] if own.strip() else []), *instruction_texts(self._config, person.task, conditions))
         page = min(page, len(pages))
-        words = _text_words(pages[page - 1], "About this study")
+        words = _text_words(pages[page - 1], self.words("instructions.title"))
         return {**words, "page": page, "num_pages": len(pages), "home": None, "is_only": False}
 
     def _quiz(self, person: Person, journey: Journey) -> QuizRound:
@@ -230,7 +232,7 @@ class Pages:
             "answers": _shuffled(person, question),
             "number": quiz.answered + 1,
             "num_all": len(quiz.questions),
-            "because": _html_of(f"**Not quite.** {question.because} Please answer again.")
+            "because": _html_of(self.words("quiz.wrong", because=question.because))
             if question.name in quiz.wrong
             else None,
         }

@@ -23,6 +23,7 @@ from starlette.routing import Route
 from human_study.store.progress import study_progress
 from human_study.store.records import read_study
 from sim.errors import StudyError
+from sim.page_style import TOKENS
 
 from ..gateway.http import Guard, OwnOrigin, listen, served_in_thread, small_body, too_many_tries, uvicorn_server
 from ..gateway.lease_keeper import LeaseKeeper
@@ -32,7 +33,12 @@ from ..gateway.workers import Worker, WorkerPool
 from .progress_view import Serving, ShownWorker, shown_study
 
 PAGE = Path(__file__).parent / "dashboard_page"
-FILES = {"/": "dashboard.html", "/dashboard.js": "dashboard.js", "/dashboard.css": "dashboard.css"}
+FILES = {
+    "/": PAGE / "dashboard.html",
+    "/dashboard.js": PAGE / "dashboard.js",
+    "/dashboard.css": PAGE / "dashboard.css",
+    "/tokens.css": TOKENS,
+}
 LOOK_EVERY_S = 1.0
 MAX_TOKEN_BYTES = 256
 
@@ -61,7 +67,7 @@ class Dashboard:
     def app(self, port: int) -> Starlette:
         """The ASGI application, for the port that browsers use."""
         self._cookie = f"personal_dashboard_{port}"  # browsers do not keep the cookies of two ports apart
-        routes = [Route(path, functools.partial(_file, name)) for path, name in FILES.items()]
+        routes = [Route(path, functools.partial(_file, file)) for path, file in FILES.items()]
         ours = [Middleware(OwnOrigin, options=ServeOptions())]
         routes += [Route("/enter", self.enter, methods=["POST"], middleware=ours), Route("/progress", self.progress)]
         routes += [Route("/favicon.ico", _no_icon)]
@@ -128,8 +134,8 @@ def _worker(worker: Worker) -> ShownWorker:
     return ShownWorker(worker.number, state, len(worker.codes))
 
 
-async def _file(name: str, _: Request) -> Response:
-    return FileResponse(PAGE / name)
+async def _file(path: Path, _: Request) -> Response:
+    return FileResponse(path)
 
 
 async def _no_icon(_: Request) -> Response:

@@ -16,6 +16,7 @@ from typing import Any
 
 import viser
 
+from human_study.texts.catalogue import Catalogue
 from human_study.trial.commands import Measure, Move, PageChanged, PressStop, Resize
 from sim.types import Action, Task
 
@@ -78,9 +79,9 @@ class Item:
 class Page:
     """One participant's page; `clear` empties it for the next screen."""
 
-    def __init__(self, client: viser.ClientHandle) -> None:
-        """Sets up the page, once per connection."""
-        self.client = client
+    def __init__(self, client: viser.ClientHandle, words: Catalogue) -> None:
+        """Sets up the page in a language, once per connection."""
+        self.client, self.words = client, words
         self.has_lost_picture = False
         """Whether the browser can no longer draw in 3-D until the page is loaded again."""
         self.own_keys: Mapping[KeyAction, str] = {}
@@ -95,7 +96,7 @@ class Page:
         self._handles: list[Any] = []
         self._on_camera: list[CameraListener] = []
         client.gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False)
-        client.gui.set_panel_label("PersONAL study")
+        client.gui.set_panel_label(words("study.title"))
         client.gui.main_panel.dock_right()
         client.gui.main_panel.set_width(PANEL_WIDTH)
         client.camera.on_update(self._camera_moved)
@@ -225,12 +226,12 @@ class Page:
     def task_texts(self, task: Task) -> None:
         """Adds the query, then the paragraph; nothing else of the episode exists here."""
         query = html.escape(task.queries[0])
-        description = html.escape(task.description)
+        description, label = (html.escape(text) for text in (task.description, self.words("task.description")))
         self.add(
             self.client.gui.add_html(
                 f'<div class="personal-text" style="padding:.5em .65rem">'
                 f'<p style="font-size:1.2em;font-weight:600;line-height:1.35;margin:.2em 0 .6em">{query}</p>'
-                f'<div class="scroll" tabindex="0" role="region" aria-label="Who owns what">{description}</div></div>'
+                f'<div class="scroll" tabindex="0" role="region" aria-label="{label}">{description}</div></div>'
             )
         )
 
@@ -258,7 +259,7 @@ class Page:
         """
         self.clear()
         with self.client.atomic():
-            self.add(self.client.gui.add_html(card_html(card) + when_shown("shown")))
+            self.add(self.client.gui.add_html(card_html(card, self.words) + when_shown("shown")))
             for choice in card.choices:
                 assert chosen is not None, card.title
                 press = partial(chosen, choice.name)

@@ -55,7 +55,8 @@ class TrialPlay:
             name: The trial's name, such as "Search 3 of 30".
         """
         self._page, self._link, self._home, self._config, self._trial = page, link, home, config, trial
-        self._caption = f"{html.escape(name)} &middot; {html.escape(home.scene.unnamed_label)}"
+        kind = page.words(f"home.{home.scene.kind}")  # never its name, by which people could find the answers
+        self._caption = f"{html.escape(name)} &middot; {html.escape(kind)}"
         self._watch = TrialWatch()
         self._kind: type | None = None
         """Type of the views that the present screen shows."""
@@ -193,7 +194,7 @@ class TrialPlay:
                 snaps = self._config.pog.pointing == "snap"
                 return PogScreen(page, view, send, surface=surface, caption=self._caption, snaps=snaps).show
             case RateView():
-                page.card(rate_card(view), send)
+                page.card(rate_card(view, page.words), send)
                 return _nothing_changes
 
     def _command(self, content: Any, session: PanSession | PogSession) -> Command:

@@ -24,12 +24,14 @@
     dialog.setAttribute('role', 'alertdialog');
     dialog.setAttribute('aria-labelledby', 'personal-updated-title');
     dialog.setAttribute('aria-describedby', 'personal-updated-text');
-    dialog.setAttribute('style', 'width:min(34rem,92vw);padding:1.4rem 1.7rem;border:1px solid #8c959f;' +
-      'border-radius:14px;color:#1f2328;background:#fff;font:17px/1.5 system-ui,sans-serif');
+    dialog.setAttribute('style', 'width:min(34rem,92vw);padding:1.4rem 1.7rem;border:1px solid var(--personal-edge);' +
+      'border-radius:var(--personal-radius-large);color:var(--personal-ink);background:var(--personal-paper);' +
+      'font:var(--personal-size)/1.5 var(--personal-font)');
     dialog.innerHTML = '<h2 id="personal-updated-title" style="margin:0 0 .3em;font-size:1.3em">' +
       'The study\'s program was updated.</h2><div id="personal-updated-text"><p>Nothing that you did is lost.</p>' +
       (isSoon ? '<p>This page is loaded again in a moment.</p>' : '') + '</div><p><button autofocus ' +
-      'style="padding:.6em 1.1em;border:0;border-radius:8px;background:#1456b8;color:#fff;font:inherit;' +
+      'style="padding:.6em 1.1em;border:0;border-radius:var(--personal-radius);background:var(--personal-blue);' +
+      'color:var(--personal-on-fill);font:inherit;' +
       'cursor:pointer">Load the page again</button></p>';
     dialog.querySelector('button').addEventListener('click', () => window.location.reload());
     document.body.append(dialog);
