@@ -59,6 +59,8 @@ HomeView = Literal["browser", "server"]
 Language = Literal["en"]
 """A language of `texts/languages`."""
 FlowStep = Literal["device", "consent", "instructions", "quiz"]
+SurveyTopic = Literal["age", "gender", "education", "language", "games", "expertise", "ai_tools", "other_help", "homes"]
+"""Topics of the questions that may be asked after the last search; `texts/survey.py` has their words."""
 
 
 def _as_tuple(value: object) -> object:
@@ -237,6 +239,16 @@ class StudyEthics(BaseModel):
     """Duration announced to participants, minutes; None = estimated from the plan."""
 
 
+class StudySurvey(BaseModel):
+    """Questions to people about themselves. Every answer is optional, chosen from a few, and encrypted."""
+
+    model_config = _MODEL
+    eligibility: Annotated[tuple[Annotated[str, Field(min_length=1, max_length=200)], ...], Field(max_length=8)] = ()
+    """Sentences that people must confirm to take part, such as `I have not seen these homes before.`"""
+    questions: tuple[SurveyTopic, ...] = ()
+    """Asked after the last search, before the completion code."""
+
+
 class StudyCamera(BaseModel):
     """The robot's camera for people."""
 
@@ -319,6 +331,7 @@ class StudyConfig(BaseModel):
     privacy: StudyPrivacy = StudyPrivacy()
     recruit: StudyRecruit = StudyRecruit()
     ethics: StudyEthics = StudyEthics()
+    survey: StudySurvey = StudySurvey()
 
     @model_validator(mode="after")
     def _each_once(self) -> "StudyConfig":
@@ -327,11 +340,15 @@ class StudyConfig(BaseModel):
             "memory.arms": self.memory.arms,
             "pog.conditions": self.pog.conditions,
             "flow": self.flow,
+            "survey.questions": self.survey.questions,
             "dataset.scenes": self.dataset.scenes,
         }
         for field, names in named.items():
             if len(set(names)) != len(names):
                 raise ValueError(f"each of {field} once, found {list(names)}")
+        asked = [name for name, value in self.survey if value]
+        if asked and "consent" not in self.flow:
+            raise ValueError(f"survey.{asked[0]} only with consent in flow, found flow {list(self.flow)}")
         return self
 
     @property

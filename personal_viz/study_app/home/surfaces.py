@@ -29,8 +29,6 @@ MARK_COLOR = (214, 0, 110)
 VIEW_ANGLE = math.radians(55)
 """Elevation from which a storey is first shown."""
 JPEG_QUALITY = 90
-YOUR_MARK = "your mark"
-"""Label of the mark, to participants."""
 _BALL = 0.12
 """Radius of a mark in the home (metres)."""
 _OUTLINE = 0.03
@@ -116,10 +114,9 @@ class Surface(ABC):
     async def camera_moved(self, camera: viser.CameraHandle) -> None:  # noqa: B027 - only `PictureView` draws then
         """Hears of each move of the browser's camera."""
 
-    def show_mark(self, position: Vector3, item: MarkedObject | None = None) -> None:
+    def show_mark(self, position: Vector3, label: str, item: MarkedObject | None = None) -> None:
         """Puts the participant's mark there, and takes an older one away; an object under it is outlined and named."""
         self.hide_mark()
-        label = YOUR_MARK if item is None else f"{YOUR_MARK}: {item.category}"
         self._mark = self._mark_at(position, label) if item is None else self._mark_on(position, label, item)
         self._client.flush()
 

@@ -16,12 +16,11 @@ from human_study.trial.commands import Click, Confirm, GiveUp
 from human_study.trial.events import ABOVE_MAP, object_ray
 from human_study.trial.views import PogView
 from sim.tasks.run_files import ClickRay, Vector3
-from sim.words.english import duration
 
 from ..home.homes import Home
 from ..home.surfaces import Surface, map_click
-from .camera import add_camera_buttons, add_storey_buttons, four, sample_camera, three
-from .page import GIVE_UP, GIVING_UP, Page, Send, roomy_html, show_giving_up
+from .camera import SIDES, add_camera_buttons, add_group, add_storey_buttons, four, sample_camera, three
+from .page import Page, Send, roomy_html, show_giving_up
 
 NUDGE_M = 0.1
 """Distance by which one press moves the mark (metres): a tenth of the success radius."""
@@ -29,9 +28,6 @@ _UNDER_CUT = 0.01
 """Distance under the cut from which the ray of a moved mark starts in the home (metres)."""
 _WXYZ_DOWN = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 """A camera (OpenCV axes) that looks straight down: right = +x, down = +z."""
-_MARKED = "Click again to move your mark, or confirm it."
-_SIDES = {"Left": (-1, 0), "Up": (0, 1), "Down": (0, -1), "Right": (1, 0)}
-"""(right, up) on the screen by name of a button."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +59,16 @@ class PogScreen:
         self._shown = view
         page.clear()
         page.add(self)
+        with page.always_visible("top"):
+            page.query(view.task)
         self._status = page.add(page.client.gui.add_html(""))
-        page.task_texts(view.task)
+        page.description(view.task)
         add_storey_buttons(page, len(view.storeys), send)
         add_camera_buttons(page, is_map=surface.is_map)
         self._add_nudges()
-        page.button("Confirm the mark", partial(send, Confirm()), color="green")
-        self._give_up = page.button(GIVE_UP, partial(send, GiveUp()), color="gray")
+        with page.always_visible("bottom"):
+            page.button(page.words("pog.confirm"), partial(send, Confirm()), color="green")
+            self._give_up = page.button(page.words("give_up.button"), partial(send, GiveUp()), color="gray")
         page.client.scene.on_click()(self._on_click)  # type: ignore[arg-type]  # viser awaits it
         sample_camera(page, send)
         page.listen_to_camera(surface.camera_moved)
@@ -94,22 +93,14 @@ class PogScreen:
 
     def _add_nudges(self) -> None:
         page = self._page
-        group = page.add(
-            page.client.gui.add_button_group("Move the mark", tuple(_SIDES), hint="Also with the arrow keys")
-        )
-
-        @group.on_click
-        async def _(event: viser.GuiEvent) -> None:
-            await self._nudge(event.target.value)
-
-        for name in _SIDES:
-            page.hotkey(f"arrow{name.lower()}", f"move the mark {name.lower()}", partial(self._nudge, name))
+        order = ("left", "up", "down", "right")
+        add_group(page, page.words("pog.move"), order, self._nudge, hint=page.words("pog.move_keys"))
+        for name in order:
+            page.hotkey(f"arrow{name}", f"move the mark {name}", partial(self._nudge, name))
 
     async def _nudge(self, name: str) -> None:
         """Moves the mark in the direction that the screen shows, for any direction of the camera."""
-        if name not in _SIDES:  # a browser may send any name
-            return
-        right, up = _SIDES[name]
+        right, up = SIDES[name]
         R_world_camera = viser.transforms.SO3(np.asarray(self._page.client.camera.wxyz, float)).as_matrix()
         along = right * R_world_camera[:, 0] - up * R_world_camera[:, 1]  # the camera's y points down
         length = float(np.hypot(along[0], along[2]))
@@ -118,26 +109,33 @@ class PogScreen:
 
     def _draw_mark(self) -> None:
         """Draws the mark where it is on the shown storey, and nowhere while another storey is shown."""
-        mark = self._shown.mark
+        mark, words = self._shown.mark, self._page.words
         if mark is not None and mark.storey == self._shown.storey:
-            self._surface.show_mark(mark.point, mark.item)
+            thing = mark.item.category if mark.item is not None else ""
+            label = words("pog.your_mark_on", thing=thing) if thing else words("pog.your_mark")
+            self._surface.show_mark(mark.point, label, mark.item)
         else:
             self._surface.hide_mark()
 
     def _draw_status(self) -> None:
         view = self._shown
-        aim = "Click the object." if self._snaps else "Click the middle of the object."
-        advices = f"{self._surface.advice} {aim}", _MARKED
-        advice = advices[view.mark is not None]
-        if view.mark is not None and view.mark.item is not None:
-            advice = f"Your mark is on this: {view.mark.item.category}. {advice}"
-        left = "" if view.left_s is None else f'<div role="timer">At most {duration(view.left_s)} left</div>'
+        words, mark = self._page.words, view.mark
+        around = words("pog.map_advice" if self._surface.is_map else "pog.home_advice")
+        unmarked = words("pog.unmarked_snap" if self._snaps else "pog.unmarked", advice=around)
+        advices = unmarked, words("pog.marked")
+        advice = advices[mark is not None]
+        if mark is not None and mark.item is not None:
+            advice = words("pog.marked_item", thing=mark.item.category)
+        advice, left = html.escape(advice), ""
+        if view.left_s is not None:
+            time = html.escape(words("pog.left_time", time=words.duration(view.left_s)))
+            left = f'<div role="timer">{time}</div>'
         self._status.content = (
             f'<div class="personal-caption">{self._caption}</div>'
-            f'<div class="personal-text personal-line"><b>{roomy_html(html.escape(advice), *advices)}</b>{left}</div>'
+            f'<div class="personal-text personal-line"><b>{roomy_html(advice, *advices)}</b>{left}</div>'
         )
-        self._page.sign(GIVING_UP if view.is_giving_up else "")
-        show_giving_up(self._give_up, is_giving_up=view.is_giving_up)
+        self._page.sign(words("give_up.armed") if view.is_giving_up else "")
+        show_giving_up(self._give_up, words, is_giving_up=view.is_giving_up)
         self._page.client.flush()
 
     async def _on_click(self, event: viser.SceneClickEvent) -> None:
