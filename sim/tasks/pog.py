@@ -51,7 +51,7 @@ class PogScene:
     def object_at(self, storey: int, origin: Sequence[float], direction: Sequence[float]) -> SceneObject | None:
         """The object that a ray, as for `hit`, meets first; None where it meets nothing, or what is no object."""
         forward = np.array(direction, float)
-        length = np.linalg.norm(forward)
+        length = float(np.linalg.norm(forward))
         if not np.isfinite([*origin, length]).all() or length == 0:
             return None
         T_world_ray = np.eye(4)
