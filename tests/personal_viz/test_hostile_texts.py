@@ -19,9 +19,10 @@ import msgspec
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from human_study.design.study import StudyPractice, StudyRecruit, load_study
+from human_study.design.study import StudyPractice, StudyRecruit, StudySurvey, load_study
 from human_study.export.text_tables import csv_lines, one_cell, tex
 from human_study.report.page import html_page
+from human_study.texts.survey import SURVEY
 from personal_viz.bots.forms import DEVICE, Session, answer_pages, ask, open_session, right_answers
 from personal_viz.bots.page import BotPage
 from personal_viz.study_app.gateway.filter import CAMERA
@@ -56,7 +57,7 @@ HOSTILE = {
 }
 COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 """Characters that steer a terminal, end a line in it, or turn the direction of its text."""
-FIELDS = ("choice", "at", "answer", "width", "height", "webgl2", "pressed", "page", "comment")
+FIELDS = ("choice", "at", "answer", "width", "height", "webgl2", "pressed", "page", "eligible_0", "comment", *SURVEY)
 
 
 @dataclass(frozen=True)
@@ -148,14 +149,18 @@ def through_the_pages_script(session: Session) -> None:
                 connection.send(msgspec.msgpack.encode(message))
 
 
-def do_all_trials(link: str, right: frozenset[str]) -> Session:
-    """Gives up every trial; returns a session whose page is the last one."""
+def through_later_pages(link: str, right: frozenset[str]) -> Iterator[str]:
+    """Gives up every trial; sends everything in the forms of the breaks, the survey and the last page."""
     while True:
         session = open_session(link)
+        for text in HOSTILE.values():
+            yield from through_forms(session, text)
         last = answer_pages(session, right)
         if last is not None:
             assert last.place == "finished"
-            return session
+            for text in HOSTILE.values():
+                yield from through_forms(session, text)
+            return
         headers = {"Cookie": session.cookie, "Origin": session.origin}
         with line_to(session.view.split("websocket=")[1], additional_headers=headers) as connection:
             client = WireClient(connection)
@@ -179,6 +184,7 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> Ended:
         root,
         practice=StudyPractice(pan=0, pog=0),
         recruit=StudyRecruit(kind="link"),
+        survey=StudySurvey(questions=tuple(SURVEY), eligibility=("I am an adult.",)),
     )
     answers, right, log = list[str](), right_answers(load_study(folder)), root / "serve.log"
     command = serve_command(folder, root / "dataset", port=0, workers=1)
@@ -193,9 +199,7 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> Ended:
         for text in HOSTILE.values():
             through_a_websocket(session, text)
         through_the_pages_script(session)
-        session = do_all_trials(link, right)
-        for text in HOSTILE.values():
-            answers += through_forms(session, text)
+        answers += through_later_pages(link, right)
         dashboard = re.search(r"for you only: (\S+)", program.said)
         assert dashboard is not None
         answers += of_dashboard(dashboard[1])
