@@ -52,11 +52,15 @@ Condition = PanCondition | PogCondition
 """A participant's view of the home besides the task itself. PAN: `none`, or before walking its `topdown` map or its 3-D
 model (`glb`). POG: pointing after a look at the home (`map_first`), with text and home side by side (`map_open`), or on
 the agents' own top-down map (`map_2d`)."""
+Pointing = Literal["free", "snap"]
+"""Where a mark goes: to the clicked point, or to the middle of the object there."""
 HomeView = Literal["browser", "server"]
 """Where the pictures of a 3-D home are made: in the browser, which then has its geometry, or on the server."""
-Language = Literal["en"]
+Language = Literal["en", "de"]
 """A language of `texts/languages`."""
 FlowStep = Literal["device", "consent", "instructions", "quiz"]
+SurveyTopic = Literal["age", "gender", "education", "language", "games", "expertise", "ai_tools", "other_help", "homes"]
+"""Topics of the questions that may be asked after the last search; `texts/survey.py` has their words."""
 
 
 def _as_tuple(value: object) -> object:
@@ -134,6 +138,9 @@ class StudyPog(BaseModel):
     """Longest look at the home before the text, in `map_first`, seconds; None = no limit."""
     answer_max_s: Annotated[float, Field(gt=0)] | None = None
     """Longest time from the text to the confirmed mark, seconds; then the trial ends as `timeout`."""
+    pointing: Pointing = "free"
+    """`free`: the clicked point is the mark (the paper). `snap`: the mark goes to the middle of the clicked object,
+    which is outlined and named by its category."""
 
     @model_validator(mode="after")
     def _can_be_left(self) -> "StudyPog":
@@ -232,6 +239,16 @@ class StudyEthics(BaseModel):
     """Duration announced to participants, minutes; None = estimated from the plan."""
 
 
+class StudySurvey(BaseModel):
+    """Questions to people about themselves. Every answer is optional, chosen from a few, and encrypted."""
+
+    model_config = _MODEL
+    eligibility: Annotated[tuple[Annotated[str, Field(min_length=1, max_length=200)], ...], Field(max_length=8)] = ()
+    """Sentences that people must confirm to take part, such as `I have not seen these homes before.`"""
+    questions: tuple[SurveyTopic, ...] = ()
+    """Asked after the last search, before the completion code."""
+
+
 class StudyCamera(BaseModel):
     """The robot's camera for people."""
 
@@ -316,6 +333,7 @@ class StudyConfig(BaseModel):
     privacy: StudyPrivacy = StudyPrivacy()
     recruit: StudyRecruit = StudyRecruit()
     ethics: StudyEthics = StudyEthics()
+    survey: StudySurvey = StudySurvey()
 
     @model_validator(mode="after")
     def _each_once(self) -> "StudyConfig":
@@ -324,11 +342,15 @@ class StudyConfig(BaseModel):
             "memory.arms": self.memory.arms,
             "pog.conditions": self.pog.conditions,
             "flow": self.flow,
+            "survey.questions": self.survey.questions,
             "dataset.scenes": self.dataset.scenes,
         }
         for field, names in named.items():
             if len(set(names)) != len(names):
                 raise ValueError(f"each of {field} once, found {list(names)}")
+        asked = [name for name, value in self.survey if value]
+        if asked and "consent" not in self.flow:
+            raise ValueError(f"survey.{asked[0]} only with consent in flow, found flow {list(self.flow)}")
         return self
 
     @property

@@ -23,6 +23,7 @@ from ..store.records import StoredEvent, StoredTrial, StudyReader
 from ..trial.events import Event, event_to_json
 from .rows import CommentRow, EventRow, ExclusionRow, ParticipantRow, StageRow, VerificationRow
 from .runs import created_utc, result_of, trial_run_info
+from .survey import SurveyRow, survey_rows
 from .trial_table import AttemptName, TrialRow, is_long_hidden, trial_figures
 
 SIZE_STEP = 100
@@ -43,6 +44,7 @@ class Collected:
     verifications: list[VerificationRow] = field(default_factory=list)
     comments: list[CommentRow] = field(default_factory=list)
     """Comments by people who wrote one."""
+    survey: list[SurveyRow] = field(default_factory=list)
     runs: dict[str, Run] = field(default_factory=dict)
     """Runs of counted trials with a result, by run id; each run holds its trials in order."""
     num_deleted: int = 0
@@ -97,6 +99,7 @@ def collect(reader: StudyReader) -> Collected:
     comments = reader.answers("comment")
     found.comments += [CommentRow(participant=kept[code], comment=comments[code]) for code in kept if code in comments]
     found.verifications += _verification_rows(reader, names)
+    found.survey += survey_rows(reader, kept)
     return found
 
 

@@ -18,8 +18,9 @@ from ..export.collect import collect
 from ..export.formats import Row, rows_from_jsonl
 from ..export.manifest import MANIFEST_FILE, read_manifest
 from ..export.rows import ExclusionRow, ParticipantRow
+from ..export.survey import SurveyRow
 from ..export.trial_table import TrialRow
-from ..store.records import DATABASE_FILE, read_study
+from ..store.records import DATABASE_FILE, StudyDates, read_study
 from .trials import LeftOutRun
 
 TRIALS_FILE = "trials.jsonl"
@@ -34,6 +35,9 @@ class StudyRecords:
     rows: tuple[TrialRow, ...] = ()
     people: tuple[ParticipantRow, ...] = ()
     exclusions: tuple[ExclusionRow, ...] = ()
+    survey: tuple[SurveyRow, ...] = ()
+    dates: StudyDates | None = None
+    """None where they are not known: exports hold no dates."""
     num_deleted: int = 0
     """People who withdrew and whose records were deleted."""
     is_pilot: bool = False
@@ -173,6 +177,8 @@ def _of_study(folder: Path) -> tuple[list[Run], StudyRecords]:
             rows=tuple(found.trials),
             people=tuple(found.participants),
             exclusions=tuple(found.exclusions),
+            survey=tuple(found.survey),
+            dates=reader.dates(),
             num_deleted=found.num_deleted,
             is_pilot=reader.is_pilot,
             plan_changes=reader.plan.changes,
@@ -200,11 +206,17 @@ def read_records(folder: Path) -> StudyRecords:
         rows=_lines(folder / TRIALS_FILE, TrialRow),
         people=_lines(folder / _PARTICIPANTS_FILE, ParticipantRow),
         exclusions=_lines(folder / _EXCLUSIONS_FILE, ExclusionRow),
+        survey=read_survey(folder),
         num_deleted=manifest.num_deleted if manifest else 0,
         is_pilot=manifest.is_pilot if manifest else False,
         plan_changes=manifest.plan_changes if manifest else (),
         homes_version=manifest.homes_version if manifest else None,
     )
+
+
+def read_survey(folder: Path) -> tuple[SurveyRow, ...]:
+    """The answers to the survey in an export folder; () where there was none, or its file was kept apart."""
+    return _lines(folder / "survey.jsonl", SurveyRow)
 
 
 def _lines(path: Path, model: type[Row]) -> tuple[Row, ...]:

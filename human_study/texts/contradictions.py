@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from sim.types import FORWARD_STEP, TURN_STEP, TaskKind
 
 from ..design.plan import StudyPlan
-from ..design.study import Language, StudyConfig
+from ..design.study import StudyConfig
 from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S
+from .catalogue import catalogue_of
 from .estimate import announced_minutes
 from .words import limits_m
 
@@ -31,9 +32,6 @@ _SCALE = {"c": 0.01, "s": 1.0, "h": 3600.0}
 _NEAR = r"(?:within|(?:closer|nearer|less|more) than|at most|up to|under|radius of|distance of)"
 _MOST = r"(?:have|has|after|within|most|up to|than|uses?|used|are|(?:maximum|limit|budget)(?: of| is)?)"
 _ABOUT = r"(?:about |around |approximately |roughly |some |up to |at most |\d+ ?(?:to|-|–) ?)*"
-
-
-_COMMENT: dict[Language, str] = {"en": "comment", "de": "kommentar"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +67,8 @@ def disagreements(text: str, config: StudyConfig, *, plan: StudyPlan, task: Task
 def unsaid(text: str, config: StudyConfig) -> list[str]:
     """What the study does with people's data and a consent form does not say, in words."""
     plain = " ".join(text.split()).lower()
-    return [f"does not name the {word}, but {field} is set" for word, field in _told(config) if word not in plain]
+    told = _told(config)
+    return [f"does not name the {word}, but {field} is set" for word, field in told if word.lower() not in plain]
 
 
 def _facts(config: StudyConfig, plan: StudyPlan, task: TaskKind) -> list[_Fact]:
@@ -131,12 +130,14 @@ def _of_another_rule(plain: str, config: StudyConfig, task: TaskKind) -> list[st
 
 def _told(config: StudyConfig) -> list[tuple[str, str]]:
     """(word that a consent form must use, field that makes it necessary)."""
-    told = [("language model", "ethics.language_model")] if config.ethics.language_model else []
-    return [*told, *([(_COMMENT[config.language], "comments")] if config.comments else [])]
+    words = catalogue_of(config.language)
+    told = [(words("told.language_model"), "ethics.language_model")] if config.ethics.language_model else []
+    told += [(words("told.comment"), "comments")] if config.comments else []
+    return told + ([(words("told.survey"), "survey.questions")] if config.survey.questions else [])
 
 
 def _denied(plain: str, config: StudyConfig) -> list[str]:
-    """Sentences that deny what the study does with people's data."""
+    """Sentences, in English, that deny what the study does with people's data."""
     found = []
     for word, field in _told(config):
         match = re.search(rf"\b(?:no|not|never|nothing(?! else))\b[^.:;]{{0,80}}\b{word}", plain, flags=re.IGNORECASE)

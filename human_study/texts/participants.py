@@ -126,7 +126,8 @@ def parts_of(config: StudyConfig, person: Person) -> tuple[str, ...]:
     if config.flow == ("instructions",):
         return ()
     has_practice = any(trial.phase == "practice" for trial in person.trials)
-    return (*config.flow, *(["practice"] if has_practice else []), "trial", "finished")
+    asked = ("survey",) if config.survey.questions else ()
+    return (*config.flow, *(["practice"] if has_practice else []), "trial", *asked, "finished")
 
 
 def trial_name(config: StudyConfig, person: Person, trial: AssignedTrial) -> str:

@@ -26,6 +26,7 @@ from ..design.study import Condition, PanCondition, PogCondition, StudyConfig
 from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S, terms_of
 from .catalogue import LANGUAGES, Catalogue, catalogue_of
 from .estimate import announced_minutes
+from .survey import questions_of
 
 WIDTH = 110
 _LIMITS: dict[SuccessRule, tuple[float, ...]] = {
@@ -108,6 +109,7 @@ def words_of(
         "looks": {name: _look_limit(config, name, told) for name in met},
         "is_longer_than_a_sitting": _is_longer_than_a_sitting(config),
         "has_platform_code": hashes_platform_ids(config),
+        "survey_topics": [question.about for question in questions_of(config, told).values()],
     }
     for name in _PASSAGES:
         passages = vars(_environment(told).get_template(name).make_module(values))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from human_study.design.secrets import new_id, new_token, token_hash, token_matches
 from human_study.design.study import StudyAggregate, StudyConfig, StudyDataset, load_study, save_study
@@ -252,3 +252,26 @@ def test_ids_are_26_safe_characters_in_order_of_time(monkeypatch: pytest.MonkeyP
     assert first.startswith("01ARYZ6S41")  # the example of the ULID specification
     assert len(first) == 26
     assert first < new_id()
+
+
+def test_choices_of_pointing_do_not_change_a_study_that_leaves_them_as_they_were() -> None:
+    assert "pointing" not in study(pog={"pointing": "free"}).canonical_json()
+    assert study(pog={"pointing": "free"}).study_version == study(pog={}).study_version
+    assert study(pog={"pointing": "snap"}).study_version != study(pog={}).study_version
+
+
+def test_a_survey_needs_a_page_that_asks_for_consent() -> None:
+    survey = {"questions": ["age"]}
+    assert study(flow=("consent",), survey=survey).survey.questions == ("age",)
+    with pytest.raises(ValidationError, match=r"survey\.questions only with consent in flow"):
+        study(flow=("instructions",), survey=survey)
+    with pytest.raises(ValidationError, match=r"each of survey\.questions once"):
+        study(flow=("consent",), survey={"questions": ["age", "age"]})
+    with pytest.raises(ValidationError, match="Input should be"):
+        study(flow=("consent",), survey={"questions": ["shoe_size"]})
+
+
+def test_fields_of_later_versions_leave_the_hash_of_earlier_studies_alone() -> None:
+    assert study().study_version == study(survey={}, smallest_effect=None, sample_size_reason="").study_version
+    assert '"survey"' not in study().canonical_json()
+    assert study(smallest_effect=5.0).study_version != study().study_version

@@ -97,7 +97,7 @@ class Gateway:
             note_error: Stores an error of a participant's connection with the trial; called from any thread.
         """
         self._version = options.page_version or page_version()
-        self._page = page_of(self._version)
+        self._page = page_of(self._version, pages.words)
         self._note_error = note_error
         self._admission, self._seats, self._tickets, self._options = admission, seats, tickets, options
         self._pages = pages

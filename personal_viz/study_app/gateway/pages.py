@@ -14,7 +14,7 @@ import jinja2
 from markupsafe import Markup
 
 from human_study.design.study import Condition, StudyConfig
-from human_study.journey import Journey, Person, Place, Stage, journey_of, last_detail
+from human_study.journey import Journey, Person, Place, Stage, has_reached, journey_of, last_detail
 from human_study.store.store import StudyStore
 from human_study.texts.catalogue import catalogue_of
 from human_study.texts.participants import (
@@ -28,6 +28,7 @@ from human_study.texts.participants import (
     welcome_text,
 )
 from human_study.texts.quiz import Question, QuizRound, questions_for
+from human_study.texts.survey import answers_to_json, given_answers, questions_of
 
 from ..markdown import html_from_markdown, title_of
 from ..recruit_codes import EndCode
@@ -143,7 +144,10 @@ class Pages:
             elif journey.place == "ending":
                 if self._store.next_trial(code) is None:
                     has_done = any(trial.phase == "main" for trial in person.kept)
-                    self._store.enter_stage(code, "finished" if has_done else "full")
+                    is_asked = (
+                        has_done and self._config.survey.questions and not has_reached(person.stages, "survey_ended")
+                    )
+                    self._store.enter_stage(code, "survey_begun" if is_asked else "finished" if has_done else "full")
             elif journey.place == "quiz" and (quiz := self._quizzes.get(code)) is not None and quiz.present is None:
                 detail = {"round": 1 + journey.failed_rounds, "wrong": quiz.wrong}
                 self._store.enter_stage(code, "quiz_failed" if quiz.wrong else "quiz_passed", detail)
@@ -168,6 +172,7 @@ class Pages:
                 }
             case "consent":
                 words = _text_words(told_text(self._texts, CONSENT_FILE, person.task), self.words("consent.title"))
+                words["eligibility"] = self._config.survey.eligibility
             case "instructions":
                 words = self._instructions(person, page)
             case "quiz":
@@ -175,8 +180,11 @@ class Pages:
             case "pause":
                 left_s = self._left_s(journey)
                 words = {"back_in": self.words.waiting_time(left_s) if left_s > 0 else None}
+            case "survey":
+                words = {"questions": questions_of(self._config)}
             case "finished" | "declined" | "withdrawn" | "screened_out" | "full":
                 words = self._end(person, journey.place)
+                words["is_eligible"] = not last_detail(person.stages, "screened_out").get("not_eligible")
             case _:
                 words = {}
         return self._html(_TEMPLATE_OF.get(journey.place, journey.place), person, journey, base, **words)
@@ -269,6 +277,12 @@ class Pages:
         match journey.place, choice:
             case "device", _:
                 self._store_device(person, form)
+            case "consent", "agree" if not all(
+                form.get(f"eligible_{number}") for number, _ in enumerate(self._config.survey.eligibility)
+            ):
+                return  # a browser that does not require the boxes; the page is shown again
+            case "consent", "not_eligible" if self._config.survey.eligibility:
+                self._store.enter_stage(code, "screened_out", {"not_eligible": True})
             case "consent", "agree" | "decline":
                 text = told_text(self._texts, CONSENT_FILE, person.task)
                 self._store.give_consent(code, text, given=choice == "agree")
@@ -277,6 +291,10 @@ class Pages:
                 self._store.enter_stage(code, "instructed", {"after_failed_rounds": journey.failed_rounds})
             case "quiz", _:
                 self._store_quiz(person, journey, form.get("answer", ""))
+            case "survey", "send" | "skip":
+                if choice == "send":
+                    self._store.keep_answer(code, "survey", answers_to_json(given_answers(self._config, form)))
+                self._store.enter_stage(code, "survey_ended")
             case "finished", "comment" if self._config.comments and (comment := _tidy(form.get("comment", ""))):
                 self._store.keep_answer(code, "comment", comment)
             case "break", "next":

@@ -39,10 +39,6 @@ from .cards import Card, card_html
 
 PANEL_WIDTH = 400
 """Width at which viser opens the side panel, pixels; `page.css` makes it wider for larger text."""
-GIVE_UP = "Give up this search"
-GIVING_UP = "Press Give up again to end this search"
-AGAIN = ": press again"
-"""Added to the label of STOP or giving up after the first press."""
 MAX_WAITING = 200
 """Most inputs that may wait; a person never has more than a few."""
 PAGE_COMMANDS = (PageChanged, Resize, Measure)
@@ -102,7 +98,7 @@ class Page:
         client.gui.main_panel.dock_right()
         client.gui.main_panel.set_width(PANEL_WIDTH)
         client.camera.on_update(self._camera_moved)
-        client.gui.add_html(page_html())
+        client.gui.add_html(page_html(words))
         self._sign, self._signed = client.gui.add_html(""), ("", 0)
 
     def new_screen(self, *, hears: tuple[type, ...] = PAGE_COMMANDS) -> Send:
@@ -289,11 +285,14 @@ class Page:
             has_keys: Whether the participant uses keys that can be chosen.
             on_leave: Text on what happens to the answers of somebody who leaves.
         """
-        keys = '<button type="button" data-tool="keys">Keys</button>' if has_keys else ""
-        leave = f'<button type="button" data-tool="leave" data-text="{html.escape(on_leave)}">Leave the study</button>'
+        tools, keys, large, leave = (
+            html.escape(self.words(key)) for key in ("page.tools", "script.keys", "page.large", "page.leave")
+        )
+        keys = f'<button type="button" data-tool="keys">{keys}</button>' if has_keys else ""
+        leave = f'<button type="button" data-tool="leave" data-text="{html.escape(on_leave)}">{leave}</button>'
         self.client.gui.add_html(
-            f'<div class="personal-tools" role="group" aria-label="Tools">{keys}'
-            f'<button type="button" data-tool="large" aria-pressed="false">Larger text</button>{leave}</div>'
+            f'<div class="personal-tools" role="group" aria-label="{tools}">{keys}'
+            f'<button type="button" data-tool="large" aria-pressed="false">{large}</button>{leave}</div>'
             + when_shown("refresh"),
             order=_LAST,
         )
@@ -336,9 +335,10 @@ def relabel(button: viser.GuiButtonHandle, label: str, color: str | None = None)
         button.color = color  # type: ignore[assignment]
 
 
-def show_giving_up(button: viser.GuiButtonHandle, *, is_giving_up: bool) -> None:
+def show_giving_up(button: viser.GuiButtonHandle, words: Catalogue, *, is_giving_up: bool) -> None:
     """Labels the button of giving up, before and after its first press."""
-    relabel(button, GIVE_UP + AGAIN if is_giving_up else GIVE_UP, "red" if is_giving_up else "gray")
+    key = "give_up.press_again" if is_giving_up else "give_up.button"
+    relabel(button, words(key), "red" if is_giving_up else "gray")
 
 
 def roomy_html(shown: str, *others: str) -> str:
