@@ -43,6 +43,12 @@ WITHIN = {
     f"sr_within_{limit}": Measure("", _PAN, is_rate=True, is_share=True, has_bootstrap=False) for limit in STEP_LIMITS
 }
 """The anytime success rate, by name."""
+WAYS = {
+    "dtw": Measure("DTW to the shortest path (m per place)", _PAN, digits=2, has_bootstrap=False),
+    "ndtw": Measure("nDTW with the shortest path (%)", _PAN, is_share=True, has_bootstrap=False),
+    "end_apart": Measure("end to the end of the shortest path (m)", _PAN, digits=2, has_bootstrap=False),
+}
+"""How far a trial's way is from the shortest path, by name; `ways` fills them in where the homes are at hand."""
 MEASURES: dict[str, Measure] = {
     "sr": Measure("SR (%)", claim="SR", is_rate=True, is_share=True, has_effect=True),
     "spl": Measure("SPL (%)", _PAN, claim="SPL", is_share=True, has_effect=True),
@@ -51,6 +57,7 @@ MEASURES: dict[str, Measure] = {
     "distance": Measure("distance to the goal's centre (m)", ("pog",), digits=2, has_spread=True, has_effect=True),
     "steps": Measure("steps to decision", _PAN, claim="steps", has_spread=True, has_effect=True),
     "path_m": Measure("path (m)", _PAN, digits=2, has_spread=True),
+    **WAYS,
     "t_s": Measure("time to decision (s)", claim="time", has_spread=True, has_effect=True),
     **WITHIN,
     STRICT: Measure("SR by rule paper-strict (%)", _PAN, is_rate=True, is_share=True, has_bootstrap=False),
