@@ -16,10 +16,13 @@ unexport PYTHONDONTWRITEBYTECODE
 PYTEST = $(BIN)/python -m pytest --dist loadfile -n $(WORKERS)
 QUICK = not release and not bench and not gpu
 
-.PHONY: demo test release check lint fast bench screenshots figures docs locked tag clean
+.PHONY: demo install test release check lint fast bench screenshots gallery figures docs locked tag clean
 
 demo: $(VENV)/.demo
 	@exec $(BIN)/personal-viz demo
+
+# The program without the tests' packages: docs/deploy/.
+install: $(VENV)/.demo
 
 test: $(VENV)/.test
 	@$(PYTHON) .ci/check_machine.py --tests
@@ -54,6 +57,10 @@ bench: $(VENV)/.test
 screenshots: $(VENV)/.test
 	@$(PYTHON) .ci/check_machine.py --tests
 	$(BIN)/python -m personal_viz.screenshots.make
+
+# A folder for any static host: recordings in Rerun's web viewer, contact sheets, and a study's report by bots.
+gallery: $(VENV)/.test
+	@$(BIN)/python -m personal_viz.screenshots.gallery build/gallery
 
 # The tables of docs/figures.md, from what `personal-viz bench WHAT --json docs/figures/WHAT.json` wrote.
 figures: $(VENV)/.test

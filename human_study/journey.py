@@ -26,6 +26,8 @@ Stage = Literal[
     "sitting_started",
     "break_started",
     "break_ended",
+    "survey_begun",
+    "survey_ended",
     "finished",
     "withdrawn",
     "screened_out",
@@ -49,6 +51,7 @@ Place = Literal[
     "break",
     "pause",
     "ending",
+    "survey",
     "finished",
     "dropped_out",
     "declined",
@@ -58,7 +61,8 @@ Place = Literal[
 ]
 """`practice`, `trial`: in such a trial, or before the next one (`trial`: a counted or an attention trial); `break`: a
 rest is due or under way; `pause`: the sitting is over; `ending`: all assigned trials are over, and the store may assign
-more; `dropped_out`: other people got the trials; a participant who comes back goes on."""
+more; `survey`: questions after the last search; `dropped_out`: other people got the trials; a participant who comes
+back goes on."""
 GONE: tuple[Place, ...] = ("finished", "dropped_out", "declined", "withdrawn", "screened_out", "full")
 """Places at which the study no longer waits for the participant."""
 End = Literal["done", "technical", "abandoned"]
@@ -224,13 +228,6 @@ def has_rested(person: Person, journey: Journey) -> bool:
     return journey.num_done > 0 and _rested_at(person.stages) == journey.num_done
 
 
-def trial_name(person: Person, trial: AssignedTrial) -> str:
-    """The trial's name for participants, with its number within its phase; attention trials look like any other."""
-    alike = [other for other in person.kept if (other.phase == "practice") == (trial.phase == "practice")]
-    number = 1 + sum(other.order_no < trial.order_no for other in alike)
-    return f"{'Practice' if trial.phase == 'practice' else 'Search'} {number} of {len(alike)}"
-
-
 def _place(config: StudyConfig, person: Person, num_done: int) -> Place:
     stages = person.stages
     out = way_out(stages)
@@ -247,7 +244,8 @@ def _place(config: StudyConfig, person: Person, num_done: int) -> Place:
         return before
     due = person.due
     if due is None:
-        return "ending"
+        is_asked = has_reached(stages, "survey_begun") and not has_reached(stages, "survey_ended")
+        return "survey" if is_asked else "ending"
     if due.phase == "practice":
         return "practice"
     return "trial" if due.is_begun else _rest(config, stages, num_done)

@@ -16,13 +16,6 @@ VERTEX_COLOURS = -2
 FACE_IDS = -1
 """`IdImages.face_image` of faces whose object id is `face_instance`."""
 
-UNNAMED_LABELS: dict[SceneKind, str] = {
-    "scan": "scan of a real home",
-    "schematic": "schematic home, not a scan",
-    "invented": "invented home",
-}
-"""The label that participants see for a home of each kind."""
-
 
 @dataclass(frozen=True, slots=True)
 class IdImages:
@@ -126,8 +119,3 @@ class Scene:
         kind = {"scan": (), "schematic": ("schematic, not HM3D",), "invented": ("invented home",)}[self.kind]
         facts = [*kind, *([f"clutter {self.clutter}"] if self.clutter else []), *(["labels"] if self.labels else [])]
         return f"{self.name} ({', '.join(facts)})" if facts else self.name
-
-    @property
-    def unnamed_label(self) -> str:
-        """The label that participants see, without the name: it would let them find the answers in the public files."""
-        return UNNAMED_LABELS[self.kind]

@@ -54,6 +54,7 @@ ENTRANCES = {
     "personal_viz.bench.page",
     "personal_viz.bench.search.compare",
     "personal_viz.bench.search.page",
+    "personal_viz.screenshots.gallery",
     "personal_viz.screenshots.make",
     "personal_viz.study_app.server",
     "grounding.agents.random_frontier",

@@ -4,8 +4,6 @@ import re
 
 LEVEL = 0.95
 """Level of all intervals."""
-NUM_RESAMPLES = 10_000
-"""Number of resamples of a bootstrap."""
 ALPHA = 0.05
 """Error rate of all hypotheses together (family-wise)."""
 

@@ -7,7 +7,6 @@ import json
 from pathlib import Path
 from typing import Annotated, Literal
 
-import yaml
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from sim import files
@@ -31,12 +30,18 @@ from sim.types import (
 
 from ..private_files import make_private
 from .analysis import require_hypothesis
-from .study_yaml import json_from_yaml
+from .study_yaml import commented_yaml, json_from_yaml, schema_of
 
 STUDY_FILE = "study.yaml"
+SCHEMA_FILE = "study.schema.json"
+"""The form of a study file, for editors that help while one types."""
+_HEAD = f"""# yaml-language-server: $schema={SCHEMA_FILE}
+# A study: change the values, then run personal-viz study plan, which freezes them.
+
+"""
 MAX_STUDY_NAME = 32
 """Most characters of a study's name."""
-_MODEL = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+_MODEL = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
 _ADVICE = "Correct the field; personal-viz study init writes a valid file."
 OTHER_PROGRAM = "It was written by another version of personal-viz: use that one."
 Seconds = Annotated[float, Field(ge=0)]
@@ -47,9 +52,15 @@ Condition = PanCondition | PogCondition
 """A participant's view of the home besides the task itself. PAN: `none`, or before walking its `topdown` map or its 3-D
 model (`glb`). POG: pointing after a look at the home (`map_first`), with text and home side by side (`map_open`), or on
 the agents' own top-down map (`map_2d`)."""
+Pointing = Literal["free", "snap"]
+"""Where a mark goes: to the clicked point, or to the middle of the object there."""
 HomeView = Literal["browser", "server"]
 """Where the pictures of a 3-D home are made: in the browser, which then has its geometry, or on the server."""
+Language = Literal["en", "de"]
+"""A language of `texts/languages`."""
 FlowStep = Literal["device", "consent", "instructions", "quiz"]
+SurveyTopic = Literal["age", "gender", "education", "language", "games", "expertise", "ai_tools", "other_help", "homes"]
+"""Topics of the questions that may be asked after the last search; `texts/survey.py` has their words."""
 
 
 def _as_tuple(value: object) -> object:
@@ -101,12 +112,13 @@ class StudyMemory(BaseModel):
 
     model_config = _MODEL
     arms: Annotated[tuple[PanCondition, ...], Field(min_length=1)] = ("none",)
+    """The looks that the study compares: none, the map from above, or the 3-D model."""
     by: Literal["scene_half"] = "scene_half"
     """Homes are split into as many groups as arms; the arms of the groups are counterbalanced over people."""
     min_s: Seconds = 0.0
-    """Shortest look at the map."""
+    """Shortest look, seconds."""
     max_s: Annotated[float, Field(gt=0)] | None = 60.0
-    """Longest look at the map; None = no limit."""
+    """Longest look, seconds; None = no limit."""
 
     @model_validator(mode="after")
     def _can_be_left(self) -> "StudyMemory":
@@ -119,11 +131,16 @@ class StudyPog(BaseModel):
 
     model_config = _MODEL
     conditions: Annotated[tuple[PogCondition, ...], Field(min_length=1)] = ("map_first",)
+    """The views that the study compares: the home first and then the text, both side by side, or the agents' map."""
     look_min_s: Seconds = 0.0
+    """Shortest look at the home before the text, in `map_first`, seconds."""
     look_max_s: Annotated[float, Field(gt=0)] | None = 120.0
-    """Longest look at the home before the text, in `map_first`; None = no limit."""
+    """Longest look at the home before the text, in `map_first`, seconds; None = no limit."""
     answer_max_s: Annotated[float, Field(gt=0)] | None = None
-    """Longest time from the text to the confirmed mark; then the trial ends as `timeout`."""
+    """Longest time from the text to the confirmed mark, seconds; then the trial ends as `timeout`."""
+    pointing: Pointing = "free"
+    """`free`: the clicked point is the mark (the paper). `snap`: the mark goes to the middle of the clicked object,
+    which is outlined and named by its category."""
 
     @model_validator(mode="after")
     def _can_be_left(self) -> "StudyPog":
@@ -136,7 +153,9 @@ class StudyPractice(BaseModel):
 
     model_config = _MODEL
     pan: Annotated[int, Field(ge=0, le=10)] = 2
+    """Practice trials of a participant who walks (PAN)."""
     pog: Annotated[int, Field(ge=0, le=10)] = 2
+    """Practice trials of a participant who points (POG)."""
 
 
 class StudyChecks(BaseModel):
@@ -156,7 +175,7 @@ class StudyBreaks(BaseModel):
     sitting_max: Annotated[int, Field(ge=1)] | None = 30
     """After this many counted trials in one sitting the participant is asked to come back later."""
     sitting_gap_s: Seconds = 3600.0
-    """Least time before the next sitting."""
+    """Least time before the next sitting, seconds."""
 
 
 class StudyAggregate(BaseModel):
@@ -164,7 +183,12 @@ class StudyAggregate(BaseModel):
 
     model_config = _MODEL
     total: Literal["mean_of_splits", "pooled", "dataset_weighted"] = "mean_of_splits"
+    """The row Total: mean of the splits' figures, all trials alike, or splits weighted as in the dataset."""
     weight: Literal["trials", "participants"] = "trials"
+    """Whether each trial counts alike, or each participant."""
+    intervals: Literal["homes", "episodes"] = "episodes"
+    """What intervals take for random beside people: homes with the episodes in them, or episodes alone, which holds for
+    other episodes of the same homes only. New studies say `homes`; files without the field are of earlier ones."""
 
 
 class StudyPrivacy(BaseModel):
@@ -172,6 +196,7 @@ class StudyPrivacy(BaseModel):
 
     model_config = _MODEL
     platform_id: Literal["none", "hmac"] = "none"
+    """`hmac` keeps the ids of a recruiting platform for paying people, apart from the records; see `purge-ids`."""
     retention: datetime.date | None = None
     """Day on which the records are deleted."""
     on_withdraw: Literal["delete", "keep"] = "delete"
@@ -193,10 +218,35 @@ class StudyEthics(BaseModel):
     irb: str = ""
     """Id of the approval, or of the exemption."""
     institution: str = ""
+    """The institution that is responsible for the study, as participants read it."""
     contact: str = ""
+    """A person for questions, with an address or a number."""
     pay: str = ""
+    """What participants get, and when: one sentence."""
+    pay_if_leaving: str = ""
+    """Pay of people who stop early, withdraw or cannot take part after the consent form, as participants read it."""
+    insurance: str = ""
+    """The insurance of participants, or that there is none, as participants read it."""
+    data_protection_officer: str = ""
+    """Name or office, with an address."""
+    legal_basis: str = ""
+    """Legal basis for storing the data, such as `your consent, Art. 6 (1) (a) GDPR`."""
+    complaint_body: str = ""
+    """The office to which people can complain about the use of their data."""
+    language_model: str = ""
+    """Which data of people goes to which language model, and who runs it where, as participants read it; "" = none."""
     duration_min: Annotated[int, Field(ge=1)] | None = None
     """Duration announced to participants, minutes; None = estimated from the plan."""
+
+
+class StudySurvey(BaseModel):
+    """Questions to people about themselves. Every answer is optional, chosen from a few, and encrypted."""
+
+    model_config = _MODEL
+    eligibility: Annotated[tuple[Annotated[str, Field(min_length=1, max_length=200)], ...], Field(max_length=8)] = ()
+    """Sentences that people must confirm to take part, such as `I have not seen these homes before.`"""
+    questions: tuple[SurveyTopic, ...] = ()
+    """Asked after the last search, before the completion code."""
 
 
 class StudyCamera(BaseModel):
@@ -204,9 +254,13 @@ class StudyCamera(BaseModel):
 
     model_config = _MODEL
     width: Annotated[int, Field(ge=16, le=4096)] = 640
+    """Pixels."""
     height: Annotated[int, Field(ge=16, le=4096)] = 480
+    """Pixels."""
     hfov_deg: Annotated[float, Field(gt=0, lt=180)] = 79.0
+    """Horizontal field of view, degrees; the paper's by default."""
     mount_height: Annotated[float, Field(gt=0)] = CAMERA_HEIGHT
+    """Height above the floor, metres; the paper's by default."""
 
 
 class StudyConfig(BaseModel):
@@ -218,13 +272,20 @@ class StudyConfig(BaseModel):
     version: Literal[1] = 1
     """Version of this format."""
     dataset: StudyDataset
-    task: Annotated[tuple[TaskKind, ...], BeforeValidator(_as_tuple), Field(min_length=1)]
+    task: Annotated[
+        tuple[TaskKind, ...],
+        BeforeValidator(_as_tuple, json_schema_input_type=TaskKind | tuple[TaskKind, ...]),
+        Field(min_length=1),
+    ]
     """`pan`, `pog`, or both: then every participant does one of them, in turns."""
     actions: Literal["paper4", "paper6"] = "paper4"
-    """Actions that people have in PAN (HUMAN_STUDY.md, section 1, row 1)."""
+    """Actions that people have in PAN. `paper4`: forward, left, right, stop; `paper6` adds looking up and down."""
     steps: Annotated[int, Field(ge=1, le=MAX_STEPS)] = MAX_STEPS
+    """Most actions of a PAN trial; then it ends as `steps`."""
     pan_max_s: Annotated[float, Field(gt=0)] | None = None
-    """Longest PAN trial; then it ends as `timeout`."""
+    """Longest PAN trial, seconds; then it ends as `timeout`; None = no limit."""
+    language: Language = "en"
+    """Language of every text for participants besides the episodes' own."""
     query_index: Count = 0
     """Index of the query's paraphrase that everybody reads."""
     success: SuccessRule = "paper"
@@ -242,11 +303,11 @@ class StudyConfig(BaseModel):
     confidence: bool = False
     """Whether participants rate after each trial, with one key, how sure they are."""
     resume_within_s: Seconds = 600.0
-    """After a longer absence the trial has ended as `abandoned`."""
+    """Seconds of absence after which the trial has ended as `abandoned`."""
     hidden_max_s: Seconds | None = 60.0
-    """A trial is flagged when its page was in the background for longer, and still counts; None = no flags."""
+    """A trial whose page was in the background for more seconds is flagged, and still counts; None = no flags."""
     lease_s: Annotated[float, Field(gt=0)] = 900.0
-    """After a longer absence in the middle of the study, the remaining trials go to others."""
+    """Seconds of absence in the middle of the study after which the remaining trials go to others."""
     camera: StudyCamera = StudyCamera()
     clutter: ClutterLevel = 0
     """Amount of furniture without a caption in schematic and invented homes."""
@@ -262,10 +323,15 @@ class StudyConfig(BaseModel):
     exclusions: dict[str, str] = {}
     """Your own rules that leave trials or people out: id to text, written down before the first trial."""
     primary: Annotated[tuple[Annotated[str, AfterValidator(require_hypothesis)], ...], Field(max_length=3)] = ()
-    """At most three hypotheses, named before the first trial in the form of `analysis`."""
+    """At most three hypotheses, named before the first trial, such as human_minus_agent_SR or memory_effect_SPL."""
+    smallest_effect: Annotated[float, Field(gt=0, le=100)] | None = None
+    """Smallest difference between success rates that would matter, percentage points; needed to preregister."""
+    sample_size_reason: str = ""
+    """Why this many people and trials, such as the power that `study plan --power` gives; needed to preregister."""
     privacy: StudyPrivacy = StudyPrivacy()
     recruit: StudyRecruit = StudyRecruit()
     ethics: StudyEthics = StudyEthics()
+    survey: StudySurvey = StudySurvey()
 
     @model_validator(mode="after")
     def _each_once(self) -> "StudyConfig":
@@ -274,11 +340,15 @@ class StudyConfig(BaseModel):
             "memory.arms": self.memory.arms,
             "pog.conditions": self.pog.conditions,
             "flow": self.flow,
+            "survey.questions": self.survey.questions,
             "dataset.scenes": self.dataset.scenes,
         }
         for field, names in named.items():
             if len(set(names)) != len(names):
                 raise ValueError(f"each of {field} once, found {list(names)}")
+        asked = [name for name, value in self.survey if value]
+        if asked and "consent" not in self.flow:
+            raise ValueError(f"survey.{asked[0]} only with consent in flow, found flow {list(self.flow)}")
         return self
 
     @property
@@ -331,7 +401,10 @@ class StudyConfig(BaseModel):
 
 
 def save_study(folder: Path, config: StudyConfig) -> Path:
-    """Writes `study.yaml` once; writing the same study again changes nothing. Returns its path.
+    """Writes `study.yaml`, commented, and its schema once; writing the same study again changes nothing.
+
+    Returns:
+        The path of `study.yaml`.
 
     Raises:
         StudyError: The folder holds another study, or cannot be written.
@@ -345,8 +418,8 @@ def save_study(folder: Path, config: StudyConfig) -> Path:
                 "A study never changes: give the new one another folder."
             )
         return path
-    choices = config.model_dump(mode="json")
-    write_whole(path, yaml.safe_dump(choices, sort_keys=False, allow_unicode=True))
+    write_whole(folder / SCHEMA_FILE, json.dumps(schema_of(StudyConfig), indent=1) + "\n")
+    write_whole(path, _HEAD + commented_yaml(config))
     make_private(folder)
     return path
 

@@ -1,10 +1,14 @@
-"""Reads a YAML file that a person wrote as JSON text for a model to check; each error is one line."""
+"""Files that a person writes in YAML: read strictly, as JSON text for a model to check, and written with comments."""
 
 import json
+import re
+import textwrap
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
+from pydantic import BaseModel
 
 from sim.errors import StudyError
 from sim.files import bounded_bytes
@@ -13,6 +17,8 @@ MAX_BYTES = 128 << 10
 """Largest file; a study has 3 kB, and reading a megabyte takes seconds."""
 MAX_NODES = 20_000
 """Most values in a file, including those that an alias repeats."""
+_WIDTH = 110
+"""Columns of a comment."""
 _LONGEST_SHOWN = 40
 """Most characters of a bad value in a message."""
 
@@ -41,6 +47,114 @@ def json_from_yaml(path: Path, *, expected: str, advice: str) -> str:
         raise StudyError(
             f"{path}: holds a value that cannot be used ({problem}); expected {expected}. {advice}"
         ) from None
+
+
+def commented_yaml(values: BaseModel) -> str:
+    """Every field of a model as YAML, each below its meaning, its possible values and its default as comments.
+
+    The comments are the docstrings and types of the model (`schema_of`), so they cannot differ from what is read.
+    """
+    schema = schema_of(type(values))
+    text = "\n".join(_lines(schema, values.model_dump(mode="json"), schema.get("$defs", {})))
+    return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+
+
+def field_told(schema: Mapping[str, Any], place: str) -> tuple[str, str]:
+    """The meaning and the allowed values of a field such as `design.kind`, both in words."""
+    defs, field = schema.get("$defs", {}), schema
+    for name in place.split("."):
+        field = _resolved(field, defs)["properties"][name]
+    return field.get("description", ""), _allowed(field, defs)
+
+
+def schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    """The JSON schema of a model, with the docstrings of its fields in YAML's words."""
+
+    def told(part: Any) -> Any:
+        if isinstance(part, list):
+            return [told(each) for each in part]
+        if not isinstance(part, dict):
+            return part
+        return {
+            name: _in_yaml_words(value) if name == "description" and isinstance(value, str) else told(value)
+            for name, value in part.items()
+            if not (name == "title" and isinstance(value, str))  # the field's name in capitals
+        }
+
+    return told(model.model_json_schema())
+
+
+def _in_yaml_words(text: str) -> str:
+    """A docstring as one line, with `null` and `[]` for Python's `None` and `()`."""
+    return re.sub(r"(?<![\w)])\(\)", "[]", re.sub(r"\bNone\b", "null", " ".join(text.split())))
+
+
+def _lines(schema: Mapping[str, Any], values: Mapping[str, Any], defs: Mapping[str, Any]) -> Iterator[str]:
+    """Lines of an object's fields, in the order of the schema."""
+    for name, field in schema["properties"].items():
+        inner = _resolved(field, defs)
+        meaning = field.get("description") or inner.get("description", "")
+        if "properties" in inner:
+            yield ""
+            yield from _comment(meaning)
+            yield f"{name}:"
+            yield from (textwrap.indent(line, "  ") for line in _lines(inner, values[name], defs))
+            yield ""
+            continue
+        yield from _comment(meaning)
+        default = f"; default {_written(field['default'])}" if "default" in field else ""
+        yield from _comment(f"{_allowed(field, defs)}{default}", mark="#   ")
+        yield f"{name}: {_written(values[name])}"
+
+
+def _comment(text: str, *, mark: str = "# ") -> list[str]:
+    return textwrap.wrap(text, _WIDTH, initial_indent=mark, subsequent_indent=mark, break_on_hyphens=False)
+
+
+def _written(value: Any) -> str:
+    """A JSON value as YAML on one line."""
+    if isinstance(value, str) and "\n" in value:
+        return json.dumps(value)  # YAML's own quoting would take several lines
+    text = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, sort_keys=False, width=float("inf"))
+    return text.removesuffix("\n").removesuffix("\n...")
+
+
+def _resolved(field: Mapping[str, Any], defs: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The schema that a field refers to, or its own."""
+    return defs[field["$ref"].rsplit("/", 1)[1]] if "$ref" in field else field
+
+
+def _allowed(field: Mapping[str, Any], defs: Mapping[str, Any]) -> str:
+    """The values that a schema allows, in words."""
+    field = _resolved(field, defs)
+    if "anyOf" in field:
+        return " or ".join(dict.fromkeys(_allowed(part, defs) for part in field["anyOf"]))
+    if "enum" in field or "const" in field:
+        return " | ".join(map(_written, field.get("enum", [field.get("const")])))
+    match field.get("type"):
+        case "array" if "items" in field or "prefixItems" in field:
+            counts = "".join(f", {word} {field[key]}" for key, word in _COUNTS.items() if key in field)
+            return f"list of {_allowed(field.get('items') or {'anyOf': field['prefixItems']}, defs)}{counts}"
+        case "object" if "properties" in field:
+            return f"fields {', '.join(field['properties'])}"
+        case "object":
+            key, value = field.get("propertyNames", {"type": "string"}), field.get("additionalProperties", {})
+            return f"{{{_allowed(key, defs)}: {_allowed(value, defs)}, ...}}"
+        case "integer" | "number" as kind:
+            bounds = [f"{word} {field[key]:g}" for key, word in _BOUNDS.items() if key in field]
+            return " ".join(["whole number" if kind == "integer" else "number", *bounds])
+        case "string" if field.get("format") == "date":
+            return "day such as 2027-12-31"
+        case "string":
+            return f"text that matches {field['pattern']}" if "pattern" in field else "text"
+        case "boolean":
+            return "true | false"
+        case kind:
+            return str(kind or "any")
+
+
+_COUNTS = {"minItems": "at least", "maxItems": "at most"}
+_BOUNDS = {"minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "exclusiveMaximum": "below"}
 
 
 class _StrictLoader(yaml.SafeLoader):

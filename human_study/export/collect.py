@@ -23,6 +23,7 @@ from ..store.records import StoredEvent, StoredTrial, StudyReader
 from ..trial.events import Event, event_to_json
 from .rows import EventRow, ExclusionRow, ParticipantRow, StageRow, VerificationRow
 from .runs import created_utc, result_of, trial_run_info
+from .survey import SurveyRow, survey_rows
 from .trial_table import AttemptName, TrialRow, is_long_hidden, trial_figures
 
 SIZE_STEP = 100
@@ -41,6 +42,7 @@ class Collected:
     participants: list[ParticipantRow] = field(default_factory=list)
     exclusions: list[ExclusionRow] = field(default_factory=list)
     verifications: list[VerificationRow] = field(default_factory=list)
+    survey: list[SurveyRow] = field(default_factory=list)
     runs: dict[str, Run] = field(default_factory=dict)
     """Runs of counted trials with a result, by run id; each run holds its trials in order."""
     num_deleted: int = 0
@@ -93,6 +95,7 @@ def collect(reader: StudyReader) -> Collected:
                 _add(result_of(events, trial.outcome, code=exported), info, found.runs)
     found.exclusions += _exclusion_rows(config, reader, names, kept)
     found.verifications += _verification_rows(reader, names)
+    found.survey += survey_rows(reader, kept)
     return found
 
 

@@ -17,7 +17,7 @@ from sim.files import write_whole
 from sim.homes.kind import scene_labels, scene_terms
 
 from ..design.plan import PRACTICE_FOLDER
-from ..design.study import STUDY_FILE
+from ..design.study import STUDY_FILE, StudyConfig
 from ..store.records import StudyReader, read_study
 from .collect import Collected, collect, event_rows
 from .data_dictionary import dictionary_text
@@ -25,6 +25,7 @@ from .formats import table_bytes
 from .manifest import MANIFEST_FILE, LeftOutTrial, Manifest, exported_file, read_manifest, strangers
 from .rows import EventRow, ExclusionRow, ParticipantRow, VerificationRow
 from .runs import run_files
+from .survey import SurveyRow
 from .trial_table import TrialRow
 
 DICTIONARY_FILE = "data_dictionary.md"
@@ -39,6 +40,13 @@ TABLES: dict[str, tuple[str, type[BaseModel]]] = {
     "verifications": ("One row per time that an attempt was done again and compared.", VerificationRow),
 }
 """(meaning of one row, row model) by file name without ending."""
+SURVEY_TABLE: dict[str, tuple[str, type[BaseModel]]] = {
+    "survey": (
+        "One row per answer to the survey. People were told that single answers are not published: keep it apart.",
+        SurveyRow,
+    )
+}
+"""The table that only studies with a survey have."""
 
 
 def export_study(folder: Path, out: Path) -> list[Path]:
@@ -54,7 +62,7 @@ def export_study(folder: Path, out: Path) -> list[Path]:
         reader.check()
         _require_replaceable(out, reader.study_version)
         found = collect(reader)
-        files = _table_files(found) | _study_files(reader, folder)
+        files = _table_files(found, _tables_of(reader.config)) | _study_files(reader, folder)
         for _, run in sorted(found.runs.items()):
             files |= run_files(run)
         manifest = _manifest(reader, found, files)
@@ -62,16 +70,22 @@ def export_study(folder: Path, out: Path) -> list[Path]:
     return [out / name.removesuffix("/run.json") for name in sorted(files) if name.endswith("/run.json")]
 
 
-def _table_files(found: Collected) -> dict[str, tuple[bytes, int | None]]:
+def _tables_of(config: StudyConfig) -> dict[str, tuple[str, type[BaseModel]]]:
+    return TABLES | (SURVEY_TABLE if config.survey.questions else {})
+
+
+def _table_files(
+    found: Collected, tables: Mapping[str, tuple[str, type[BaseModel]]]
+) -> dict[str, tuple[bytes, int | None]]:
     """Content and number of rows of each table in each format, and of the data dictionary."""
     files: dict[str, tuple[bytes, int | None]] = {}
     events = [line for row, stored in found.events for line in event_rows(row, stored)]
-    rows_of = {"events": events, **{name: getattr(found, name) for name in TABLES if name != "events"}}
-    for name, (_, model) in TABLES.items():
+    rows_of = {"events": events, **{name: getattr(found, name) for name in tables if name != "events"}}
+    for name, (_, model) in tables.items():
         rows = rows_of[name]
         for ending, content in table_bytes(model, rows).items():
             files[f"{name}.{ending}"] = (content, len(rows))
-    files[DICTIONARY_FILE] = (dictionary_text("Data dictionary", TABLES).encode(), None)
+    files[DICTIONARY_FILE] = (dictionary_text("Data dictionary", tables).encode(), None)
     return files
 
 

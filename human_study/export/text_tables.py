@@ -7,6 +7,12 @@ from typing import Any
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """First characters that make a spreadsheet read text as a formula."""
+_TEX = {letter: f"\\{letter}" for letter in "#$%&_{}"} | {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+}
+"""LaTeX for the characters that it reads as commands."""
 _NEEDS_QUOTES = re.compile(r'[",\r\n]')
 
 
@@ -40,7 +46,7 @@ def one_cell(value: object) -> str:
 
 def tex(text: str) -> str:
     """The text, escaped for LaTeX."""
-    return "".join(f"\\{letter}" if letter in "#$%&_{}" else letter for letter in text)
+    return "".join(_TEX.get(letter, letter) for letter in text)
 
 
 def tex_table(heads: Sequence[str], lines: Iterable[Sequence[str]], *, below: Sequence[str]) -> str:

@@ -6,6 +6,7 @@
 from collections.abc import Sequence
 
 from ..design.study import StudyConfig
+from ..texts.catalogue import ENGLISH, catalogue_of
 from ..texts.words import words_of
 from .counts import ExclusionCount, FlowCount
 from .measures import WITHIN
@@ -40,7 +41,7 @@ def checklist(
     text = filled(
         "checklist.md.j2",
         study=config,
-        words=words_of(config),
+        words=words_of(config, catalogue=catalogue_of(ENGLISH)),
         not_in_file=NOT_IN_FILE,
         agents=sorted({row.who for row in rows if row.kind == "agent"}),
         measures=sorted(measures),

@@ -1,7 +1,7 @@
 """Effects of memory, of the place in the order and of earlier visits to the home, within people and within episodes.
 
 Differences between people and between episodes drop out. What remains is how one person's trials differ, compared with
-other people's trials at the same episodes. For the interval both stay random, as in `statistics`.
+other people's trials at the same episodes. For the interval people, episodes and homes stay random, as in `statistics`.
 """
 
 from collections.abc import Callable, Sequence
@@ -72,7 +72,7 @@ class BlockRow(PeopleRow):
     n: int
 
 
-def memory_effects(people: Sequence[TrialGroup]) -> list[EffectRow]:
+def memory_effects(people: Sequence[TrialGroup], aggregate: Aggregate) -> list[EffectRow]:
     """Each condition against the first of its task (`none`, or `map_first`), within people and within episodes."""
     rows = []
     for task, kind in dict.fromkeys((group.task, group.scene_kind) for group in people):
@@ -84,33 +84,33 @@ def memory_effects(people: Sequence[TrialGroup]) -> list[EffectRow]:
             what = f"{other.condition} - {base.condition}"
             for split in ("all", *SPLITS):
                 found = trials if split == "all" else trials[trials["split"] == split]
-                rows += _effects(other, what, "all", split, found)
+                rows += _effects(other, what, "all", split, found, aggregate)
     return rows
 
 
-def order_effects(people: Sequence[TrialGroup]) -> list[EffectRow]:
+def order_effects(people: Sequence[TrialGroup], aggregate: Aggregate) -> list[EffectRow]:
     """Slopes on the place in the order and on earlier visits to the home; needs the study's records."""
     rows = []
     for group in people:
         if group.trials["place"].notna().any():
             for what, covariate in _COVARIATES.items():
                 trials = group.trials.assign(covariate=covariate)
-                rows += _effects(group, what, group.condition, "all", trials)
+                rows += _effects(group, what, group.condition, "all", trials, aggregate)
     return rows
 
 
-def order_blocks(people: Sequence[TrialGroup]) -> list[BlockRow]:
-    """Success and effort by place in the order, and with and without earlier visits to the home."""
-    rows = []
+def order_blocks(people: Sequence[TrialGroup], aggregate: Aggregate) -> list[BlockRow]:
+    """Success and effort by place in the order, and with and without earlier visits to the home; splits are pooled."""
+    rows, pooled = [], Aggregate(total="pooled", intervals=aggregate.intervals)
     for group in people:
         placed = group.trials[group.trials["place"].notna()]
         if placed.empty:
             continue
         for first in range(1, int(placed["place"].max()) + 1, ORDER_BLOCK):
             last = first + ORDER_BLOCK - 1
-            rows += _blocks(group, "order", f"{first}-{last}", placed[placed["place"].between(first, last)])
-        rows += _blocks(group, "visits", "first visit", placed[placed["prior_visits"] == 0])
-        rows += _blocks(group, "visits", "visited before", placed[placed["prior_visits"] > 0])
+            rows += _blocks(group, "order", f"{first}-{last}", placed[placed["place"].between(first, last)], pooled)
+        rows += _blocks(group, "visits", "first visit", placed[placed["prior_visits"] == 0], pooled)
+        rows += _blocks(group, "visits", "visited before", placed[placed["prior_visits"] > 0], pooled)
     return rows
 
 
@@ -121,7 +121,9 @@ _COVARIATES: dict[str, Callable[[Frame], Any]] = {
 }
 
 
-def _effects(group: TrialGroup, what: str, condition: str, split: str, trials: Frame) -> list[EffectRow]:
+def _effects(
+    group: TrialGroup, what: str, condition: str, split: str, trials: Frame, aggregate: Aggregate
+) -> list[EffectRow]:
     """The effect of the column `covariate` on each measure."""
     rows = []
     designs: dict[tuple[int, ...], WithinDesign] = {}  # measures that the same trials have share one
@@ -131,20 +133,21 @@ def _effects(group: TrialGroup, what: str, condition: str, split: str, trials: F
             continue
         name = tuple(known.index)
         if name not in designs:
-            people, episodes = (numbered(known[factor].tolist()) for factor in ("participant", "episode"))
-            designs[name] = WithinDesign(known["covariate"].to_numpy(float), people, episodes)
+            people, episodes, homes = (numbered(known[factor]) for factor in ("participant", "episode", "scene"))
+            home_index = homes if aggregate.intervals == "homes" else None
+            designs[name] = WithinDesign(known["covariate"].to_numpy(float), people, episodes, home_index)
         effect = designs[name].effect(known[measure].to_numpy(float))
         names = {**group.people_names, "condition": condition}
         rows.append(EffectRow(**names, what=what, split=split, measure=measure, effect=effect))
     return rows
 
 
-def _blocks(group: TrialGroup, by: str, block: str, trials: Frame) -> list[BlockRow]:
+def _blocks(group: TrialGroup, by: str, block: str, trials: Frame, pooled: Aggregate) -> list[BlockRow]:
     rows = []
     for measure in ("sr", "steps" if group.task == "pan" else "t_s"):
         if trials[measure].isna().all():
             continue
-        estimate = estimate_of(trials, measure, Aggregate(total="pooled"), is_share=measure == "sr")
+        estimate = estimate_of(trials, measure, pooled)
         found = {"by": by, "block": block, "measure": measure, "n": estimate.n}
         k = int((trials[measure] == 100).sum()) if measure == "sr" else None
         limits = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
@@ -156,7 +159,11 @@ class WithinDesign:
     """The trials and their covariate, prepared once; `effect` can then be called for many sets of outcomes."""
 
     def __init__(
-        self, covariate: NDArray[np.float64], participant_index: NDArray[np.intp], episode_index: NDArray[np.intp]
+        self,
+        covariate: NDArray[np.float64],
+        participant_index: NDArray[np.intp],
+        episode_index: NDArray[np.intp],
+        home_index: NDArray[np.intp] | None = None,
     ) -> None:
         """Takes the differences between people and between episodes out of the covariate.
 
@@ -164,9 +171,12 @@ class WithinDesign:
             covariate: (N,), such as 1 with memory and 0 without.
             participant_index: (N,), from 0, each at least once.
             episode_index: (N,), from 0, each at least once.
+            home_index: (N,), from 0, each at least once; None = homes are not random.
         """
-        self._factors = (participant_index, episode_index)
-        self._sizes = tuple(int(index.max()) + 1 for index in self._factors)
+        self._sampled = (participant_index, episode_index if home_index is None else home_index)
+        self._factors = "two-way" if home_index is None else "people, episodes and homes random (three-way)"
+        self._is_one_home = home_index is not None and not home_index.any()
+        self._sizes = (int(participant_index.max()) + 1, int(episode_index.max()) + 1)
         levels = np.column_stack([participant_index, self._sizes[0] + episode_index])
         firsts = np.arange(0, levels.size + 1, 2)
         self._dummies = csr_array((np.ones(levels.size), levels.ravel(), firsts), (len(levels), sum(self._sizes)))
@@ -188,15 +198,17 @@ class WithinDesign:
             return Effect(**counts, method="cannot be told: too few trials beside people and episodes")
         within = self._within(values)
         slope = float(self._covariate @ within) / self._spread
+        if self._is_one_home:
+            return Effect(**counts, value=slope, method="no interval: a single home says nothing of others")
         residual = within - slope * self._covariate
         correction = np.sqrt(len(values) / self._left)  # residuals lack what was taken out
-        variance, df = clustered_variance(correction * self._covariate * residual / self._spread, *self._factors)
+        variance, df = clustered_variance(correction * self._covariate * residual / self._spread, *self._sampled)
         error = float(np.sqrt(variance))
         if not error > _TINY * max(1.0, abs(slope)):
             return Effect(**counts, value=slope, method="no interval: the trials do not differ otherwise")
         half = float(stdtrit(df, (1 + LEVEL) / 2)) * error
         p = float(2 * stdtr(df, -abs(slope) / error))
-        method = f"within people and episodes, two-way, t with {df:.1f} df"
+        method = f"within people and episodes, {self._factors}, t with {df:.1f} df"
         return Effect(**counts, value=slope, low=slope - half, high=slope + half, p=p, method=method)
 
     def _within(self, values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,8 +11,8 @@ from sim.types import TaskKind
 from ..design.analysis import ALPHA, HYPOTHESIS_NAME
 from .effects import EffectRow, holm
 from .measures import MEASURES
-from .rows import Aggregate, counted_trials
-from .statistics import mcnemar_p, mean_interval, two_way_variance
+from .rows import Aggregate, counted_trials, no_interval
+from .statistics import mcnemar_p, mean_interval, variance_of_mean
 from .trials import ReportValue, TrialGroup, is_first_condition, row_label
 
 _MEASURES = {measure.claim: name for name, measure in MEASURES.items() if measure.claim}
@@ -52,6 +52,8 @@ class AgentPairRow(ReportValue):
     num_only_second: int
     p: float | None
     """Exact two-sided p; None where an agent has several runs, because these are not a single yes or no."""
+    p_holm: float | None = None
+    """p adjusted over all pairs that have one."""
 
 
 def hypothesis_rows(
@@ -107,8 +109,8 @@ def _of_difference(name: str, group: TrialGroup, measure: str, aggregate: Aggreg
     trials = counted_trials(group.trials, measure, aggregate)
     interval = mean_interval(trials)
     if interval is None:
-        return _untested(name, "the trials do not differ from each other")
-    variance, df = two_way_variance(trials)
+        return _untested(name, no_interval(group.trials, aggregate))
+    variance, df = variance_of_mean(trials)
     return HypothesisRow(
         name=name,
         value=trials.mean,
@@ -132,7 +134,9 @@ def _untested(name: str, why: str) -> HypothesisRow:
 def agent_pairs(agents: Sequence[TrialGroup], episodes: AbstractSet[str]) -> list[AgentPairRow]:
     """McNemar's exact test of each pair of agents of one task, with all their runs, on episodes that people did."""
     pairs = [_pair(first, second, episodes) for first, second in combinations(agents, 2) if first.task == second.task]
-    return [row for row in pairs if row.n]
+    rows = [row for row in pairs if row.n]
+    adjusted = iter(holm([row.p for row in rows if row.p is not None]))
+    return [row if row.p is None else row.model_copy(update={"p_holm": next(adjusted)}) for row in rows]
 
 
 def _pair(first: TrialGroup, second: TrialGroup, episodes: AbstractSet[str]) -> AgentPairRow:

@@ -1,11 +1,12 @@
 """The measures of a report: how each is shown and tested, and its value for a run's trial or a row of the study."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from sim.tasks.run_files import FAR_FROM_VIEW, Answer, EpisodeRun
-from sim.types import SuccessRule, TaskKind
+from sim.types import MAX_STEPS, SuccessRule, TaskKind
 
 from ..export.trial_table import TrialRow, measured
 
@@ -30,44 +31,48 @@ class Measure:
     """Decimals that a reader needs."""
     is_rate: bool = False
     """Whether each trial has 100 or 0, so that k of n can be given."""
-    is_share: bool = False
-    """Whether it is a percentage; its intervals stay within 0 and 100."""
-    has_bootstrap: bool = True
+    most: float = math.inf
+    """Largest value that a trial can have; the least is 0. Intervals end there."""
+    is_skewed: bool = False
+    """Whether a few trials are many times as large as the rest: its intervals are built on the log scale."""
     has_spread: bool = False
     """Whether its quartiles are shown."""
     has_effect: bool = False
     """Whether effects of conditions and of the order are looked for."""
 
 
-WITHIN = {
-    f"sr_within_{limit}": Measure("", _PAN, is_rate=True, is_share=True, has_bootstrap=False) for limit in STEP_LIMITS
-}
+WITHIN = {f"sr_within_{limit}": Measure("", _PAN, is_rate=True, most=100) for limit in STEP_LIMITS}
 """The anytime success rate, by name."""
 WAYS = {
-    "dtw": Measure("DTW to the shortest path (m per place)", _PAN, digits=2, has_bootstrap=False),
-    "ndtw": Measure("nDTW with the shortest path (%)", _PAN, is_share=True, has_bootstrap=False),
-    "end_apart": Measure("end to the end of the shortest path (m)", _PAN, digits=2, has_bootstrap=False),
+    "dtw": Measure("DTW to the shortest path (m per place)", _PAN, digits=2),
+    "ndtw": Measure("nDTW with the shortest path (%)", _PAN, most=100),
+    "end_apart": Measure("end to the end of the shortest path (m)", _PAN, digits=2),
 }
 """How far a trial's way is from the shortest path, by name; `ways` fills them in where the homes are at hand."""
 MEASURES: dict[str, Measure] = {
-    "sr": Measure("SR (%)", claim="SR", is_rate=True, is_share=True, has_effect=True),
-    "spl": Measure("SPL (%)", _PAN, claim="SPL", is_share=True, has_effect=True),
-    "soft_spl": Measure("soft SPL (%)", _PAN, claim="SoftSPL", is_share=True),
+    "sr": Measure("SR (%)", claim="SR", is_rate=True, most=100, has_effect=True),
+    "spl": Measure("SPL (%)", _PAN, claim="SPL", most=100, has_effect=True),
+    "soft_spl": Measure("soft SPL (%)", _PAN, claim="SoftSPL", most=100),
     "dtg": Measure("DTG (m)", _PAN, claim="DTG", digits=2, has_spread=True),
-    "distance": Measure("distance to the goal's centre (m)", ("pog",), digits=2, has_spread=True, has_effect=True),
-    "steps": Measure("steps to decision", _PAN, claim="steps", has_spread=True, has_effect=True),
-    "path_m": Measure("path (m)", _PAN, digits=2, has_spread=True),
+    "on_object": Measure("clicks on the object itself (%)", ("pog",), is_rate=True, most=100),
+    "distance": Measure(
+        "distance to the goal's centre (m)", ("pog",), digits=2, is_skewed=True, has_spread=True, has_effect=True
+    ),
+    "steps": Measure(
+        "steps to decision", _PAN, claim="steps", most=MAX_STEPS, is_skewed=True, has_spread=True, has_effect=True
+    ),
+    "path_m": Measure("path (m)", _PAN, digits=2, is_skewed=True, has_spread=True),
     **WAYS,
-    "t_s": Measure("time to decision (s)", claim="time", has_spread=True, has_effect=True),
+    "t_s": Measure("time to decision (s)", claim="time", is_skewed=True, has_spread=True, has_effect=True),
     **WITHIN,
-    STRICT: Measure("SR by rule paper-strict (%)", _PAN, is_rate=True, is_share=True, has_bootstrap=False),
+    STRICT: Measure("SR by rule paper-strict (%)", _PAN, is_rate=True, most=100),
     FAR: Measure(
         f"successes by rule paper that end more than {FAR_FROM_VIEW:g} m of walking from every view point (%)",
         _PAN,
         is_rate=True,
-        has_bootstrap=False,
+        most=100,
     ),
-    "t_look_s": Measure("look at the home or its map before (s)", has_spread=True),
+    "t_look_s": Measure("look at the home or its map before (s)", is_skewed=True, has_spread=True),
 }
 """Measures by the name of their column, in the order of the report."""
 
@@ -117,7 +122,9 @@ def _figures(task: TaskKind, plain: Mapping[str, Any]) -> dict[str, float | None
     """The report's measures from the plain figures of a run's trial or of an exported row."""
     hit = bool(plain["success"])
     if task == "pog":
-        return {"sr": 100.0 * hit, "distance": plain["planar_distance"]}
+        on_object = plain.get("on_object")
+        figures = {"sr": 100.0 * hit, "distance": plain["planar_distance"]}
+        return figures | {"on_object": None if on_object is None else 100.0 * on_object}
     steps = plain["n_steps"] or 0
     spl, soft_spl = (None if plain[name] is None else 100.0 * plain[name] for name in ("spl", "softspl"))
     figures = {"sr": 100.0 * hit, "spl": spl, "soft_spl": soft_spl, "dtg": plain["dtg"], "steps": float(steps)}

@@ -9,7 +9,7 @@ from typing import Any
 from sim.homes.kind import scene_label
 from sim.types import RULE_NOTES, SPLITS, TaskKind
 
-from ..design.analysis import LEVEL, NUM_RESAMPLES
+from ..design.analysis import LEVEL
 from ..export.text_tables import csv_lines, tex, tex_table
 from .agreement import SUSPECT_SHARE
 from .measures import MEASURES, WITHIN
@@ -40,7 +40,8 @@ def markdown(report: StudyReport, pictures: Iterable[str] = ()) -> str:
         "measures": MEASURES,
         "within": WITHIN,
         "level": f"{LEVEL:.0%}",
-        "num_resamples": NUM_RESAMPLES,
+        "num_intervals": num_intervals(report),
+        "one_in": round(1 / (1 - LEVEL)),
         "rule_notes": RULE_NOTES,
         "suspect_share": f"{SUSPECT_SHARE:.0%}",
     }
@@ -50,6 +51,15 @@ def markdown(report: StudyReport, pictures: Iterable[str] = ()) -> str:
 def html_text(report: StudyReport, pictures: dict[str, str]) -> str:
     """The whole report as one HTML page with its pictures (SVG text by name)."""
     return html_page(markdown(report, pictures), pictures)
+
+
+def num_intervals(report: StudyReport) -> int:
+    """How many intervals the report prints."""
+    shown = [row for row in report.rows if row.measure not in WITHIN or row.split == TOTAL]
+    effects = [row.effect for row in (*report.memory, *report.order)]
+    blocks = report.blocks if report.order else ()
+    found = (*shown, *report.hypotheses, *effects, *blocks, *report.sensitivity)
+    return sum(row.low is not None for row in found)
 
 
 def power_markdown(report: PowerReport) -> str:
@@ -76,8 +86,9 @@ def latex(report: StudyReport) -> str:
         heads = ["", *(f"{split} {measure.upper()}" for split, measure in columns)]
         lines = [[tex(label), *map(_tex_cell, cells)] for label, cells in _cells(rows, columns)]
         rule = report.rule if task == "pan" else "planar"
+        random = "people, episodes and homes" if report.intervals == "homes" else "people and episodes"
         said = [
-            f"{task.upper()}, scenes: {kind}, rule {rule}; intervals at {LEVEL:g}, participants and episodes random",
+            f"{task.upper()}, scenes: {kind}, rule {rule}; intervals at {LEVEL:g}, {random} random",
             *([label] if (label := scene_label(kind)) else []),
             *(["A pilot"] if report.is_pilot else []),
             *(warning.split(". ")[0] for warning in report.warnings if task == "pan"),

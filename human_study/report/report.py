@@ -3,9 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from sim.errors import StudyError
 from sim.homes.kind import scene_labels
-from sim.tasks.metrics import made_for_warning, metric_rows, require_comparable
+from sim.tasks.metrics import made_for_warning, metric_rows
 from sim.tasks.run_files import Run
 from sim.types import SuccessRule
 from sim.words.english import how_many
@@ -39,15 +38,17 @@ from .counts import (
 )
 from .effects import BlockRow, EffectRow, memory_effects, order_blocks, order_effects
 from .hypotheses import AgentPairRow, HypothesisRow, agent_pairs, hypothesis_rows
-from .rows import Aggregate, ReportRow, TotalKind, require_totals, rows_of
+from .rows import Aggregate, RandomKind, ReportRow, TotalKind, require_totals, rows_of
 from .sensitivity import SensitivityRow, sensitivity_rows
-from .source import ReportSource, StudyRecords
+from .source import ReportSource, StudyRecords, source_of
 from .statistics import Weight
-from .trials import GroupRow, LeftOut, ReportValue, TrialGroup, averaged_agent, difference, trial_groups
+from .trials import GroupRow, LeftOut, LeftOutRun, ReportValue, TrialGroup, averaged_agent, difference, trial_groups
 from .ways import ShortestPaths, WayPair, WayRow, way_pairs, way_rows, with_ways
 
 NOBODY_YET = "no person has done the episode in this condition yet"
 """Trials of agents that ran on the study."""
+NOT_SHARED = "no person has a counted trial at these episodes"
+"""Trials of other agents."""
 
 
 class PersonOutcome(GroupRow):
@@ -75,6 +76,8 @@ class StudyReport(ReportValue):
     """Success rule of the PAN rows."""
     total: TotalKind
     weight: Weight
+    intervals: RandomKind
+    """What the intervals take for random: `homes` beside people and episodes, or people and `episodes` alone."""
     scene_kinds: tuple[str, ...]
     """Kinds of the homes. A human baseline for PersONAL is claimed on scans only."""
     scene_labels: tuple[str, ...]
@@ -105,6 +108,7 @@ class StudyReport(ReportValue):
     """Counted trials with the page in the background; None = the study file has no limit, or is missing."""
     exclusions: tuple[ExclusionCount, ...]
     left_out: tuple[LeftOut, ...]
+    left_out_runs: tuple[LeftOutRun, ...]
     checklist: tuple[ChecklistItem, ...]
     outcomes: tuple[PersonOutcome, ...]
     """Every counted trial; agents on the people's episodes."""
@@ -144,17 +148,18 @@ def study_report(
     """The report: rows for people, for agents on the episodes that people did, and for people minus agents.
 
     Args:
-        runs: Exported runs of people and, if wanted, runs of agents.
+        runs: Exported runs of people and, if wanted, runs of agents; those that cannot stand beside the people are
+            left out, with their reasons in `left_out_runs`.
         rule: Success rule of the PAN rows; None = the study file's, or `paper`.
         records: Records of the people's study; None = there are only runs, and tables that need more are left out.
         split_sizes: Episodes of each split in the dataset, for `aggregate.total: dataset_weighted`.
         objects: Objects of the homes, for the agreement on the chosen object.
 
     Raises:
-        StudyError: There is no run of people, an agent did none of their episodes, or totals need the splits' sizes.
-        RunFileError: Runs are on different episode files, or scans and other homes are mixed.
+        StudyError: There is no run of people, their runs are of two studies, or totals need the splits' sizes.
+        RunFileError: People's runs are on different episode files, in scans and other homes, or a trial occurs twice.
     """
-    source = ReportSource(tuple(runs), records or StudyRecords())
+    source = source_of(runs, records)
     return report_of(source, report_groups(source, rule=rule), split_sizes=split_sizes, objects=objects)
 
 
@@ -166,13 +171,13 @@ def report_of(
     objects: HomeObjects | None = None,
 ) -> StudyReport:
     """The report on these groups of the source; the other arguments are those of `study_report`."""
-    runs, records = sorted(source.runs, key=lambda run: run.info.run_id), source.records
+    runs, records = source.runs, source.records
     config, people, rule = records.config, groups.people, groups.rule
     # without records, the runs say which study they are of
     told = {name: str(value) for run in runs if run.info.who_kind == "human" for name, value in run.info.config.items()}
     aggregate = _aggregate_of(config, split_sizes)
     rows = _rows(groups, aggregate)
-    memory = memory_effects(people)
+    memory = memory_effects(people, aggregate)
     flow = flow_counts(records.people, records.rows, num_deleted=records.num_deleted) if records.people else []
     exclusions = exclusion_counts(records.rows, records.exclusions)
     is_pilot = records.is_pilot or (config is None and told.get("pilot") == "True")
@@ -187,6 +192,7 @@ def report_of(
         rule=rule,
         total=aggregate.total,
         weight=aggregate.weight,
+        intervals=aggregate.intervals,
         scene_kinds=tuple(sorted({run.info.scene_kind for run in runs})),
         scene_labels=scene_labels(run.info.scene_kind for run in runs),
         warnings=_warnings(runs, rule),
@@ -195,8 +201,8 @@ def report_of(
         ends=tuple(row for group in (*people, *groups.agents) for row in end_rows(group)),
         hypotheses=tuple(hypothesis_rows(config.primary if config else (), groups.differences, memory, aggregate)),
         memory=tuple(memory),
-        order=tuple(order_effects(people)),
-        blocks=tuple(order_blocks(people)),
+        order=tuple(order_effects(people, aggregate)),
+        blocks=tuple(order_blocks(people, aggregate)),
         agent_pairs=tuple(agent_pairs(groups.agents, _episodes_of(people))),
         sensitivity=tuple(
             row for group in (*people, *groups.differences) for row in sensitivity_rows(group, records.rows, aggregate)
@@ -211,6 +217,7 @@ def report_of(
         hidden=hidden_count(records.rows, config.hidden_max_s) if config else None,
         exclusions=tuple(exclusions),
         left_out=groups.left_out,
+        left_out_runs=source.left_out,
         checklist=tuple(_answers(records, rows, flow, exclusions, is_pilot=is_pilot)),
         outcomes=tuple(outcome for group in (*people, *groups.averaged) for outcome in _outcomes(group)),
         dataset_digest=runs[0].info.dataset_digest,
@@ -224,7 +231,8 @@ def _aggregate_of(config: StudyConfig | None, split_sizes: Mapping[str, int] | N
     """How the study file wants numbers averaged; as the paper does without one."""
     found = Aggregate(split_sizes=split_sizes)
     if config is not None:
-        found = Aggregate(config.aggregate.total, config.aggregate.weight, split_sizes)
+        chosen = config.aggregate
+        found = Aggregate(chosen.total, chosen.weight, split_sizes, chosen.intervals)
     found.require_sizes()
     return found
 
@@ -291,13 +299,10 @@ def report_groups(
     With the shortest paths of the episodes, trials have the measures of their ways.
 
     Raises:
-        StudyError: There is no run of people, their runs are of two studies, or an agent did none of their episodes.
-        RunFileError: Runs are on different episode files, scans and other homes are mixed, or a trial occurs twice.
+        RunFileError: A run was never scored, or a trial occurs twice.
     """
-    runs, records = sorted(source.runs, key=lambda run: run.info.run_id), source.records
+    runs, records = source.runs, source.records
     rule = rule or (records.config.success if records.config else "paper")
-    require_comparable(run.info for run in runs)
-    _require_one_study(runs)
     metric_rows(runs, rule=rule)  # refuses runs that were never scored, and trials that would count twice
     row_rule = records.config.success if records.config else rule
     found, left_out = trial_groups(runs, rule, records.rows, row_rule=row_rule)
@@ -307,10 +312,11 @@ def report_groups(
     agents, averaged, differences = [], [], []
     for agent in (group for group in found if group.kind != "human"):
         beside = [group for group in people if _may_stand_beside(group, agent)]
-        if agent.beside and not _episodes_of(beside) & set(agent.trials["episode"]):
-            left_out.append(LeftOut(who=agent.who, task=agent.task, reason=NOBODY_YET, n=len(agent.trials)))
+        same = averaged_agent(agent, _episodes_of(beside))
+        if same.trials.empty:
+            reason = NOBODY_YET if agent.beside else NOT_SHARED
+            left_out.append(LeftOut(who=agent.who, task=agent.task, reason=reason, n=len(agent.trials)))
             continue
-        same = _on_the_same_episodes(agent, beside)
         agents.append(replace(agent, trials=agent.trials[agent.trials["episode"].isin(same.trials["episode"])]))
         averaged.append(same)
         differences += [difference(group, same) for group in beside]
@@ -320,30 +326,6 @@ def report_groups(
     )
 
 
-def _require_one_study(runs: Sequence[Run]) -> None:
-    people = [run.info for run in runs if run.info.who_kind == "human"]
-    if not people:
-        raise StudyError(
-            f"found {len(runs)} runs of agents and none of people; expected at least one of people. "
-            "Write them with personal-viz study export."
-        )
-    versions = {str(info.config.get("study_version", "")): info.run_id for info in people}
-    for info in (run.info for run in runs if run.info.who_kind != "human"):
-        version = str(info.config.get("study_version", ""))
-        if version and version not in versions:
-            known = ", ".join(sorted(each[:12] or "none" for each in versions))
-            raise StudyError(
-                f"{info.run_id}: ran on study version {version[:12]}; expected {known}, that of the people. Run it "
-                "again with --study, or leave it out."
-            )
-    if len(versions) > 1:
-        names = ", ".join(f"{version[:12] or 'none'} ({run_id})" for version, run_id in sorted(versions.items()))
-        raise StudyError(
-            f"runs of people: found study versions {names}; expected one, because people's codes are those of one "
-            "study. Make a report of each."
-        )
-
-
 def _may_stand_beside(people: TrialGroup, agent: TrialGroup) -> bool:
     """Whether the agent may be compared with the people; answers on oracle maps (no home) may be, with any people.
 
@@ -351,18 +333,6 @@ def _may_stand_beside(people: TrialGroup, agent: TrialGroup) -> bool:
     """
     is_same = not agent.beside or people.condition in agent.beside.split(",")
     return is_same and people.task == agent.task and agent.scene_kind in (people.scene_kind, "oracle-map")
-
-
-def _on_the_same_episodes(agent: TrialGroup, people: Sequence[TrialGroup]) -> TrialGroup:
-    """The agent's trials on the people's episodes, with its runs averaged."""
-    done = _episodes_of(people)
-    same = averaged_agent(agent, done)
-    if same.trials.empty:
-        raise StudyError(
-            f"{agent.who} ({agent.task}): did none of the {len(done)} episodes that people did; expected the same "
-            "episodes. Run it on them, or leave it out."
-        )
-    return same
 
 
 def _episodes_of(groups: Sequence[TrialGroup]) -> set[str]:

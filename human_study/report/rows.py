@@ -1,4 +1,4 @@
-"""One number of one row of a report's tables, with its intervals; totals are made as the study declares."""
+"""One number of one row of a report's tables, with its interval; totals are made as the study declares."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,17 +15,20 @@ from .trials import Frame, GroupKind, ReportValue, TrialGroup
 
 TOTAL = "total"
 TotalKind = Literal["mean_of_splits", "pooled", "dataset_weighted"]
+RandomKind = Literal["homes", "episodes"]
 
 
 @dataclass(frozen=True, slots=True)
 class Aggregate:
-    """How cells and totals are averaged (`aggregate` of the study file)."""
+    """How cells and totals are averaged, and what their intervals take for random (`aggregate` of the study file)."""
 
     total: TotalKind = "mean_of_splits"
     """`mean_of_splits` as in the paper, `pooled` over all trials, or `dataset_weighted` by the splits' sizes."""
     weight: Weight = "trials"
     split_sizes: Mapping[str, int] | None = None
     """Episodes of each split in the whole dataset; needed for `dataset_weighted`."""
+    intervals: RandomKind = "homes"
+    """`homes`: people, episodes and homes; times, paths and steps on the log scale. `episodes`: people and episodes."""
 
     def require_sizes(self) -> None:
         """Raises StudyError when the splits' sizes are needed and not known."""
@@ -37,7 +40,7 @@ class Aggregate:
 
 
 class ReportRow(ReportValue):
-    """One number of one row of a table, with its intervals."""
+    """One number of one row of a table, with its interval."""
 
     task: TaskKind
     scene_kind: str
@@ -52,16 +55,14 @@ class ReportRow(ReportValue):
 
     `sr_strict` = percent of successes by rule `paper-strict`, over the trials that have it; `far_from_view` = percent
     of the successes by `paper` that end more than 1 m of walking from every view point. Trials that a rule excludes
-    have neither. `dtw` (m per place), `ndtw` (percent) and `end_apart` (m) compare the way with the shortest path.
+    have neither. `on_object` = percent of POG answers whose click met the target itself. `dtw` (m per place), `ndtw`
+    (percent) and `end_apart` (m) compare the way with the shortest path.
     """
     value: float
     low: float | None
     high: float | None
     method: str
     """Method of the interval, or the reason why there is none."""
-    bootstrap_low: float | None
-    """Ends of the bootstrap interval; None also for `sr_within_K`, `sr_strict` and `far_from_view`, which have none."""
-    bootstrap_high: float | None
     k: int | None
     """Successes; None for other measures."""
     n: int
@@ -69,6 +70,7 @@ class ReportRow(ReportValue):
     num_participants: int
     """Number of people; an agent counts as one, because its runs are averaged first."""
     num_episodes: int
+    num_homes: int
     share: float | None
     """Weight of a split's cell in its total; None = the total is not a mean of cells but of people's means."""
     scene_label: str
@@ -79,7 +81,7 @@ def rows_of(group: TrialGroup, aggregate: Aggregate, *, behind: TrialGroup | Non
     """One row per measure and split, then its total; `behind` holds the trials before averaging, for k and n."""
     rows = []
     for measure in group.measures:
-        known = group.trials.loc[group.trials[measure].notna(), [measure, "split", "participant", "episode"]]
+        known = group.trials.loc[group.trials[measure].notna(), [measure, "split", "participant", "episode", "scene"]]
         splits = [split for split in SPLITS if (known["split"] == split).any()]
         for split in [*splits, TOTAL]:
             found = known if split == TOTAL else known[known["split"] == split]
@@ -91,34 +93,43 @@ def rows_of(group: TrialGroup, aggregate: Aggregate, *, behind: TrialGroup | Non
     return rows
 
 
-def estimate_of(
-    trials: Frame, measure: str, aggregate: Aggregate, *, is_share: bool, seed: int | None = None, by: str = "episode"
-) -> Estimate:
+def estimate_of(trials: Frame, measure: str, aggregate: Aggregate, *, is_difference: bool = False) -> Estimate:
     """Mean of a measure over at least one trial that has it, in its own unit; shares are in percent.
 
+    The interval holds only values that the measure, or a difference of it, can have.
+
     Args:
-        aggregate: How splits are put together.
-        is_share: Whether the measure is 0 or 100, so that the interval must stay between them.
-        seed: Seed of the bootstrap; None = none is made.
-        by: Column of the second random factor.
+        aggregate: How splits are put together, and what is random.
+        is_difference: Whether the trials are people's minus an agent's.
     """
-    found = counted_trials(trials, measure, aggregate, by=by)
-    if not is_share:
-        return mean(found, seed=seed)
-    return rate(replace(found, values=found.values / 100), seed=seed).scaled(100)
+    found, told = counted_trials(trials, measure, aggregate), MEASURES[measure]
+    if told.is_rate and not is_difference:
+        return rate(replace(found, values=found.values / 100)).scaled(100)
+    on_log = told.is_skewed and not is_difference and aggregate.intervals == "homes"
+    estimate = mean(found, on_log=on_log)
+    least = -told.most if is_difference else 0.0
+    return replace(estimate, interval=estimate.interval and _possible(estimate.interval, least, told.most))
 
 
-def counted_trials(trials: Frame, measure: str, aggregate: Aggregate, *, by: str = "episode") -> Trials:
+def counted_trials(trials: Frame, measure: str, aggregate: Aggregate) -> Trials:
     """The trials that have the measure, as input for the statistics."""
     known = trials[trials[measure].notna()]
     return trials_of(
         known[measure].tolist(),
         known["participant"].tolist(),
-        known[by].tolist(),
+        known["episode"].tolist(),
         None if aggregate.total == "pooled" else known["split"].tolist(),
+        homes=known["scene"].tolist() if aggregate.intervals == "homes" else None,
         shares=aggregate.split_sizes if aggregate.total == "dataset_weighted" else None,
         weight=aggregate.weight,
     )
+
+
+def no_interval(trials: Frame, aggregate: Aggregate) -> str:
+    """Why these trials of one measure have no interval."""
+    if aggregate.intervals == "homes" and trials["scene"].nunique() == 1:
+        return "no interval: a single home says nothing of others"
+    return "no interval: a single trial, or all alike, says nothing of others"
 
 
 def require_totals(rows: Iterable[ReportRow]) -> None:
@@ -157,35 +168,31 @@ def _row(
     group: TrialGroup, measure: str, split: str, found: Frame, counted: Any, aggregate: Aggregate, share: float | None
 ) -> ReportRow:
     """One row; `counted` holds the values of all runs behind the trials."""
-    told, is_difference = MEASURES[measure], group.kind == "difference"
-    is_rate, seed = told.is_rate and not is_difference, 0 if told.has_bootstrap else None
-    estimate = estimate_of(found, measure, aggregate, is_share=is_rate, seed=seed)
-    interval, bootstrap = estimate.interval, estimate.bootstrap
-    if interval is not None and not is_rate and told.is_share:
-        interval = _possible(interval, low=-100.0 if is_difference else 0.0)
+    is_difference = group.kind == "difference"
+    estimate = estimate_of(found, measure, aggregate, is_difference=is_difference)
+    is_counted = MEASURES[measure].is_rate and not is_difference
     return ReportRow(
         **group.names,
         kind=group.kind,
         split=split,
         measure=measure,
         value=estimate.value,
-        low=interval.low if interval else None,
-        high=interval.high if interval else None,
-        method=interval.method if interval else "none: a single trial, or all alike, says nothing of others",
-        bootstrap_low=bootstrap.low if bootstrap else None,
-        bootstrap_high=bootstrap.high if bootstrap else None,
-        k=int((counted == 100).sum()) if is_rate else None,
+        low=estimate.low,
+        high=estimate.high,
+        method=estimate.interval.method if estimate.interval else no_interval(found, aggregate),
+        k=int((counted == 100).sum()) if is_counted else None,
         n=len(counted),
         num_participants=estimate.num_participants,
         num_episodes=estimate.num_episodes,
+        num_homes=int(found["scene"].nunique()),
         share=share,
         scene_label=scene_label(group.scene_kind),
     )
 
 
-def _possible(interval: Interval, *, low: float) -> Interval:
-    """The interval, cut to values that a share or a difference of shares can have."""
-    if interval.low >= low and interval.high <= 100:
+def _possible(interval: Interval, low: float, high: float) -> Interval:
+    """The interval, cut to values from low to high."""
+    if interval.low >= low and interval.high <= high:
         return interval
-    method = f"{interval.method}, cut to {low:g} to 100"
-    return Interval(low=max(interval.low, low), high=min(interval.high, 100.0), method=method)
+    method = f"{interval.method}, cut to possible values"
+    return Interval(low=max(interval.low, low), high=min(interval.high, high), method=method)

@@ -7,7 +7,7 @@ from pandas import concat
 
 from ..export.runs import run_condition
 from ..export.trial_table import TrialRow
-from .rows import Aggregate, estimate_of
+from .rows import Aggregate, estimate_of, no_interval
 from .trials import Frame, GroupRow, TrialGroup, trial_frame
 
 FIRST_TRIALS = 10
@@ -47,8 +47,14 @@ def sensitivity_rows(group: TrialGroup, rows: Sequence[TrialRow], aggregate: Agg
             ways["technical failures as failures"] = _with_failures(group, rows, "technical")
             ways["abandoned and never ended trials as failures"] = _with_failures(group, rows, "abandoned")
     found = [_row(group, way, counted, aggregate) for way, counted in ways.items()]
-    # each episode lies in one home, so people by homes is enough
-    return [*found, _row(group, "homes random too (three-way)", trials, aggregate, by="scene")]
+    if aggregate.intervals == "homes":
+        way, other = (
+            "in these homes only: people and episodes random (two-way)",
+            replace(aggregate, intervals="episodes"),
+        )
+    else:
+        way, other = "homes random too (three-way)", replace(aggregate, intervals="homes")
+    return [*found, _row(group, way, trials, other)]
 
 
 def _with_failures(group: TrialGroup, rows: Sequence[TrialRow], reason: str) -> Frame:
@@ -66,19 +72,15 @@ def _with_failures(group: TrialGroup, rows: Sequence[TrialRow], reason: str) -> 
     return concat([kept, trial_frame(failed.values())]) if failed else kept
 
 
-def _row(group: TrialGroup, way: str, trials: Frame, aggregate: Aggregate, *, by: str = "episode") -> SensitivityRow:
-    """The rate of these trials, with people and the column `by` as random factors."""
+def _row(group: TrialGroup, way: str, trials: Frame, aggregate: Aggregate) -> SensitivityRow:
+    """The rate of these trials."""
     known = trials[trials["sr"].notna()]
-    is_share = group.kind != "difference"
-    counts = {"way": way, "k": int((known["sr"] == 100).sum()) if is_share else None, "n": len(known)}
+    is_difference = group.kind == "difference"
+    counts = {"way": way, "k": None if is_difference else int((known["sr"] == 100).sum()), "n": len(known)}
     if known.empty:
         return SensitivityRow(**group.names, **counts, method="no such trials")
-    estimate = estimate_of(known, "sr", aggregate, is_share=is_share, by=by)
-    if by == "scene" and known["scene"].nunique() == 1:
-        estimate, why = replace(estimate, interval=None), "no interval: a single home"
-    else:
-        why = "no interval"
-    method = estimate.interval.method if estimate.interval else why
+    estimate = estimate_of(known, "sr", aggregate, is_difference=is_difference)
+    method = estimate.interval.method if estimate.interval else no_interval(known, aggregate)
     return SensitivityRow(
         **group.names, **counts, value=estimate.value, low=estimate.low, high=estimate.high, method=method
     )

@@ -1,10 +1,14 @@
-"""Reads the input of a report: run folders, exports of a study, or study folders, whose records are read directly."""
+"""Reads the input of a report: run folders, exports of a study, or study folders, whose records are read directly.
+
+Runs of agents that cannot stand beside the people are left out, each with its reason.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim.errors import StudyError
+from sim.errors import RunFileError, StudyError
+from sim.tasks.metrics import metric_rows, require_comparable
 from sim.tasks.run_files import Run
 from sim.tasks.run_folders import read_runs, with_controls
 
@@ -14,8 +18,10 @@ from ..export.collect import collect
 from ..export.formats import Row, rows_from_jsonl
 from ..export.manifest import MANIFEST_FILE, read_manifest
 from ..export.rows import ExclusionRow, ParticipantRow
+from ..export.survey import SurveyRow
 from ..export.trial_table import TrialRow
-from ..store.records import DATABASE_FILE, read_study
+from ..store.records import DATABASE_FILE, StudyDates, read_study
+from .trials import LeftOutRun
 
 TRIALS_FILE = "trials.jsonl"
 _PARTICIPANTS_FILE, _EXCLUSIONS_FILE = "participants.jsonl", "exclusions.jsonl"
@@ -29,6 +35,9 @@ class StudyRecords:
     rows: tuple[TrialRow, ...] = ()
     people: tuple[ParticipantRow, ...] = ()
     exclusions: tuple[ExclusionRow, ...] = ()
+    survey: tuple[SurveyRow, ...] = ()
+    dates: StudyDates | None = None
+    """None where they are not known: exports hold no dates."""
     num_deleted: int = 0
     """People who withdrew and whose records were deleted."""
     is_pilot: bool = False
@@ -43,14 +52,75 @@ class ReportSource:
     """Runs of people and agents, and the records of the people's study if there are any."""
 
     runs: tuple[Run, ...]
+    """In the order of their ids."""
     records: StudyRecords = StudyRecords()
+    left_out: tuple[LeftOutRun, ...] = ()
+    """Runs of agents that cannot stand beside the people."""
+
+
+def source_of(runs: Sequence[Run], records: StudyRecords | None = None) -> ReportSource:
+    """The runs of people, and those of agents that can stand beside them; the others with the reason.
+
+    Raises:
+        StudyError: There is no run of people, or their runs are of two studies.
+        RunFileError: People's runs are on different episode files, or in scans and other homes.
+    """
+    ordered = sorted(runs, key=lambda run: run.info.run_id)
+    people = [run for run in ordered if run.info.who_kind == "human"]
+    if not people:
+        raise StudyError(
+            f"found {len(runs)} runs of agents and none of people; expected at least one of people. "
+            "Write them with personal-viz study export."
+        )
+    versions = {str(run.info.config.get("study_version", "")): run.info.run_id for run in people}
+    if len(versions) > 1:
+        names = ", ".join(f"{version[:12] or 'none'} ({run_id})" for version, run_id in sorted(versions.items()))
+        raise StudyError(
+            f"runs of people: found study versions {names}; expected one, because people's codes are those of one "
+            "study. Make a report of each."
+        )
+    require_comparable(run.info for run in people)
+    reasons = {id(run): _why_not_beside(run, people) for run in ordered if run.info.who_kind != "human"}
+    kept = tuple(run for run in ordered if not reasons.get(id(run)))
+    left_out = tuple(LeftOutRun(run=run.info.run_id, reason=why) for run in ordered if (why := reasons.get(id(run))))
+    return ReportSource(kept, records or StudyRecords(), left_out)
+
+
+def _why_not_beside(run: Run, people: Sequence[Run]) -> str:
+    """Why a run of an agent cannot stand in a report on these people; empty if it can."""
+    info, theirs = run.info, people[0].info
+    version, study = str(info.config.get("study_version", "")), str(theirs.config.get("study_version", ""))
+    if version and version != study:
+        return f"ran on study version {version[:12]}, people on {study[:12] or 'none'}"
+    if info.dataset_digest != theirs.dataset_digest:
+        return f"is on other episode files ({info.dataset_digest[:12]}) than people ({theirs.dataset_digest[:12]})"
+    kinds = {one.info.scene_kind for one in people}
+    if info.scene_kind not in {*kinds, "oracle-map"}:
+        return f"was made in homes of kind {info.scene_kind}, people were in {', '.join(sorted(kinds))}"
+    done = {"PAN": {item.key for one in people for item in one.episodes}}
+    done["POG"] = {item.key for one in people for item in one.answers}
+    own = {"PAN": {item.key for item in run.episodes}, "POG": {item.key for item in run.answers}}
+    tasks, asked = ([task for task, keys in of.items() if keys] for of in (own, done))
+    if not set(tasks) & set(asked):
+        return f"{' and '.join(tasks) or 'empty'} run in a {' and '.join(asked)} report"
+    if not any(own[task] & done[task] for task in asked):
+        return f"did none of the {sum(map(len, done.values()))} episodes that people did"
+    has_labels = {one.info.labels for one in people if one.episodes}
+    if run.episodes and has_labels and info.labels not in has_labels:
+        words = ("had", "did not") if info.labels else ("lacked", "had them")
+        return f"its pictures {words[0]} the categories written on objects, people's {words[1]}"
+    try:
+        metric_rows([run])
+    except RunFileError as error:
+        return str(error).removeprefix(f"{info.run_id}: ").partition("; ")[0]
+    return ""
 
 
 def read_source(folders: Sequence[Path]) -> ReportSource:
     """Everything in run folders, folders of run folders, and at most one study folder or export.
 
     Raises:
-        StudyError: There are records of more than one study, or records are damaged.
+        StudyError: There are records of more than one study, records are damaged, or there is no run of people.
         RunFileError: A folder holds no run, or a run is damaged.
     """
     studies = [folder for folder in folders if (folder / DATABASE_FILE).is_file()]
@@ -64,11 +134,11 @@ def read_source(folders: Sequence[Path]) -> ReportSource:
     others = [folder for folder in folders if folder not in (*studies, *exports)]
     others += [found for study in studies if (found := own_agents(study, others)) is not None]
     if not studies and not exports:
-        return ReportSource(tuple(read_runs(with_controls(others))))
+        return source_of(read_runs(with_controls(others)))
     people, records = _of_study(studies[0]) if studies else _of_export(exports[0])
     if not people and not others:
         raise _no_trial(folders[0])
-    return ReportSource((*people, *(read_runs(with_controls(others)) if others else ())), records)
+    return source_of([*people, *(read_runs(with_controls(others)) if others else ())], records)
 
 
 def own_agents(study: Path, given: Sequence[Path]) -> Path | None:
@@ -107,6 +177,8 @@ def _of_study(folder: Path) -> tuple[list[Run], StudyRecords]:
             rows=tuple(found.trials),
             people=tuple(found.participants),
             exclusions=tuple(found.exclusions),
+            survey=tuple(found.survey),
+            dates=reader.dates(),
             num_deleted=found.num_deleted,
             is_pilot=reader.is_pilot,
             plan_changes=reader.plan.changes,
@@ -134,11 +206,17 @@ def read_records(folder: Path) -> StudyRecords:
         rows=_lines(folder / TRIALS_FILE, TrialRow),
         people=_lines(folder / _PARTICIPANTS_FILE, ParticipantRow),
         exclusions=_lines(folder / _EXCLUSIONS_FILE, ExclusionRow),
+        survey=read_survey(folder),
         num_deleted=manifest.num_deleted if manifest else 0,
         is_pilot=manifest.is_pilot if manifest else False,
         plan_changes=manifest.plan_changes if manifest else (),
         homes_version=manifest.homes_version if manifest else None,
     )
+
+
+def read_survey(folder: Path) -> tuple[SurveyRow, ...]:
+    """The answers to the survey in an export folder; () where there was none, or its file was kept apart."""
+    return _lines(folder / "survey.jsonl", SurveyRow)
 
 
 def _lines(path: Path, model: type[Row]) -> tuple[Row, ...]:

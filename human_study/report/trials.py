@@ -71,6 +71,13 @@ class LeftOut(ReportValue):
     n: int
 
 
+class LeftOutRun(ReportValue):
+    """A run of an agent that cannot stand beside the people, and the reason."""
+
+    run: str
+    reason: str
+
+
 @dataclass(frozen=True, slots=True)
 class TrialGroup:
     """All trials of one row name."""

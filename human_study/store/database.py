@@ -1,6 +1,5 @@
-"""Opens a study's database for writing: lock, settings, migrations, the study's own row; checks a study's files."""
+"""Opens a study's database for writing: settings, migrations, the study's own row; checks a study's files."""
 
-import fcntl
 import hashlib
 import os
 import platform
@@ -11,35 +10,22 @@ from collections.abc import Sequence
 from contextlib import closing
 from importlib.metadata import version as package_version
 from pathlib import Path
-from typing import IO
 
 from sim.errors import StudyError
 
 from ..design.plan import PLAN_FILE, StudyPlan, load_plan
 from ..design.study import STUDY_FILE, StudyConfig, load_study
 from ..private_files import PRIVATE_FILE, make_private, private_folder
+from .lock import LOCK_FILE, take_lock
 from .migrations import APPLICATION_ID, FIRST_VERSION, MIGRATIONS, SCHEMA_VERSION
 from .records import DATABASE_FILE, StudyReader, require_known_version, store_error
 from .vault import KEYS_FILE, Vault
 
-LOCK_FILE = "study.lock"
 BACKUP_FOLDER = "backups"
 _PART = ".part"
 """Suffix of an unfinished copy."""
 MIN_FREE_MB = 500
 """Free space needed to serve a study, MB; thousands of trials and their copies take less."""
-
-
-class StudyInUseError(StudyError):
-    """Another process has the study open for writing."""
-
-    def __init__(self, folder: Path, holder: str) -> None:
-        """Takes the study's folder and the process that holds it."""
-        super().__init__(
-            f"{folder}: is in use by process {holder}; expected a study that no other process serves. "
-            "Stop that process first."
-        )
-        self.holder = holder
 
 
 def open_database(path: Path, config: StudyConfig, plan: StudyPlan) -> sqlite3.Connection:
@@ -113,30 +99,6 @@ def require_free_space(folder: Path, *, least_mb: int = MIN_FREE_MB) -> None:
             f"{folder}: its disk has {found} MB free; expected at least {least_mb} MB before a study is served. "
             "Free some space, or move the folder to a larger disk."
         )
-
-
-def take_lock(folder: Path) -> IO[str]:
-    """The open lock file; closing it or ending the process releases it. Raises StudyInUseError if it is held."""
-    path = folder / LOCK_FILE
-    try:
-        private_folder(folder)
-        lock = path.open("a+", encoding="utf-8")
-    except OSError as error:
-        raise StudyError(
-            f"{path}: cannot be written ({error.strerror}); expected a folder that you can write. Give another folder."
-        ) from None
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        lock.seek(0)
-        holder = lock.read().strip() or "unknown"
-        lock.close()
-        raise StudyInUseError(folder, holder) from None
-    close_to_others(folder)
-    lock.truncate(0)
-    lock.write(str(os.getpid()))
-    lock.flush()
-    return lock
 
 
 def close_to_others(folder: Path) -> None:

@@ -3,10 +3,12 @@
 import hashlib
 import json
 import sqlite3
+import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -23,6 +25,7 @@ from ..design.study import Condition, StudyConfig
 from ..journey import AssignedTrial, ConsentEntry, Person, StageEntry
 from ..trial.events import Event, event_from_json
 from ..trial.outcome import Outcome
+from .lock import LOCK_FILE, rows_noted
 from .migrations import APPLICATION_ID, FIRST_VERSION, SCHEMA_VERSION
 from .vault import Vault
 
@@ -112,6 +115,21 @@ class VerificationEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class StudyDates:
+    """The days of a study by its records, UTC, as `2027-03-31`."""
+
+    frozen: str
+    """Study file and plan were written to the records."""
+    read: str
+    """The records were read."""
+    num_begun: int
+    """Counted trials that somebody has begun, those of people who withdrew included."""
+    first: str | None
+    """The first of these was begun; None where there is none."""
+    last: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class ExclusionEntry:
     """A trial or participant that a rule leaves out of the figures."""
 
@@ -133,9 +151,12 @@ class _OutcomeLine(BaseModel):
 class StudyReader:
     """Reads one snapshot of a study; made by `read_study`."""
 
-    def __init__(self, database: sqlite3.Connection, path: Path) -> None:
-        """Takes a connection that the caller closes, with an open read transaction; the path is for messages."""
-        self._database, self._path = database, path
+    def __init__(self, database: sqlite3.Connection, path: Path, *, least_rows: int = 0) -> None:
+        """Takes a connection that the caller closes, with an open read transaction; the path is for messages.
+
+        `least_rows` is what `rows_noted` said before that transaction.
+        """
+        self._database, self._path, self._least_rows = database, path, least_rows
 
     @property
     def folder(self) -> Path:
@@ -170,6 +191,15 @@ class StudyReader:
     def created_ns(self) -> int:
         """Time at which the study was made: nanoseconds since 1970."""
         return self._one("SELECT created_ns FROM study")[0]
+
+    def dates(self) -> StudyDates:
+        """The days on which the study was frozen, and on which its counted trials were begun."""
+        count, *ends = self._one(
+            "SELECT count(DISTINCT assignment_id), min(opened_ns), max(opened_ns) FROM trial JOIN assignment"
+            " USING(assignment_id) WHERE phase = 'main'"
+        )
+        first, last = (None if end is None else _day(end) for end in ends)
+        return StudyDates(_day(self.created_ns), _day(time.time_ns()), count, first, last)
 
     @property
     def app_version(self) -> str:
@@ -307,10 +337,10 @@ class StudyReader:
         return rows[0][0] if rows else None
 
     def check(self) -> int:
-        """Checks SQLite's own structure and every trial's hash chain; returns the number of events.
+        """Checks that nothing is missing, SQLite's own structure and all hash chains; returns the number of events.
 
         Raises:
-            StudyError: A record was damaged or changed; the message names the first place.
+            StudyError: A record was damaged, changed or taken away; the message names the first place.
         """
         found = self._one("PRAGMA integrity_check")[0]
         if found != "ok":
@@ -324,6 +354,13 @@ class StudyReader:
                 raise StudyError(
                     f"{self._path}: trial {trial_id} ends with another event than when it was finished. {_RESTORE}"
                 )
+        found = num_rows(self._database)
+        if found < self._least_rows:
+            raise StudyError(
+                f"{self._path}: holds {found} rows; expected at least {self._least_rows}, which were stored: its "
+                f"log {DATABASE_FILE}-wal was taken away, or an older copy was put here. Put the missing file back; "
+                f"to go on with what is left, delete {LOCK_FILE}."
+            )
         return self._one("SELECT count(*) FROM event")[0]
 
     def _check_chains(self, study_version: str) -> dict[str, str]:
@@ -432,7 +469,7 @@ def read_study(folder: Path) -> Iterator[StudyReader]:
     Raises:
         StudyError: There is no database, or this version cannot read it.
     """
-    path = folder / DATABASE_FILE
+    path, least_rows = folder / DATABASE_FILE, rows_noted(folder)  # noted before the snapshot: it holds these rows
     if not path.is_file():
         raise StudyError(
             f"{path}: found no such file; expected a study that was served. Run personal-viz study serve first."
@@ -449,11 +486,18 @@ def read_study(folder: Path) -> Iterator[StudyReader]:
                     f"{path}: has schema version {version}; expected {SCHEMA_VERSION}. "
                     "personal-viz study check-db brings it up to date, with a backup."
                 )
-            yield StudyReader(database, path)
+            yield StudyReader(database, path, least_rows=least_rows)
         finally:
             database.close()
     except sqlite3.Error as error:
         raise store_error(path, error) from None
+
+
+def num_rows(database: sqlite3.Connection) -> int:
+    """Number of rows in all tables, which only grows."""
+    names = database.execute("SELECT name FROM sqlite_schema WHERE type = 'table' AND name NOT LIKE 'sqlite%'")
+    counts = [f"(SELECT count(*) FROM {name})" for (name,) in names]
+    return database.execute(f"SELECT {' + '.join(counts)}").fetchone()[0]
 
 
 def require_known_version(database: sqlite3.Connection, path: Path) -> int:
@@ -492,6 +536,10 @@ def store_error(path: Path, error: sqlite3.Error) -> StudyError:
         f"{path}: cannot be used ({error}); expected a database on a local disk that you can write. "
         "Check the folder's permissions."
     )
+
+
+def _day(at_ns: int) -> str:
+    return datetime.fromtimestamp(at_ns / 1e9, UTC).date().isoformat()
 
 
 def answer_place(code: str, kind: AnswerKind) -> str:

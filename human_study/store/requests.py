@@ -18,7 +18,7 @@ from ..design.plan import load_plan
 from ..design.secrets import new_id
 from ..design.study import load_study
 from ..private_files import write_private
-from .database import StudyInUseError
+from .lock import StudyInUseError
 from .store import StudyStore, open_store
 
 REQUEST_FOLDER = "requests"

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
 from sim.errors import StudyError
 from sim.types import EpisodeKey, TaskKind
@@ -22,9 +21,10 @@ from ..journey import AssignedTrial, has_dropped_out, way_out
 from ..trial.events import Error, Event, Reconnect
 from ..trial.outcome import Outcome
 from .assigning import assign, due_order_no, fill
-from .database import audit, open_database, take_lock
+from .database import audit, close_to_others, open_database
+from .lock import StudyLock, take_lock
 from .people import PeopleWrites
-from .records import DATABASE_FILE, StoredEvent, read_study
+from .records import DATABASE_FILE, StoredEvent, num_rows, read_study
 from .trial_writes import (
     Now,
     insert_events,
@@ -70,11 +70,12 @@ class StudyStore(PeopleWrites):
     """The open store of one study; made by `open_store`, a context manager."""
 
     def __init__(
-        self, folder: Path, config: StudyConfig, plan: StudyPlan, database: sqlite3.Connection, lock: IO[str]
+        self, folder: Path, config: StudyConfig, plan: StudyPlan, database: sqlite3.Connection, lock: StudyLock
     ) -> None:
         """Takes over an up-to-date database and a held lock."""
         path = folder / DATABASE_FILE
-        super().__init__(folder, config, plan, GroupWriter(database, path), Vault(folder), boot_id=_boot_id())
+        writer = GroupWriter(database, path, lock, num_rows=num_rows(database))
+        super().__init__(folder, config, plan, writer, Vault(folder), boot_id=_boot_id())
         self._path = path
         self._database = database
         self._lock = lock
@@ -279,6 +280,10 @@ class StudyStore(PeopleWrites):
             raise TrialEndedError(f"trial {trial_id}: the participant withdrew; expected a trial that is kept.")
         return stored
 
+    def look_after_log(self) -> None:
+        """Saves the database anew if its log was taken away. Raises StoreFullError if it cannot be saved now."""
+        self._writer.write(lambda _: None)
+
     def events(self, trial_id: str) -> tuple[StoredEvent, ...]:
         """All stored events of a trial, in order."""
         with read_study(self.folder) as reader:
@@ -341,11 +346,12 @@ def open_store(folder: Path, config: StudyConfig, plan: StudyPlan) -> StudyStore
     """Opens a study's store for writing; makes it when the folder has none.
 
     Raises:
-        StudyError: The folder cannot be written, another process has the store open, stored events were changed, or
-            the file is damaged or belongs to another program, a newer version or another study.
+        StudyError: The folder cannot be written, another process has the store open, stored events were changed or
+            taken away, or the file is damaged or belongs to another program, a newer version or another study.
     """
     with ExitStack() as opened:
         lock = opened.enter_context(take_lock(folder))
+        close_to_others(folder)
         database = opened.enter_context(closing(open_database(folder / DATABASE_FILE, config, plan)))
         with read_study(folder) as reader:
             reader.check()

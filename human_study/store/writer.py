@@ -1,14 +1,18 @@
 """The one thread that writes to a study's database; it commits waiting writes together."""
 
+import os
 import sqlite3
+import warnings
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Generic, TypeVar
 
 from sim.errors import StudyError
 
+from .lock import StudyLock
 from .records import store_error
 
 _LARGEST_BATCH = 256
@@ -44,9 +48,16 @@ class _Write(Generic[T]):
 class GroupWriter:
     """Runs writes from any thread, one after the other, in transactions that may hold several."""
 
-    def __init__(self, database: sqlite3.Connection, path: Path) -> None:
-        """Starts the thread; from now on only this writer uses the connection, which is in autocommit mode."""
-        self._database, self._path = database, path
+    def __init__(self, database: sqlite3.Connection, path: Path, lock: StudyLock, *, num_rows: int) -> None:
+        """Starts the thread; from now on only this writer uses the connection, which is in autocommit mode.
+
+        Notes the number of rows, which it takes from the caller, in the lock after each commit.
+        """
+        self._database, self._path, self._lock, self._num_rows = database, path, lock, num_rows
+        self._log_path = path.with_name(f"{path.name}-wal")
+        self._log_id: tuple[int, int] | None = None
+        """Device and number of the database's log; None before the first commit."""
+        lock.note(num_rows)
         self._waiting: deque[_Write] = deque()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="study-writer")
         self._is_open = True
@@ -78,9 +89,11 @@ class GroupWriter:
             batch = [self._waiting.popleft() for _ in range(min(len(self._waiting), _LARGEST_BATCH))]
             try:
                 self._database.execute("BEGIN IMMEDIATE")
-                for write in batch:
-                    self._run(write)
+                added = sum(self._run(write) for write in batch)
                 self._database.execute("COMMIT")
+                self._num_rows += added
+                self._keep_log()
+                self._lock.note(self._num_rows)
                 for write in batch:
                     write.is_stored = True
             except sqlite3.Error as error:
@@ -91,20 +104,53 @@ class GroupWriter:
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
 
-    def _run(self, write: _Write) -> None:
-        """Runs one write inside the transaction; a refused write leaves no trace and does not stop the others."""
+    def _keep_log(self) -> None:
+        """Saves the database anew if its log was taken away: rows that are only in the log would end with this process.
+
+        Raises:
+            sqlite3.Error: They cannot be saved now.
+        """
+        found = None
+        with suppress(OSError):
+            stat = os.stat(self._log_path)
+            found = (stat.st_dev, stat.st_ino)
+        if found is not None and self._log_id in (None, found):
+            self._log_id = found
+            return
+        if self._database.execute("PRAGMA wal_checkpoint(FULL)").fetchone()[0]:
+            error = sqlite3.OperationalError(f"{self._log_path.name} was taken away while others read the database")
+            error.sqlite_errorcode = sqlite3.SQLITE_BUSY
+            raise error
+        with suppress(sqlite3.OperationalError):  # somebody reads just now: all is in the file, the log comes later
+            self._database.execute("PRAGMA journal_mode = DELETE")
+            self._database.execute("PRAGMA journal_mode = WAL")
+            self._log_id = None
+        warnings.warn(
+            f"{self._log_path}: was taken away while the study is served; expected nobody to touch it. All rows were "
+            "saved anew and nothing is lost: find out which program deleted it.",
+            stacklevel=1,
+        )
+
+    def _run(self, write: _Write) -> int:
+        """Runs one write inside the transaction and returns the number of its new rows.
+
+        A refused write leaves no trace and does not stop the others.
+        """
+        before = self._database.total_changes
         self._database.execute("SAVEPOINT one_write")
         try:
             write.answer.append(write.job(self._database))
+            added = self._database.total_changes - before
         except sqlite3.Error as error:
             if not isinstance(error, sqlite3.IntegrityError) and self._concerns_all(error):
                 raise
             self._database.execute("ROLLBACK TO one_write")
-            write.error = store_error(self._path, error)
+            write.error, added = store_error(self._path, error), 0
         except Exception as error:  # a plug-in call: only the job's own caller gets the error
             self._database.execute("ROLLBACK TO one_write")
-            write.error = error
+            write.error, added = error, 0
         self._database.execute("RELEASE one_write")
+        return added
 
     def _concerns_all(self, error: sqlite3.Error) -> bool:
         """Whether no write of the transaction can be stored, because the disk is the reason and not this write."""

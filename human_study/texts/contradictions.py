@@ -13,6 +13,7 @@ from sim.types import FORWARD_STEP, TURN_STEP, TaskKind
 from ..design.plan import StudyPlan
 from ..design.study import StudyConfig
 from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S
+from .catalogue import catalogue_of
 from .estimate import announced_minutes
 from .words import limits_m
 
@@ -60,7 +61,14 @@ def disagreements(text: str, config: StudyConfig, *, plan: StudyPlan, task: Task
                 if all(abs(_quantity(match) - allowed) > 1e-9 for allowed in fact.allowed):
                     expected = " or ".join(f"{value:g}" for value in sorted(fact.allowed)) or "empty"
                     found.append(f"says {match[0]!r}, but {fact.field} is {expected}")
-    return list(dict.fromkeys([*found, *_of_another_rule(plain, config, task)]))
+    return list(dict.fromkeys([*found, *_of_another_rule(plain, config, task), *_denied(plain, config)]))
+
+
+def unsaid(text: str, config: StudyConfig) -> list[str]:
+    """What the study does with people's data and a consent form does not say, in words."""
+    plain = " ".join(text.split()).lower()
+    told = _told(config)
+    return [f"does not name the {word}, but {field} is set" for word, field in told if word.lower() not in plain]
 
 
 def _facts(config: StudyConfig, plan: StudyPlan, task: TaskKind) -> list[_Fact]:
@@ -68,7 +76,8 @@ def _facts(config: StudyConfig, plan: StudyPlan, task: TaskKind) -> list[_Fact]:
     breaks, minutes = config.breaks, announced_minutes(config, plan)
     numbers = {breaks.every, breaks.sitting_max, config.checks.every, config.practice.pan, config.practice.pog}
     seldom = {float(number) for number in (*counts, *numbers, 1, 2) if number is not None}
-    pay = [_value(number) for number in re.findall(r"\d+(?:[.,]\d+)?", config.ethics.pay)]
+    stated = f"{config.ethics.pay} {config.ethics.pay_if_leaving} {config.ethics.insurance}"
+    pay = [_value(number) for number in re.findall(r"\d+(?:[.,]\d+)?", stated)]
     retention = config.privacy.retention
     facts = [
         _Fact("the study's number of searches", seldom, (rf"\b{_N} (?:searches|trials|tasks)\b",)),
@@ -117,6 +126,22 @@ def _of_another_rule(plain: str, config: StudyConfig, task: TaskKind) -> list[st
     match = re.search(pattern, plain, flags=re.IGNORECASE)
     rule = f"success is {config.success}" if task == "pan" else "a mark counts by its distance from the middle"
     return [f"says {match[0]!r}, but {rule}"] if match is not None else []
+
+
+def _told(config: StudyConfig) -> list[tuple[str, str]]:
+    """(word that a consent form must use, field that makes it necessary)."""
+    words = catalogue_of(config.language)
+    told = [(words("told.language_model"), "ethics.language_model")] if config.ethics.language_model else []
+    return told + ([(words("told.survey"), "survey.questions")] if config.survey.questions else [])
+
+
+def _denied(plain: str, config: StudyConfig) -> list[str]:
+    """Sentences, in English, that deny what the study does with people's data."""
+    found = []
+    for word, field in _told(config):
+        match = re.search(rf"\b(?:no|not|never|nothing(?! else))\b[^.:;]{{0,80}}\b{word}", plain, flags=re.IGNORECASE)
+        found += [f"says {match[0]!r}, but {field} is set"] if match is not None else []
+    return found
 
 
 def _quantity(match: re.Match[str]) -> float:

@@ -10,10 +10,12 @@ from typing import Any
 from sim.types import TaskKind
 from sim.words.english import how_many
 
-from ..design.analysis import ALPHA, HYPOTHESIS_NAME, LEVEL, NUM_RESAMPLES
+from ..design.analysis import ALPHA, HYPOTHESIS_NAME, LEVEL
 from ..design.plan import PlannedParticipant, StudyPlan
 from ..design.study import StudyConfig
 from ..store.exclusions import rules_before_data
+from ..store.records import StudyDates
+from .catalogue import ENGLISH, catalogue_of
 from .estimate import BREAK_S, LOOK_S, READING_S, ROUND_TO_MIN, TRIAL_S, TimeEstimate, estimate_time
 from .words import filled, open_place, words_of
 
@@ -76,30 +78,38 @@ class Sample:
         return sum(share.num_trials for share in self.shares)
 
 
-def ethics_documents(config: StudyConfig, plan: StudyPlan | None, *, consent: str | None = None) -> dict[str, str]:
+def ethics_documents(
+    config: StudyConfig, plan: StudyPlan | None, *, consent: str | None = None, dates: StudyDates | None = None
+) -> dict[str, str]:
     """Each document by its file name, Markdown.
 
     Args:
         plan: Gives the numbers of people, trials and homes; None = not planned yet, and they are marked as open.
         consent: The consent form as the participants will read it; None = the form that a new study begins with.
+        dates: Dates of the study's records; None = the study has none yet.
     """
     sample = sample_of(config, plan) if plan is not None else None
     words = board_words(config, plan, sample)
+    told = words_of(config, plan=plan)
+    told |= {
+        "per_task": [words_of(config, plan=plan, task=task) for task in config.task],
+        "pay_sentence": _sentence(told["pay"]),
+    }
     return {
         "protocol.md": filled("protocol.md", words),
-        "information_sheet.md": filled("information_sheet.md", words),
-        "consent.md": consent if consent is not None else filled("consent.md", words),
+        "information_sheet.md": filled("information_sheet.md", told),
+        "consent.md": consent if consent is not None else filled("consent.md", told),
         "data_flow.md": filled("data_flow.md", words),
         "retention.md": filled("retention.md", words),
         "time_and_pay.md": filled("time_and_pay.md", words | _times(sample)),
-        "preregistration.md": filled("preregistration.md", words | _analysis(config)),
+        "preregistration.md": filled("preregistration.md", words | _analysis(config) | _registered(config, dates)),
     }
 
 
 def board_words(config: StudyConfig, plan: StudyPlan | None, sample: Sample | None) -> dict[str, Any]:
     """The words of the study for readers who are not participants, with the numbers of its plan."""
-    words = words_of(config, plan=plan)
-    pay, changes = words["pay"], plan.changes if plan is not None else ()
+    words = words_of(config, plan=plan, catalogue=catalogue_of(ENGLISH))
+    changes = plan.changes if plan is not None else ()
     practice = [f"{getattr(config.practice, task)} {task.upper()}" for task in config.task]
     return words | {
         "is_planned": plan is not None,
@@ -108,10 +118,9 @@ def board_words(config: StudyConfig, plan: StudyPlan | None, sample: Sample | No
         "spare": f"{sample.num_spare} more may be invited, who do the trials that others leave."
         if sample is not None and sample.num_spare
         else "",
-        "per_task": [words_of(config, plan=plan, task=task) for task in config.task],
         "practice": ", ".join(practice) if any(getattr(config.practice, task) for task in config.task) else "",
         "is_counterbalanced": any(len(config.conditions(task)) > 1 for task in config.task),
-        "pay_sentence": pay if pay.endswith((".", "!", "]")) else f"{pay}.",
+        "pay_sentence": _sentence(words["pay"]),
     }
 
 
@@ -191,7 +200,24 @@ def _analysis(config: StudyConfig) -> dict[str, Any]:
         "rules": rules_before_data(config),
         "level": f"{LEVEL:.0%}",
         "alpha": f"{ALPHA:.0%}",
-        "resamples": f"{NUM_RESAMPLES:,}".replace(",", " "),
+    }
+
+
+def _sentence(pay: str) -> str:
+    return pay if pay.endswith((".", "!", "]")) else f"{pay}."
+
+
+def _registered(config: StudyConfig, dates: StudyDates | None) -> dict[str, Any]:
+    """What was fixed when, and what only the researcher knows about the size of the sample."""
+    effect = config.smallest_effect
+    begun = dates.num_begun if dates is not None else 0
+    return {
+        "dates": dates,
+        "begun": f"{how_many(begun, 'counted trial')} {'was' if begun == 1 else 'were'}",
+        "smallest_effect": open_place("smallest_effect")
+        if effect is None
+        else f"a difference of {effect:g} percentage points between success rates",
+        "sample_size_reason": config.sample_size_reason or open_place("sample_size_reason"),
     }
 
 

@@ -7,15 +7,17 @@ program's own pages on task, keys and rules follow the instructions and need no 
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import get_args
 
 from sim.errors import StudyError
 from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import TaskKind
 
 from ..design.plan import StudyPlan
-from ..design.study import Condition, StudyConfig, write_whole
-from ..journey import Person
-from .contradictions import disagreements
+from ..design.study import Condition, Language, StudyConfig, write_whole
+from ..journey import AssignedTrial, Person
+from .catalogue import catalogue_of
+from .contradictions import disagreements, unsaid
 from .words import filled, filled_text, open_places, source_of, words_of
 
 CONSENT_FILE = "consent.md"
@@ -24,27 +26,21 @@ TEXT_FILES = (CONSENT_FILE, INSTRUCTIONS_FILE)
 """Texts of a study's folder that a researcher may change before the plan."""
 TOLD_FOLDER = "told"
 """Folder in a study's folder with the texts exactly as participants of each task read them."""
-PARTS: dict[str, str] = {
-    "device": "Check",
-    "consent": "Consent",
-    "instructions": "Instructions",
-    "quiz": "Questions",
-    "practice": "Practice",
-    "trial": "Study",
-    "finished": "End",
-}
-"""Names of the parts of a study, as participants read them above each page, by the place where each part begins."""
 
 
-def write_texts(folder: Path) -> None:
-    """Writes the texts that a study begins with, except those that the researcher has written.
+def write_texts(folder: Path, language: Language) -> None:
+    """Writes the texts that a study begins with, in this language, except those that the researcher has written.
+
+    A text that was written for another language, and that nobody has changed, is written anew.
 
     Raises:
         StudyError: The folder cannot be written.
     """
     for name in TEXT_FILES:
-        if not (folder / name).exists():
-            write_whole(folder / name, source_of(name))
+        path, others = folder / name, set(get_args(Language)) - {language}
+        found = path.read_text(encoding="utf-8") if path.exists() else None
+        if found is None or found in (source_of(name, other) for other in others):
+            write_whole(path, source_of(name, language))
 
 
 def freeze_texts(folder: Path, config: StudyConfig, plan: StudyPlan) -> dict[str, str]:
@@ -53,7 +49,7 @@ def freeze_texts(folder: Path, config: StudyConfig, plan: StudyPlan) -> dict[str
     Raises:
         StudyError: A text for people has a place that is not filled in, or contradicts the study file.
     """
-    write_texts(folder)
+    write_texts(folder, config.language)
     told, problems = {}, []
     for name in TEXT_FILES:
         source = (folder / name).read_text(encoding="utf-8")
@@ -62,7 +58,8 @@ def freeze_texts(folder: Path, config: StudyConfig, plan: StudyPlan) -> dict[str
             text = filled_text(source, words, where=folder / name)
             told[told_name(name, task)] = text
             if config.flow != ("instructions",) and name.removesuffix(".md") in config.flow:
-                problems += [f"{name}: {problem}" for problem in _problems(text, config, plan, task)]
+                found = _problems(text, config, plan, task) + (unsaid(text, config) if name == CONSENT_FILE else [])
+                problems += [f"{name}: {problem}" for problem in found]
     if problems:
         raise StudyError(
             f"{folder}: texts for participants do not fit study.yaml: {'; '.join(dict.fromkeys(problems))}. Expected "
@@ -114,17 +111,28 @@ def practice_text(config: StudyConfig, task: TaskKind, result: EpisodeRun | Answ
     elif isinstance(result, Answer) and result.measures is not None:
         is_right = result.measures.success
     if is_right is None:
-        return "It was only practice."
+        return catalogue_of(config.language)("practice.unscored")
     return filled("practice.md", words_of(config, task=task) | {"is_right": is_right})
 
 
 def parts_of(config: StudyConfig, person: Person) -> tuple[str, ...]:
-    """Names of the parts that this participant passes; () where there is only one page before the trials."""
+    """The parts that this participant passes, by the places where they begin; () where only one page comes before the
+    trials. Their names are the words `part.<place>`.
+    """
     if config.flow == ("instructions",):
         return ()
     has_practice = any(trial.phase == "practice" for trial in person.trials)
-    steps = [*config.flow, *(["practice"] if has_practice else []), "trial", "finished"]
-    return tuple(PARTS[step] for step in steps)
+    asked = ("survey",) if config.survey.questions else ()
+    return (*config.flow, *(["practice"] if has_practice else []), "trial", *asked, "finished")
+
+
+def trial_name(config: StudyConfig, person: Person, trial: AssignedTrial) -> str:
+    """The trial's name for participants, with its number within its phase; attention trials look like any other."""
+    is_practice = trial.phase == "practice"
+    alike = [other for other in person.kept if (other.phase == "practice") == is_practice]
+    number = 1 + sum(other.order_no < trial.order_no for other in alike)
+    key = "trial.practice" if is_practice else "trial.search"
+    return catalogue_of(config.language)(key, number=number, all=len(alike))
 
 
 def _problems(text: str, config: StudyConfig, plan: StudyPlan, task: TaskKind) -> list[str]:

@@ -61,7 +61,7 @@ def questions_for(config: StudyConfig, task: TaskKind, conditions: Sequence[Cond
 
 
 def _question(part: str) -> Question:
-    """One question of `templates/quiz.md`."""
+    """One question of a language's `quiz.md`."""
     name, text, answers, because = part.strip().split("\n\n", 3)
     return Question(
         name,

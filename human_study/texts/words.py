@@ -1,9 +1,11 @@
 """The words of a study: values and passages from its file and plan that every template can name.
 
 Limits are the same values that trials are run and scored with (`sim.tasks.rules`, `trial_terms`), so that no text can
-give a different one. `templates/passages.md` holds every rule that appears in more than one text.
+give a different one. `passages.md` of a language holds every rule that appears in more than one text for participants;
+`templates/board.md` has those for boards, which read English.
 """
 
+import functools
 import math
 import re
 import textwrap
@@ -18,12 +20,13 @@ from jinja2.sandbox import SandboxedEnvironment
 from sim.errors import StudyError
 from sim.tasks.rules import AUTHORS_DISTANCE, HABITAT_DISTANCE, RELAXED_RADIUS, SUCCESS_RADIUS
 from sim.types import FORWARD_STEP, TURN_STEP, SuccessRule, TaskKind
-from sim.words.english import duration, length
 
 from ..design.plan import StudyPlan
 from ..design.study import Condition, PanCondition, PogCondition, StudyConfig
 from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S, terms_of
+from .catalogue import LANGUAGES, Catalogue, catalogue_of
 from .estimate import announced_minutes
+from .survey import questions_of
 
 WIDTH = 110
 _LIMITS: dict[SuccessRule, tuple[float, ...]] = {
@@ -33,33 +36,23 @@ _LIMITS: dict[SuccessRule, tuple[float, ...]] = {
     "paper-strict": (SUCCESS_RADIUS,),
 }
 """Distances in metres by which a rule of PAN tells right from wrong."""
-_IN_A_PILOT = {
-    "institution": "The team of this pilot study",
-    "contact": "the person who gave you your link",
-    "pay": "No pay is stated for this pilot study.",
-    "irb": "none is stated for this pilot study",
-    "retention_date": "a day that is not set yet",
-}
-"""Words that participants of a pilot read where the study file is empty."""
 _FIELDS = {
     "ethics.institution": "institution",
     "ethics.contact": "contact",
     "ethics.pay": "pay",
+    "ethics.pay_if_leaving": "pay_if_leaving",
+    "ethics.insurance": "insurance",
+    "ethics.data_protection_officer": "data_protection_officer",
+    "ethics.legal_basis": "legal_basis",
+    "ethics.complaint_body": "complaint_body",
     "ethics.irb": "irb",
     "ethics.duration_min": "minutes",
     "privacy.retention": "retention_date",
 }
 """Fields of the study file that may be empty, and the words that they fill."""
 _MARK = re.compile(r"\[to\s+be\s+filled\s+in:\s+([a-z_.]+)\]")
-_PASSAGES = "passages.md"
-_ENVIRONMENT = SandboxedEnvironment(
-    loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-)
-_ENVIRONMENT.filters["minutes"] = lambda seconds: f"{seconds / 60:.0f}"
+_TEMPLATES = Path(__file__).parent / "templates"
+_PASSAGES = ("passages.md", "board.md")
 
 
 def limits_m(config: StudyConfig, task: TaskKind) -> tuple[float, ...]:
@@ -74,6 +67,7 @@ def words_of(
     task: TaskKind | None = None,
     conditions: Sequence[Condition] | None = None,
     is_for_people: bool = False,
+    catalogue: Catalogue | None = None,
 ) -> dict[str, Any]:
     """Every value and passage that a template can name.
 
@@ -83,53 +77,64 @@ def words_of(
         conditions: All conditions that the reader will meet; None = all conditions of the task.
         is_for_people: Whether participants read the words. In a pilot they read plain words instead of a mark where the
             study file is still empty.
+        catalogue: The language of the words; None = the study's own.
     """
-    said_instead = _IN_A_PILOT if is_for_people and plan is not None and plan.is_pilot else {}
+    told = catalogue if catalogue is not None else catalogue_of(config.language)
+    said_instead = told.texts if is_for_people and plan is not None and plan.is_pilot else {}
     values: dict[str, Any] = {
-        _FIELDS[field]: value or said_instead.get(_FIELDS[field]) or open_place(field)
-        for field, value in _stated(config, plan).items()
+        _FIELDS[field]: value or said_instead.get(f"pilot.{_FIELDS[field]}") or open_place(field)
+        for field, value in _stated(config, plan, told).items()
     }
     tasks = config.task if task is None else (task,)
     met = conditions if conditions is not None else [name for each in tasks for name in config.conditions(each)]
     met = [name for name in (*get_args(PanCondition), *get_args(PogCondition)) if name in met]
     values |= {
+        "catalogue": told,
         "study": config,
         "rule": config.success,
         "task": task,
         "tasks": tasks,
         "conditions": met,
         "actions": [action.name.lower() for action in config.action_set],
-        "limits": [length(limit) for limit in limits_m(config, "pan")],
-        "point_limit": length(SUCCESS_RADIUS),
+        "limits": [told.length(limit) for limit in limits_m(config, "pan")],
+        "point_limit": told.length(SUCCESS_RADIUS),
         "forward": f"{100 * FORWARD_STEP:.0f} cm",
-        "turn": f"{math.degrees(TURN_STEP):.0f} degrees",
-        "stop_within": duration(STOP_WITHIN_S),
-        "give_up_within": duration(GIVE_UP_WITHIN_S),
-        "resume": duration(config.resume_within_s),
-        "gap": duration(config.breaks.sitting_gap_s),
-        "pan_limit": _time_limit(config, "pan"),
-        "pog_limit": _time_limit(config, "pog"),
-        "looks": {name: _look_limit(config, name) for name in met},
+        "turn": told.how_many(round(math.degrees(TURN_STEP)), "degree", "degrees"),
+        "stop_within": told.duration(STOP_WITHIN_S),
+        "give_up_within": told.duration(GIVE_UP_WITHIN_S),
+        "resume": told.duration(config.resume_within_s),
+        "gap": told.duration(config.breaks.sitting_gap_s),
+        "pan_limit": _time_limit(config, "pan", told),
+        "pog_limit": _time_limit(config, "pog", told),
+        "looks": {name: _look_limit(config, name, told) for name in met},
         "is_longer_than_a_sitting": _is_longer_than_a_sitting(config),
         "has_platform_code": hashes_platform_ids(config),
+        "survey_topics": [question.about for question in questions_of(config, told).values()],
     }
-    passages = vars(_ENVIRONMENT.get_template(_PASSAGES).make_module(values))
-    return values | {name: str(words()).strip() for name, words in passages.items() if isinstance(words, Macro)}
+    for name in _PASSAGES:
+        passages = vars(_environment(told).get_template(name).make_module(values))
+        values |= {name: str(words()).strip() for name, words in passages.items() if isinstance(words, Macro)}
+    return values
 
 
 def empty_fields(config: StudyConfig, plan: StudyPlan | None = None) -> tuple[str, ...]:
     """The fields that texts need and that the study file leaves empty."""
-    return tuple(field for field, value in _stated(config, plan).items() if not value)
+    return tuple(field for field, value in _stated(config, plan, catalogue_of(config.language)).items() if not value)
 
 
 def filled(template: str, words: Mapping[str, Any]) -> str:
-    """One of our templates (`templates/<template>`), filled with these words and wrapped to one width."""
-    return wrapped(_ENVIRONMENT.get_template(template).render(words))
+    """One of our templates, in the language of these words, filled with them and wrapped to one width.
+
+    Args:
+        template: Name of a file of the language, or of `templates`.
+        words: From `words_of`.
+    """
+    return wrapped(_environment(words["catalogue"]).get_template(template).render(words))
 
 
-def source_of(template: str) -> str:
-    """The unfilled template; a new study gets it as a text to change."""
-    return (Path(__file__).parent / "templates" / template).read_text(encoding="utf-8")
+def source_of(template: str, language: str) -> str:
+    """The unfilled template for participants; a new study gets it as a text to change."""
+    return (LANGUAGES / language / template).read_text(encoding="utf-8")
 
 
 def filled_text(text: str, words: Mapping[str, Any], *, where: Path) -> str:
@@ -146,7 +151,7 @@ def filled_text(text: str, words: Mapping[str, Any], *, where: Path) -> str:
     if not re.search(r"\{\{|\{%|\{#", text):
         return text
     try:
-        return wrapped(_ENVIRONMENT.from_string(text).render(words))
+        return wrapped(_environment(words["catalogue"]).from_string(text).render(words))
     except jinja2.TemplateSyntaxError as error:
         problem, line = error.message, f", line {error.lineno}"
     except (jinja2.TemplateError, ArithmeticError, TypeError, ValueError) as error:
@@ -185,28 +190,49 @@ def _is_kept(block: str) -> bool:
     return block.lstrip()[0] in "#-|>" or block.startswith("    ") or bool(re.match(r"\d+\. ", block))
 
 
-def _stated(config: StudyConfig, plan: StudyPlan | None) -> dict[str, str]:
+@functools.cache
+def _environment(catalogue: Catalogue) -> SandboxedEnvironment:
+    """The templates of a language, and those for boards."""
+    made = SandboxedEnvironment(
+        loader=jinja2.FileSystemLoader([catalogue.folder, _TEMPLATES]),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    made.filters["minutes"] = lambda seconds: f"{seconds / 60:.0f}"
+    return made
+
+
+def _stated(config: StudyConfig, plan: StudyPlan | None, told: Catalogue) -> dict[str, str]:
     """Values of the fields that texts need, with the announced time from the plan; '' = the study file has none."""
-    ethics = config.ethics
-    given = (ethics.institution, ethics.contact, ethics.pay, ethics.irb, announced_minutes(config, plan))
-    values = (*given, config.privacy.retention)
-    return {field: str(value or "").strip() for field, value in zip(_FIELDS, values, strict=True)}
+    values = {field: getattr(config.ethics, field.removeprefix("ethics."), "") for field in _FIELDS}
+    day = config.privacy.retention
+    values |= {
+        "ethics.duration_min": announced_minutes(config, plan),
+        "privacy.retention": told.date(day) if day is not None else "",
+    }
+    return {field: str(value or "").strip() for field, value in values.items()}
 
 
-def _time_limit(config: StudyConfig, task: TaskKind) -> str:
+def _time_limit(config: StudyConfig, task: TaskKind, told: Catalogue) -> str:
     """The time limit of a trial of the task, in words; '' = there is none."""
     seconds = terms_of(config, config.conditions(task)[0]).task_max_s
-    return duration(seconds) if seconds is not None else ""
+    return told.duration(seconds) if seconds is not None else ""
 
 
-def _look_limit(config: StudyConfig, condition: Condition) -> str:
+def _look_limit(config: StudyConfig, condition: Condition, told: Catalogue) -> str:
     """The time limit of the look before a trial of the condition, as the end of a sentence; '' = there is none."""
     look = terms_of(config, condition).look
     if look is None:
         return ""
-    least = f"at least {duration(look.min_s)}" if look.min_s > 0 else ""
-    most = f"at most {duration(look.max_s)}" if look.max_s is not None else ""
-    return " and ".join(part for part in (least, most) if part) or "as long as you like"
+    least = told.duration(look.min_s) if look.min_s > 0 else None
+    most = told.duration(look.max_s) if look.max_s is not None else None
+    if least and most:
+        return told("look_limit.both", least=least, most=most)
+    if least:
+        return told("look_limit.least", time=least)
+    return told("look_limit.most", time=most) if most else told("look_limit.none")
 
 
 def _is_longer_than_a_sitting(config: StudyConfig) -> bool:

@@ -14,7 +14,7 @@ import platform
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -42,6 +42,7 @@ _UNITS = {
     "_s": "s",
     "_mb": "MB",
     "_megabytes": "MB",
+    "_percent": "%",
 }
 """Unit by the end of a name, or of its case; the first that fits is used."""
 
@@ -272,12 +273,21 @@ def since_process_start_s() -> float:
 
 def peak_mb(process: psutil.Process) -> float:
     """The largest resident memory of a process so far, MB of 10^6 bytes; the current one if only that is known."""
-    resident_mb = process.memory_info().rss / 1e6
+    now_mb = process.memory_info().rss / 1e6
     with contextlib.suppress(OSError), open(f"/proc/{process.pid}/status") as file:
         for line in file:
             if line.startswith("VmHWM"):  # updated lazily: may be a little below the current one
-                return max(int(line.split()[1]) * 1024 / 1e6, resident_mb)
-    return resident_mb
+                return max(int(line.split()[1]) * 1024 / 1e6, now_mb)
+    return now_mb
+
+
+def resident_mb(processes: Iterable[psutil.Process]) -> float:
+    """Resident memory of some processes together, MB of 10^6 bytes; one that has ended counts nothing."""
+    total_mb = 0.0
+    for process in processes:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            total_mb += process.memory_info().rss / 1e6
+    return total_mb
 
 
 def held_by(pid: int) -> dict[str, float]:

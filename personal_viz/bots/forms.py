@@ -24,6 +24,7 @@ MOST_PAGES = 200
 DEVICE = {"webgl2": "1", "width": "1280", "height": "800", "pressed": "1"}
 """Fields that a bot's browser sends from the device check."""
 LEADS_ON = (r"^begin", r"^start", r"^next", r"^continue$", r"^go on", r"^i agree", r"^i have read", r"^try again")
+LEADS_ON = (*LEADS_ON, r"^send my answers")
 """Patterns of labels that lead on, the likeliest first."""
 _COMPLETION_CODE = re.compile(r'aria-label="Completion code">([^<]+)<')
 

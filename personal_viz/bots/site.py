@@ -10,6 +10,7 @@ from human_study.design.plan import PLAN_FILE, PRACTICE_FOLDER, StudyPlan, load_
 from human_study.design.secrets import load_secrets
 from human_study.design.study import (
     STUDY_FILE,
+    StudyAggregate,
     StudyBreaks,
     StudyChecks,
     StudyConfig,
@@ -86,6 +87,7 @@ def make_pilot(
         "checks": StudyChecks(every=None),
         "practice": StudyPractice(pan=0, pog=0),
         "breaks": StudyBreaks(every=None, sitting_max=None),
+        "aggregate": StudyAggregate(intervals="homes"),
     }
     config = StudyConfig(**(usual | choices))
     save_study(folder, config)

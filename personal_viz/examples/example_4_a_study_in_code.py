@@ -13,7 +13,7 @@ from pathlib import Path
 from human_study import Study, make_plan, open_store, read_records
 from human_study.design.plan import StudyPlan, StudyScene, save_plan
 from human_study.design.sampling import sample_episodes
-from human_study.design.study import StudyChecks, StudyDataset, StudyDesign, StudyPractice, save_study
+from human_study.design.study import StudyAggregate, StudyChecks, StudyDataset, StudyDesign, StudyPractice, save_study
 from sim import Dataset
 from sim.homes.kind import scene_kind
 from sim.types import SPLITS
@@ -31,6 +31,7 @@ def plan(dataset: Path, folder: Path, *, people_per_episode: int = 2, per_split:
         design=StudyDesign(kind="crossed", raters_per_episode=people_per_episode),
         practice=StudyPractice(pan=0, pog=0),
         checks=StudyChecks(every=None),
+        aggregate=StudyAggregate(intervals="homes"),
     )
     keys = sample_episodes(study, [episode.key for episode in episodes.episodes()])
     names = sorted({key.scene for key in keys})

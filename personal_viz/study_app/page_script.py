@@ -21,16 +21,20 @@ from typing import Annotated, Literal
 import msgspec
 import viser
 
+from human_study.texts.catalogue import Catalogue
 from sim.page_style import TOKENS, tokens_css
 
 STATIC = Path(__file__).parent / "static"
 VISER_CLIENT = Path(viser.__file__).parent / "client" / "build" / "index.html"
 PAGE_FILES = ("page.js", "card.css", "page.css", "updated.js")
 """Files of `static` in a page, besides viser's client and the tokens of the design system."""
+VISER_TITLE = b"<title>Viser</title>"
 SUBPROTOCOL = f"viser-v{viser.__version__}"
 """Websocket subprotocol that viser's client of this version asks for."""
 _VERSION_PLACE = "PAGE_VERSION"
 """Placeholder for the version in `updated.js`."""
+_WORDS_PLACE = "PAGE_WORDS"
+"""Placeholder for the words that a script shows."""
 LABEL = "messages of this page"
 """Label by which the script finds its input, because viser sends no ids to scripts."""
 KEY_PATTERN = r"^(Key[A-Z]|Digit[0-9]|Numpad[0-9]|Arrow(Up|Down|Left|Right)|Enter|NumpadEnter|Space)\Z"
@@ -146,14 +150,11 @@ class PageMessages:
 
 
 @functools.cache
-def page_html(*, panel_width: int) -> str:
-    """HTML that puts the style sheet and the script into a page, once for each connection.
-
-    Args:
-        panel_width: Width of the side panel, pixels.
-    """
+def page_html(words: Catalogue) -> str:
+    """HTML that puts the style sheets and the script, in a language, into a page, once for each connection."""
     script, *styles = ((STATIC / name).read_text(encoding="utf-8") for name in PAGE_FILES[:3])
-    return f"<style>:root {{ --personal-panel: {panel_width}px; }}\n{''.join(styles)}</style>{_runs(script)}"
+    script = script.replace(_WORDS_PLACE, _json(words.under("script", "key", "leave")))
+    return f"<style>{tokens_css()}{''.join(styles)}</style>{_runs(script)}"
 
 
 def when_shown(call: Literal["shown", "refresh", "reload", "goOn"]) -> str:
@@ -180,21 +181,34 @@ def page_version() -> str:
     return hashed.hexdigest()[:12]
 
 
-def page_of(served: str) -> bytes:
+def page_of(served: str, words: Catalogue) -> bytes:
     """viser's client with our style and our script, which checks whether its version is still the served one."""
     assert re.fullmatch(r"[\w.-]{1,64}", served, re.ASCII), served
     script = (STATIC / "updated.js").read_text(encoding="utf-8").replace(_VERSION_PLACE, served)
+    script = script.replace(_WORDS_PLACE, _json(words.under("updated")))
     client = VISER_CLIENT.read_bytes()
     head, begin, rest = client.partition(b"<head>")
     assert begin, f"{VISER_CLIENT}: found no <head>"
     style = f"<style>{tokens_css()}</style>"
-    return b"".join((head, begin, f"{style}<script>{script}</script>".encode(), rest))
+    return b"".join(
+        (
+            head,
+            begin,
+            f"{style}<script>{script}</script>".encode(),
+            rest.replace(VISER_TITLE, b"<title>PersONAL study</title>", 1),
+        )
+    )
 
 
 def is_other_viser(offered: Iterable[str]) -> bool:
     """Whether a websocket asks for viser's protocol, but not for that of this version."""
     asked = [name for name in offered if name.startswith("viser-v")]
     return bool(asked) and SUBPROTOCOL not in asked
+
+
+def _json(words: Mapping[str, str]) -> str:
+    """The words as a literal of JavaScript that cannot end a script."""
+    return json.dumps(words).replace("<", "\\u003c")
 
 
 def _call(call: str) -> str:

@@ -11,13 +11,14 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from human_study.texts.catalogue import ENGLISH, catalogue_of
 from sim.render.renderer import jpeg_bytes
 from sim.tasks.pan import PanEnv
-from sim.types import Action, Pose
+from sim.types import PAPER6, Action, Pose
 
 from ..browse.layers import Walker, remove_nodes
 from ..study_app.home.surfaces import add_ball
-from ..study_app.screens.pan import BUTTON_LABELS, HOTKEYS
+from ..study_app.screens.pan import HOTKEYS
 from .shown import Point, ShownScan
 from .stage import Ray, StoreyView, WorkQueue, free_keys, open_panel, panel_html
 
@@ -26,7 +27,7 @@ PANEL_WIDTH = 430
 _BALL, _LABEL_UP = 0.06, 0.12
 """Radius of a point's ball, and height of its number over it (metres)."""
 _RGB = (214, 0, 110)
-_MOVES = tuple(action for action in BUTTON_LABELS if action is not Action.STOP)
+_MOVES = tuple(action for action in PAPER6 if action is not Action.STOP)
 
 
 class Visit:
@@ -63,11 +64,12 @@ class Visit:
         if shown.navigation is not None:
             self._picture = gui.add_html("")
             work.listen(gui.add_button("Put the robot at the last point"), lambda _: self._put_robot())
+            words = catalogue_of(ENGLISH)
             for action in _MOVES:
-                label, hint = BUTTON_LABELS[action]
+                label, hint = words(f"pan.{action.value}"), words(f"pan.{action.value}_keys")
                 work.listen(gui.add_button(label, hint=hint), lambda _, action=action: self._move(action))
             for key, (_, action) in HOTKEYS.items():
-                work.listen_to_key(BUTTON_LABELS[action][0], key, partial(self._move, action))
+                work.listen_to_key(words(f"pan.{action.value}"), key, partial(self._move, action))
         free_keys(gui)
         self._view.listen_to_clicks(work, self._point)
 

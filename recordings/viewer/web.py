@@ -27,6 +27,7 @@ from starlette.routing import Route
 
 from sim.cache import cached_bytes
 from sim.errors import RecordingError
+from sim.files import write_whole
 
 from .process import LOOPBACK, WEB_PORT, running_rerun
 
@@ -138,6 +139,21 @@ def viewer_file(name: str) -> bytes:
     assert name in VIEWER_FILES, name
     key = f"rerun {version('rerun-sdk')} web viewer {_CACHE_VERSION} {name}"
     return cached_bytes(name.rsplit(".", 1)[1], key, lambda: _taken_files()[name])
+
+
+def write_viewer(folder: Path) -> None:
+    """Writes the viewer's page for a static host, under a policy that lets it contact that host only.
+
+    `index.html?url=ADDRESS` shows the recording at this whole address. Raises RecordingError like `viewer_file`.
+    """
+    policy = (
+        f'<meta http-equiv="Content-Security-Policy" content="{viewer_policy().partition("; frame-ancestors")[0]}">'
+    )
+    for name in VIEWER_FILES:
+        content = viewer_file(name)
+        if name == "index.html":
+            content = content.replace(b"<head>", b"<head>" + policy.encode(), 1)
+        write_whole(folder / name, content)
 
 
 @dataclass(frozen=True, slots=True)

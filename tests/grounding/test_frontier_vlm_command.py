@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from human_study.report.source import read_source
 from personal_viz.cli.runs.metrics import Metrics
 from personal_viz.cli.runs.run import Run
 from sim.episodes.dataset import PersonalDataset
@@ -14,6 +13,7 @@ from sim.episodes.schema import Episode
 from sim.errors import PersonalVizError, RunFileError
 from sim.tasks.chat_turns import ChatTurn, TextPart, read_turns
 from sim.tasks.run_files import read_run
+from sim.tasks.run_folders import read_runs, with_controls
 
 from .chat_stub import chat_stub
 
@@ -49,7 +49,7 @@ def test_the_control_stands_beside_the_model_and_unusable_answers_are_counted(
     assert (model.key, model.end.reason) == (control.key, control.end.reason)
     Metrics((tmp_path / "asked",)).run()
     assert "frontier-geometry" in capsys.readouterr().out, "a table of the model alone does not exist"
-    in_report = [run.info.run_id for run in read_source([tmp_path / "asked"]).runs]
+    in_report = [run.info.run_id for run in read_runs(with_controls([tmp_path / "asked"]))]
     assert in_report == ["asked", "asked-frontier-geometry"]
     (tmp_path / "alone").mkdir()
     moved = shutil.move(tmp_path / "asked", tmp_path / "alone" / "asked")

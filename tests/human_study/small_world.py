@@ -141,9 +141,16 @@ FILLED = {
         "institution": "The University of Anywhere",
         "contact": "study@anywhere.example",
         "pay": "You get 12 EUR.",
+        "pay_if_leaving": "If you stop early, you get 4 EUR for each quarter of an hour.",
+        "insurance": "You are insured against accidents by the university.",
+        "data_protection_officer": "dpo@anywhere.example",
+        "legal_basis": "your consent, Art. 6 (1) (a) GDPR",
+        "complaint_body": "the Data Protection Authority of Anywhere",
         "duration_min": 45,
     },
     "privacy": {"retention": "2027-12-31"},
+    "smallest_effect": 10.0,
+    "sample_size_reason": "Power of 0.9 for 15 points.",
 }
 """Fields of a study file that fill every place in the texts."""
 

@@ -7,12 +7,15 @@ from pathlib import Path
 import pytest
 
 from human_study.design.study import StudyConfig, StudyPrivacy
+from human_study.store.records import StudyDates, read_study
 from human_study.texts.documents import ethics_documents, hypothesis_sentence, sample_of
 from human_study.texts.estimate import announced_minutes, estimate_time
 from human_study.texts.participants import instruction_texts
 from human_study.texts.words import filled, filled_text, open_places, words_of, wrapped
 
-from .small_world import FILLED, paged_study, plan
+from .small_world import FILLED, paged_study, plan, study
+from .stores import begin_next
+from .stores import filled as filled_store
 
 WHOLE = FILLED | {"primary": ("human_minus_agent_SR", "memory_effect_SR")}
 
@@ -46,6 +49,11 @@ def test_empty_fields_are_marked_and_named() -> None:
         "ethics.institution",
         "ethics.duration_min",
         "ethics.pay",
+        "ethics.pay_if_leaving",
+        "ethics.insurance",
+        "ethics.data_protection_officer",
+        "ethics.legal_basis",
+        "ethics.complaint_body",
         "privacy.retention",
         "ethics.contact",
         "ethics.irb",
@@ -53,6 +61,7 @@ def test_empty_fields_are_marked_and_named() -> None:
     documents = ethics_documents(config, None)
     assert "plan.json" in open_places(documents["preregistration.md"])
     assert "primary" in open_places(documents["preregistration.md"])
+    assert {"smallest_effect", "sample_size_reason"} <= set(open_places(documents["preregistration.md"]))
     assert "[to be filled in: privacy.retention]" in documents["retention.md"]
 
 
@@ -201,6 +210,65 @@ def test_the_preregistration_names_study_plan_rules_and_analysis() -> None:
     assert "the mean over all trials, whatever their split. Within a split every participant counts the same." in flat
     assert "a 95% interval that takes participants and episodes for random" in flat
     assert "family-wise level of 5%, adjusted after Holm" in flat
+
+
+def test_the_preregistration_takes_its_date_from_the_records(tmp_path: Path) -> None:
+    def text_of(dates: StudyDates | None) -> str:
+        return " ".join(ethics_documents(config, plan(config), dates=dates)["preregistration.md"].split())
+
+    config = study()
+    assert "it has not been served, and nobody has begun a trial" in text_of(None)
+    with filled_store(tmp_path, config) as store:
+        with read_study(tmp_path) as reader:
+            before = reader.dates()
+        assert (before.num_begun, before.first) == (0, None)
+        text = text_of(before)
+        assert text.startswith("# Preregistration: pilot")
+        assert f"were frozen in the study's records on {before.frozen}" in text
+        assert f"on {before.read}, nobody had begun a counted trial" in text
+        begin_next(store, "p02")
+        with read_study(tmp_path) as reader:
+            after = reader.dates()
+    text = text_of(after)
+    assert "# Preregistration" not in text
+    assert text.startswith("# Plan of the analysis, written after the first trial: pilot")
+    assert (
+        f"**This was written after 1 counted trial was begun, the first on {after.first}; it is no preregistration.**"
+        in text
+    )
+    assert "nobody" not in text.split("## 1.")[0]
+
+
+def test_a_trial_of_somebody_who_withdrew_still_counts_as_begun(tmp_path: Path) -> None:
+    with filled_store(tmp_path) as store:
+        begin_next(store, "p02")
+        store.withdraw("p02")
+        with read_study(tmp_path) as reader:
+            assert reader.dates().num_begun == 1
+
+
+def test_the_preregistration_names_the_smallest_effect_and_why_the_sample_has_its_size() -> None:
+    text = " ".join(ethics_documents(paged_study(**WHOLE), None)["preregistration.md"].split())
+    assert "Smallest effect of interest: a difference of 10 percentage points between success rates." in text
+    assert "Reason for the size of the sample: Power of 0.9 for 15 points." in text
+
+
+def test_the_board_reads_law_insurance_risks_and_pay_as_people_do() -> None:
+    config = paged_study(**WHOLE)
+    documents = {name: " ".join(text.split()) for name, text in ethics_documents(config, plan(config)).items()}
+    for name in ("protocol.md", "information_sheet.md", "consent.md"):
+        for part in (
+            "dpo@anywhere.example",
+            "Art. 6 (1) (a) GDPR",
+            "the Data Protection Authority of Anywhere",
+            "You are insured against accidents by the university.",
+            "You get 12 EUR. If you stop early, you get 4 EUR for each quarter of an hour.",
+            "make some people dizzy or slightly sick",
+            "Tired eyes and hands",
+            "If somebody broke into the computer",
+            "language model",
+        ):
+            assert part in documents[name], (name, part)
 
 
 def test_the_data_flow_lists_everything_with_its_end() -> None:

@@ -14,6 +14,8 @@ from human_study.export.data_dictionary import columns_of
 from human_study.export.manifest import read_manifest, require_unchanged
 from human_study.export.rows import EventRow
 from human_study.export.study_export import TABLES, export_study
+from human_study.export.survey import small_cells, survey_counts
+from human_study.report.source import read_survey
 from human_study.store.records import VerificationEntry
 from human_study.trial.commands import GiveUp, Move, Start
 from human_study.trial.outcome import pan_outcome
@@ -258,3 +260,30 @@ def test_giving_up_is_a_result_and_is_exported(tmp_path: Path) -> None:
     pan, pog = read_run(run_of(folders, "pan")), read_run(run_of(folders, "pog"))
     assert pan.episodes[0].end.reason == "giveup"
     assert (pog.answers[0].reason, pog.answers[0].candidates) == ("giveup", ())
+
+
+def test_answers_to_the_survey_are_a_table_of_their_own_and_small_cells_are_named(tmp_path: Path) -> None:
+    survey = {"questions": ("age", "ai_tools")}
+    config = study(task=("pan",), flow=("consent",), design={"kind": "crossed", "raters_per_episode": 7}, survey=survey)
+    with filled(tmp_path / "study", config) as store:
+        for number in range(1, 7):
+            store.keep_answer(f"p{number:02}", "survey", '{"age": "25_34", "ai_tools": "no"}')
+        store.keep_answer("p07", "survey", '{"age": "65_or_older"}')
+    export_study(tmp_path / "study", tmp_path / "out")
+    rows = read_survey(tmp_path / "out")
+    assert len(rows) == 13
+    assert {row.participant for row in rows} == {f"p{number:02}" for number in range(1, 8)}
+    assert survey_counts(rows) == {"age": {"25_34": 6, "65_or_older": 1}, "ai_tools": {"no": 6}}
+    assert small_cells(rows) == ["age 65_or_older (1)", "1 combinations of answers about the person (1 people)"]
+    assert read_manifest(tmp_path / "out").files["survey.csv"].num_rows == 13
+    assert "keep it apart" in (tmp_path / "out" / "data_dictionary.md").read_text(encoding="utf-8")
+    assert "65_or_older" not in (tmp_path / "out" / "participants.jsonl").read_text(encoding="utf-8")
+
+
+def test_answers_of_somebody_who_withdrew_are_in_no_table(tmp_path: Path) -> None:
+    config = study(task=("pan",), flow=("consent",), survey={"questions": ("age",)})
+    with filled(tmp_path / "study", config) as store:
+        store.keep_answer("p01", "survey", '{"age": "25_34"}')
+        store.withdraw("p01")
+    export_study(tmp_path / "study", tmp_path / "out")
+    assert (tmp_path / "out" / "survey.csv").read_text(encoding="utf-8") == "participant,topic,answer\n"

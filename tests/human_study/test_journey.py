@@ -18,8 +18,8 @@ from human_study.journey import (
     has_rested,
     journey_of,
     trial_before,
-    trial_name,
 )
+from human_study.texts.participants import trial_name
 from sim.types import EpisodeKey
 
 NOW_NS = 1_800_000_000 * 10**9
@@ -162,7 +162,7 @@ def test_the_stored_trial_before_the_next_one_is_named(
     person = somebody(*stages, trials=trials)
     found = trial_before(person)
     assert (found and found.order_no) == before
-    assert (trial_name(person, found) if found else "") == name
+    assert (trial_name(config(), person, found) if found else "") == name
 
 
 def test_only_a_trial_that_has_ended_is_stored() -> None:
@@ -180,3 +180,12 @@ def test_a_person_back_from_a_break_has_rested_until_the_next_trial_is_done() ->
     assert rested(("break_started", {"done": 2}), ("break_ended", {"done": 2}), num_done=2)
     assert rested(("sitting_started", {"done": 4}), num_done=4)
     assert not rested(("sitting_started", {"done": 4}), num_done=5)
+
+
+def test_the_survey_comes_after_the_last_trial_and_once() -> None:
+    over = [trial(1, is_over=True), trial(2, is_over=True)]
+    assert place(*READY, trials=over) == "ending"
+    assert place(*READY, ("survey_begun", {}), trials=over) == "survey"
+    assert place(*READY, ("survey_begun", {}), ("survey_ended", {}), trials=over) == "ending"
+    assert place(*READY, ("survey_begun", {}), ("withdrawn", {}), trials=over) == "withdrawn"
+    assert place(*READY, ("survey_begun", {}), ("survey_ended", {}), ("finished", {}), trials=over) == "finished"

@@ -16,7 +16,7 @@ from human_study.report.statistics import (
     numbered,
     rate_interval,
     trials_of,
-    two_way_variance,
+    variance_of_mean,
     wilson_interval,
 )
 
@@ -76,7 +76,7 @@ def test_where_all_succeed_the_interval_is_clopper_and_pearsons_of_the_people() 
 @pytest.mark.parametrize("name", ["rate", "spl", "total"])
 def test_the_two_way_variance_and_interval_are_those_of_sandwich(name: str) -> None:
     found = trials("spl" if name == "spl" else "success", by_split=name == "total")
-    variance, df = two_way_variance(found)
+    variance, df = variance_of_mean(found)
     assert R[f"{name}_variance"] == close(variance)
     assert R[f"{name}_df"] == close(df)
     interval = mean_interval(found) if name == "spl" else rate_interval(found)

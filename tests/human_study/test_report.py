@@ -10,11 +10,11 @@ from human_study.report.figures import outcome_matrix_svg, person_dots_svg
 from human_study.report.render import csv_text, latex, markdown
 from human_study.report.report import StudyReport, report_groups, study_report
 from human_study.report.rows import require_totals
-from human_study.report.source import ReportSource
+from human_study.report.source import source_of
 from human_study.report.statistics import wilson_interval
 from sim.errors import RunFileError, StudyError
 from sim.tasks.metrics import metric_rows
-from sim.tasks.run_files import Answer, AnswerMeasures, Run
+from sim.tasks.run_files import Answer, AnswerMeasures, EpisodeEnd, Run
 from sim.types import SPLITS, EndReason, EpisodeKey, Split
 
 from .report_examples import pan_episode, run_info
@@ -24,8 +24,8 @@ Succeeds = Callable[[Split, str], bool]
 
 
 def pan(split: Split, episode: str, *, success: bool, steps: int, code: str | None, reason: EndReason = "stop"):
-    """An episode in one home, of `steps` steps, a second each."""
-    key = EpisodeKey(split, "Home", episode)
+    """An episode of `steps` steps, a second each; the episodes of a split are in different homes."""
+    key = EpisodeKey(split, f"Home{episode}", episode)
     return pan_episode(key, success=success, steps=steps, code=code, path=16, reason=reason)
 
 
@@ -114,8 +114,32 @@ def test_an_agent_is_shown_on_the_peoples_episodes_only(runs: list[Run]) -> None
     wilson = wilson_interval(1, 4)
     assert (easy.low, easy.high) == pytest.approx((100 * wilson.low, 100 * wilson.high))
     others = runs[3].model_copy(update={"episodes": runs[3].episodes[5:]})
-    with pytest.raises(StudyError, match="none of the 5 episodes that people did"):
-        study_report([*few, others])
+    (left,) = study_report([*few, others]).left_out_runs
+    assert (left.run, left.reason) == ("walker-0", "did none of the 5 episodes that people did")
+
+
+def test_runs_of_agents_that_do_not_fit_are_left_out_and_named(runs: list[Run], found: StudyReport) -> None:
+    pointed = answers("p01", (2.0, 3.0), success=True)
+    unfit = {
+        "pog": (pointed, {"who": "qs", "who_kind": "agent"}, "POG run in a PAN report"),
+        "made": (runs[3], {"scene_kind": "invented"}, "was made in homes of kind invented, people were in scan"),
+        "other": (runs[3], {"dataset_digest": "e" * 64}, "is on other episode files (eeeeeeeeeeee) than people (dddd"),
+        "named": (runs[3], {"labels": True}, "its pictures had the categories written on objects, people's did not"),
+    }
+    agents = [
+        run.model_copy(update={"info": run.info.model_copy(update={"run_id": name, **fields})})
+        for name, (run, fields, _) in unfit.items()
+    ]
+    unscored = runs[3].episodes[0].model_copy(update={"end": EpisodeEnd(reason="stop")})
+    agents.append(Run(info=run_info("raw", "walker"), episodes=(unscored,)))
+    with_them = study_report([*runs, *agents])
+    reasons = {left.run: left.reason for left in with_them.left_out_runs}
+    assert list(reasons) == sorted([*unfit, "raw"])
+    for name, (_, _, reason) in unfit.items():
+        assert reasons[name].startswith(reason)
+    assert reasons["raw"] == "steps.jsonl holds no measures for easy/Home0/0"
+    assert with_them.model_copy(update={"left_out_runs": ()}) == found
+    assert "| run pog |  | POG run in a PAN report | all |" in markdown(with_them)
 
 
 def test_trials_that_do_not_count_are_listed(runs: list[Run]) -> None:
@@ -131,7 +155,7 @@ def test_runs_that_cannot_stand_side_by_side_are_refused(runs: list[Run]) -> Non
     with pytest.raises(StudyError, match="none of people"):
         study_report(runs[3:])
     with pytest.raises(RunFileError, match="expected one kind"):
-        study_report([*runs[:3], pan_run("w", "walker", lambda s, e: True, scene_kind="invented")])
+        study_report([*runs[:3], pan_run("w", "human", lambda s, e: True, code="p09", scene_kind="invented")])
     with pytest.raises(RunFileError, match="second time"):
         study_report([*runs, runs[0]])
 
@@ -177,6 +201,19 @@ def test_conditions_of_pointing_are_rows_of_their_own_and_compared_within_people
     assert first.spread_median == pytest.approx((2 / 3 + 2 / 3 + 4 / 3) / 3)  # x: 0, 0, 2
 
 
+def test_clicks_on_the_object_stand_beside_the_papers_measure_where_they_are_known() -> None:
+    known = []
+    for code, hit, on_object in (("p01", True, True), ("p02", False, True), ("p03", False, False)):
+        run = answers(code, (2.0, 3.0), success=hit)
+        measures = run.answers[0].measures.model_copy(update={"on_object": on_object})
+        known.append(run.model_copy(update={"answers": (run.answers[0].model_copy(update={"measures": measures}),)}))
+    rows = {(row.measure, row.split): row for row in study_report(known).rows}
+    assert (rows["sr", "total"].k, rows["on_object", "total"].k, rows["on_object", "total"].n) == (1, 2, 3)
+    assert "clicks on the object itself (%)" in markdown(study_report(known))
+    older = study_report([answers("p01", (2.0, 3.0), success=True)])
+    assert not [row for row in older.rows if row.measure == "on_object"]
+
+
 def test_people_who_agree_on_a_wrong_place_make_an_episode_suspect() -> None:
     near = [("p01", (2.0, 3.0)), ("p02", (2.4, 3.0)), ("p03", (2.0, 3.5)), ("p04", (2.1, 2.8))]
     wrong = [answers(code, xz, success=False) for code, xz in near]
@@ -192,7 +229,7 @@ def test_the_same_runs_give_the_same_bytes_in_any_order(found: StudyReport, runs
     assert again.model_dump_json() == found.model_dump_json()
     for text in (markdown, csv_text, latex):
         assert text(again) == text(found)
-    one, other = (report_groups(ReportSource(tuple(order))) for order in (runs, runs[::-1]))
+    one, other = (report_groups(source_of(order)) for order in (runs, runs[::-1]))
     for picture in (person_dots_svg, outcome_matrix_svg):
         assert picture((*one.people, *one.averaged), "pan") == picture((*other.people, *other.averaged), "pan")
 

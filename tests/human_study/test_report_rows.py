@@ -1,9 +1,11 @@
 """Totals as the study declares them, by hand, and the guard that refuses others."""
 
+from dataclasses import replace
+
 import pytest
 
 from human_study.report.rows import Aggregate, ReportRow, require_totals, rows_of
-from human_study.report.statistics import mean, pigeonhole_interval, trials_of, two_way_variance
+from human_study.report.statistics import trials_of, variance_of_mean
 from human_study.report.trials import TrialGroup, trial_frame
 from sim.errors import StudyError
 from sim.types import EpisodeKey, Split
@@ -65,18 +67,8 @@ def test_a_total_with_other_shares_is_refused() -> None:
 def test_a_difference_of_two_strata_has_the_variance_of_their_sum() -> None:
     first = trials_of([1, 0, 1, 1], list("abcd"), list("wxyz"))
     both = trials_of([1, 0, 1, 1, 0, 0, 1, 0], list("abcdefgh"), list("wxyzstuv"), ["one"] * 4 + ["two"] * 4)
-    apart = type(both)(both.values, both.participant_index, both.episode_index, both.stratum_index, (1.0, -1.0))
+    apart = replace(both, stratum_shares=(1.0, -1.0))
     assert apart.mean == pytest.approx(0.75 - 0.25)
-    alone, _ = two_way_variance(first)
-    variance, _ = two_way_variance(apart)
+    alone, _ = variance_of_mean(first)
+    variance, _ = variance_of_mean(apart)
     assert variance == pytest.approx(2 * alone * (8 / 7) / (4 / 3))  # small sample factors of 8 and of 4 clusters
-
-
-def test_the_bootstrap_weighs_people_too() -> None:
-    """Ann always succeeds at nine trials, Bob never at one: by trials .9, by people .5, and a resample is one of three
-    mixes of the two."""
-    people, hits = ["ann"] * 9 + ["bob"], [1] * 9 + [0]
-    trials = trials_of(hits, people, [f"e{n}" for n in range(10)], ["all"] * 10, weight="participants")
-    assert mean(trials).value == pytest.approx(0.5)
-    found = pigeonhole_interval(trials, num_resamples=2000)
-    assert (found.low, found.high) == (0, 1)

@@ -49,7 +49,7 @@ def test_the_model_for_r_has_the_terms_that_vary() -> None:
 
 
 def hypotheses_named(*names: str):
-    memory = memory_effects(GROUPS.people)
+    memory = memory_effects(GROUPS.people, Aggregate())
     return hypothesis_rows(names, GROUPS.differences, memory, Aggregate())
 
 

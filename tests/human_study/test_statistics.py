@@ -1,4 +1,6 @@
-"""Intervals: by hand, against known answers, and by simulation of people who differ."""
+"""Intervals: by hand, against known answers, and by simulation of people, episodes and homes that differ."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,11 +8,11 @@ import pytest
 from human_study.report.statistics import (
     Trials,
     mean,
-    pigeonhole_interval,
+    mean_interval,
     rate,
     rate_interval,
     trials_of,
-    two_way_variance,
+    variance_of_mean,
     wilson_interval,
 )
 
@@ -22,7 +24,7 @@ CROSSED = trials_of(
 def test_the_two_way_variance_by_hand() -> None:
     """Means 1/2; residuals of a: .5 -.5 .5 = .5, of b: .5 -.5 -.5 = -.5; of e1: 1, e2: -1, e3: 0; cells: six of .25."""
     people, episodes, cells = 2 / 1 * 0.5 / 36, 3 / 2 * 2 / 36, 6 / 5 * 1.5 / 36
-    variance, df = two_way_variance(CROSSED)
+    variance, df = variance_of_mean(CROSSED)
     assert variance == pytest.approx(max(people + episodes - cells, people, episodes, cells))
     assert df == pytest.approx(max(variance**2 / (people**2 / 1 + episodes**2 / 2 + cells**2 / 5), 1))
 
@@ -32,8 +34,8 @@ def test_a_total_is_the_plain_mean_of_the_splits_and_its_variance_adds_up() -> N
     episodes = ["x1", "x2", "x3", "x4", "y1", "y2"]
     trials = trials_of(values, people, episodes, ["easy"] * 4 + ["hard"] * 2)
     assert trials.mean == pytest.approx((1 / 4 + 1) / 2)
-    alone, _ = two_way_variance(trials_of(values[:4], people[:4], episodes[:4]))
-    together, _ = two_way_variance(trials)
+    alone, _ = variance_of_mean(trials_of(values[:4], people[:4], episodes[:4]))
+    together, _ = variance_of_mean(trials)
     assert together == pytest.approx(
         alone / 4 * (6 / 5) / (4 / 3)
     )  # the second split does not vary; small sample factor
@@ -52,7 +54,6 @@ def test_names_and_order_do_not_matter() -> None:
     )
     assert (other.value, other.n) == (first.value, first.n)
     assert (other.interval.low, other.interval.high) == pytest.approx((first.interval.low, first.interval.high))
-    assert other.bootstrap == first.bootstrap  # draws go by position in the order of names
 
 
 def test_one_trial_per_episode_gives_wilsons_interval() -> None:
@@ -82,20 +83,86 @@ def test_averaged_runs_stay_within_zero_and_one() -> None:
 
 def test_a_single_trial_and_trials_that_are_all_alike_have_no_interval_of_a_mean() -> None:
     found = mean(trials_of([3.5], ["a"], ["e"]))
-    assert (found.value, found.interval, found.bootstrap) == (3.5, None, None)
+    assert (found.value, found.interval) == (3.5, None)
     splits = [("easy", "medium", "hard")[k % 12 // 4] for k in range(36)]
     alike = trials_of([40.1] * 36, [f"p{k % 6}" for k in range(36)], [f"e{k % 12}" for k in range(36)], splits)
     assert mean(alike).value == pytest.approx(40.1)
     assert mean(alike).interval is None
 
 
-def test_the_bootstrap_draws_people_and_episodes() -> None:
-    by_person = trials_of([1.0] * 20 + [0.0] * 20, ["a"] * 20 + ["b"] * 20, [f"e{k % 20}" for k in range(40)])
-    found = pigeonhole_interval(by_person, seed=1, num_resamples=2000)
-    assert (found.low, found.high) == (0, 1)  # a quarter of all resamples holds only one of the two people
-    assert pigeonhole_interval(by_person, seed=1, num_resamples=2000) == found
-    same = pigeonhole_interval(trials_of([2.0] * 6, list("aabbcc"), list("xyxyxy")))
-    assert (same.low, same.high) == (2, 2)
+def test_with_homes_random_the_variance_is_that_of_people_and_homes_by_hand() -> None:
+    """Episodes e1 and e2 lie in h1, e3 in h2: residuals of h1: 0, of h2: 0; of each person in a home: .5 -.5 twice."""
+    trials = replace(CROSSED, home_index=np.array([0, 0, 1, 0, 0, 1]))
+    assert (trials.num_sampled, trials.num_episodes) == (2, 3)
+    people, homes = 2 / 1 * 0.5 / 36, 2 / 1 * (1**2 + 0) / 36
+    residuals = trials.values - 0.5
+    in_home = [residuals[:2].sum(), residuals[2], residuals[3:5].sum(), residuals[5]]
+    homes = 2 / 1 * ((in_home[0] + in_home[2]) ** 2 + (in_home[1] + in_home[3]) ** 2) / 36
+    cells = 4 / 3 * sum(part**2 for part in in_home) / 36
+    assert variance_of_mean(trials)[0] == pytest.approx(max(people + homes - cells, people, homes, cells))
+
+
+def test_a_single_home_says_nothing_of_other_homes() -> None:
+    trials = replace(CROSSED, home_index=np.zeros(6, int))
+    assert rate_interval(trials) is None
+    assert mean_interval(trials) is None
+    assert rate_interval(replace(trials, values=np.ones(6))) is None
+    one = trials_of([1.0], ["a"], ["e"], homes=["h"])
+    assert rate_interval(one) is None
+
+
+def test_on_the_log_scale_both_ends_are_the_same_factor_away_and_above_zero() -> None:
+    times = trials_of([4.0, 5.0, 90.0, 6.0], list("abcd"), list("wxyz"))
+    plain, found = mean_interval(times), mean_interval(times, on_log=True)
+    assert plain.low < 0 < found.low < 26.25 < found.high
+    assert found.low * found.high == pytest.approx(26.25**2)
+    half = plain.high - 26.25
+    assert found.high == pytest.approx(26.25 * np.exp(half / 26.25))
+    assert "on the log scale" in found.method
+
+
+def covered(*, homes: float, runs: int, seed: int) -> tuple[float, float]:
+    """Shares of 95 % intervals that hold the true rate of 0.65, with homes random and with episodes alone.
+
+    20 people do one episode in each of 15 of 20 homes, which have 4 episodes each; `homes` is the homes' spread on the
+    logit scale, beside 0.6 of people and 1.0 of episodes.
+    """
+    rng = np.random.default_rng(seed)
+    centre = centre_of(0.65, float(np.linalg.norm([0.6, 1.0, homes])))
+    hits = np.zeros(2)
+    for _ in range(runs):
+        home = np.concatenate([rng.permutation(20)[:15] for _ in range(20)])
+        who, where = np.repeat(np.arange(20), 15), 4 * home + rng.integers(4, size=300)
+        ease = 1.0 * rng.normal(size=80)[where] + homes * rng.normal(size=20)[home]
+        chance = 1 / (1 + np.exp(-(centre + 0.6 * rng.normal(size=20)[who] + ease)))
+        values, episode = (rng.random(300) < chance).astype(float), np.unique(where, return_inverse=True)[1]
+        trials = Trials(values, who, episode, np.zeros_like(who), np.unique(home, return_inverse=True)[1])
+        both = (rate_interval(trials), rate_interval(replace(trials, home_index=None)))
+        hits += [found.low <= 0.65 <= found.high for found in both]
+    return tuple(hits / runs)
+
+
+def centre_of(rate: float, spread: float) -> float:
+    """The logit around which draws of this spread succeed at this rate."""
+    draws = np.random.default_rng(12).normal(size=200_000) * spread
+    low, high = -5.0, 5.0
+    for _ in range(40):
+        centre = (low + high) / 2
+        low, high = (centre, high) if (1 / (1 + np.exp(-(centre + draws)))).mean() < rate else (low, centre)
+    return low
+
+
+def test_intervals_with_homes_random_cover_where_homes_differ_and_those_of_episodes_do_not() -> None:
+    with_homes, episodes_alone = covered(homes=0.9, runs=400, seed=5)
+    assert 0.93 <= with_homes <= 0.99
+    assert episodes_alone < 0.92
+
+
+@pytest.mark.release
+@pytest.mark.parametrize("homes", [0.0, 0.5, 0.9])
+def test_intervals_with_homes_random_cover_whether_homes_differ_or_not(homes: float) -> None:
+    with_homes, _ = covered(homes=homes, runs=2000, seed=6)
+    assert 0.93 <= with_homes <= 0.98
 
 
 @pytest.mark.release
@@ -103,19 +170,15 @@ def test_the_bootstrap_draws_people_and_episodes() -> None:
 def test_intervals_cover_as_often_as_they_say(people: int, each: int, spread: float) -> None:
     """HUMAN_STUDY.md, section 8: 94, 91 and 94 to 96 of 100 there (success rate 0.65, 50 episodes)."""
     rng = np.random.default_rng(11)
-    episode_spread, centre = 1.0, 0.0
-    draws = rng.normal(size=200_000) * np.hypot(spread, episode_spread)
-    low, high = -5.0, 5.0
-    for _ in range(40):
-        centre = (low + high) / 2
-        low, high = (centre, high) if (1 / (1 + np.exp(-(centre + draws)))).mean() < 0.65 else (low, centre)
+    episode_spread = 1.0
+    centre = centre_of(0.65, float(np.hypot(spread, episode_spread)))
     who = np.repeat(np.arange(people), each)
     where = np.arange(people * each) % 50
-    covered = 0
+    hits_in = 0
     for _ in range(400):
         skill = rng.normal(size=people) * spread
         ease = rng.normal(size=50) * episode_spread
         hits = rng.random(len(who)) < 1 / (1 + np.exp(-(centre + skill[who] + ease[where])))
         interval = rate_interval(Trials(hits.astype(float), who, where, np.zeros_like(who)))
-        covered += interval.low <= 0.65 <= interval.high
-    assert 0.90 <= covered / 400 <= 0.99
+        hits_in += interval.low <= 0.65 <= interval.high
+    assert 0.90 <= hits_in / 400 <= 0.99

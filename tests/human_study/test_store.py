@@ -114,7 +114,7 @@ def test_a_write_that_the_store_cannot_take_is_named(tmp_path: Path) -> None:
 
 
 TABLES = ("study", "participant", "assignment", "release", "claim", "trial", "sitting", "event", "outcome", "stage")
-TABLES += ("consent", "verification", "exclusion", "exclusion_undone", "audit")
+TABLES += ("consent", "verification", "exclusion", "exclusion_undone", "audit", "personal_answer")
 
 
 def test_no_row_can_be_changed_or_deleted(tmp_path: Path) -> None:
@@ -125,6 +125,7 @@ def test_no_row_can_be_changed_or_deleted(tmp_path: Path) -> None:
         store.undo_exclusion(store.exclude("trial", trial.trial_id, rule_id="r1", reason="because"))
         store.add_verification(VerificationEntry(trial.trial_id, "v1", "verified", 0.0, None, "", "s" * 64, 1))
         store.drop_out("p02", "away")
+        store.keep_answer("p02", "survey", "{}")
     database = sqlite3.connect(tmp_path / "study.db")
     for table in TABLES:
         assert database.execute(f"SELECT count(*) FROM {table}").fetchone()[0], table

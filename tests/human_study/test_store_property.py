@@ -11,8 +11,9 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, multiple, precondition, rule
 
+from human_study.store.lock import rows_noted
 from human_study.store.progress import study_progress
-from human_study.store.records import StudyReader, read_study
+from human_study.store.records import StudyReader, num_rows, read_study
 from human_study.store.store import StudyStore, SupersededError, Trial, TrialEndedError
 from human_study.trial.events import Shown
 from sim.errors import StudyError
@@ -150,6 +151,7 @@ class StoreMachine(RuleBasedStateMachine):
             return
         with read_study(self.folder) as reader:
             assert reader.check() >= sum(map(len, self.steps.values()))
+            assert num_rows(reader._database) == rows_noted(self.folder)
             self._check_events(reader)
             self._check_trials(reader)
             _check_slots(reader)

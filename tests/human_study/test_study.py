@@ -2,13 +2,18 @@
 
 import datetime
 import hashlib
+import itertools
+import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import yaml
+from pydantic import BaseModel, ValidationError
 
 from human_study.design.secrets import new_id, new_token, token_hash, token_matches
-from human_study.design.study import StudyConfig, StudyDataset, load_study, save_study
+from human_study.design.study import StudyAggregate, StudyConfig, StudyDataset, load_study, save_study
+from human_study.design.study_yaml import field_told, json_from_yaml
 from sim.errors import StudyError
 from sim.types import Action, Camera
 
@@ -63,6 +68,15 @@ def test_a_field_of_a_later_version_leaves_running_studies_alone() -> None:
     assert LaterConfig(**values, breaks_every=5).study_version != study().study_version
 
 
+def test_intervals_of_a_study_without_the_field_take_episodes_for_random_and_its_version_stays(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text(EXAMPLE)
+    old = load_study(tmp_path)
+    assert old.aggregate.intervals == "episodes"
+    assert old.study_version == "37e363a130291f559d8592b767675fb3e6c0d49ebbfd3dd64c3f558cd6587142"
+    new = old.model_copy(update={"aggregate": StudyAggregate(intervals="homes")})
+    assert new.study_version != old.study_version
+
+
 def test_a_study_file_comes_back_as_it_was_and_is_never_replaced(tmp_path: Path) -> None:
     config = study(camera={"width": 320, "height": 240}, actions="paper6", privacy={"retention": "2027-12-31"})
     path = save_study(tmp_path, config)
@@ -73,6 +87,79 @@ def test_a_study_file_comes_back_as_it_was_and_is_never_replaced(tmp_path: Path)
     assert load_study(tmp_path) == config
     assert config.robot_camera == Camera(320, 240, 79.0, 0.88)
     assert Action.LOOK_UP in config.action_set
+
+
+def written_fields(model: type[BaseModel], above: str = "") -> Iterator[str]:
+    """Dotted names of all fields of a study file."""
+    for name, field in model.model_fields.items():
+        kind = field.annotation
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            yield from written_fields(kind, f"{above}{name}.")
+        else:
+            yield f"{above}{name}"
+
+
+def test_a_study_file_tells_the_meaning_the_values_and_the_default_of_every_field(tmp_path: Path) -> None:
+    lines = save_study(tmp_path, study(design={"overbook": 1.2})).read_text().splitlines()
+    assert lines[0] == "# yaml-language-server: $schema=study.schema.json"
+    schema = json.loads((tmp_path / "study.schema.json").read_text())
+    for place in written_fields(StudyConfig):
+        *parents, name = place.split(".")
+        (number,) = [
+            number
+            for number, line in enumerate(lines)
+            if line.startswith("  " * len(parents) + f"{name}:")
+            and (not parents or section_of(lines, number) == parents)
+        ]
+        meaning, allowed = field_told(schema, place)
+        assert meaning, f"{place} has no line under it"
+        comments = list(itertools.takewhile(lambda line: line.strip().startswith("#"), reversed(lines[:number])))
+        said = " ".join(line.strip().removeprefix("#").strip() for line in reversed(comments))
+        assert f"{meaning} {allowed}" in said
+    assert (
+        "  # 1.15 makes 15 % more links than needed; the people who use them get the trials that others leave." in lines
+    )
+    assert lines[lines.index("  overbook: 1.2") - 1] == "  #   number from 1 to 3; default 1.0"
+    assert lines[lines.index("actions: paper4") - 1] == "#   paper4 | paper6; default paper4"
+
+
+def section_of(lines: list[str], number: int) -> list[str]:
+    """The section of an indented line."""
+    return [next(line for line in reversed(lines[:number]) if line[:1] not in (" ", "#", "")).removesuffix(":")]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: b # c",
+        "two\nlines\n",
+        "'\"",
+        "{[",
+        "- x",
+        "null",
+        "2026-11-22",
+        "ü\u2028x",
+        "\u001b[31m",
+        " ",
+        "%",
+        "9" * 300,
+    ],
+)
+def test_any_text_comes_back_from_a_study_file(tmp_path: Path, text: str) -> None:
+    config = study(ethics={"pay": text}, exclusions={"late": text}, dataset={"sha256": "x", "scenes": [text]})
+    save_study(tmp_path, config)
+    assert load_study(tmp_path) == config
+
+
+def test_the_schema_takes_study_files_and_refuses_what_the_program_refuses(tmp_path: Path) -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    save_study(tmp_path, study(task=["pan", "pog"], privacy={"retention": "2027-12-31"}))
+    checked = jsonschema.Draft202012Validator(json.loads((tmp_path / "study.schema.json").read_text()))
+    written = json.loads(json_from_yaml(tmp_path / "study.yaml", expected="", advice=""))
+    assert checked.is_valid(written)
+    assert checked.is_valid(json.loads(json.dumps(yaml.safe_load(EXAMPLE), default=str)))
+    for change in ({"steps": 501}, {"actions": "all"}, {"desing": {}}, {"design": {"kind": "random"}}):
+        assert not checked.is_valid(written | change)
 
 
 @pytest.mark.parametrize(
@@ -165,3 +252,26 @@ def test_ids_are_26_safe_characters_in_order_of_time(monkeypatch: pytest.MonkeyP
     assert first.startswith("01ARYZ6S41")  # the example of the ULID specification
     assert len(first) == 26
     assert first < new_id()
+
+
+def test_choices_of_pointing_do_not_change_a_study_that_leaves_them_as_they_were() -> None:
+    assert "pointing" not in study(pog={"pointing": "free"}).canonical_json()
+    assert study(pog={"pointing": "free"}).study_version == study(pog={}).study_version
+    assert study(pog={"pointing": "snap"}).study_version != study(pog={}).study_version
+
+
+def test_a_survey_needs_a_page_that_asks_for_consent() -> None:
+    survey = {"questions": ["age"]}
+    assert study(flow=("consent",), survey=survey).survey.questions == ("age",)
+    with pytest.raises(ValidationError, match=r"survey\.questions only with consent in flow"):
+        study(flow=("instructions",), survey=survey)
+    with pytest.raises(ValidationError, match=r"each of survey\.questions once"):
+        study(flow=("consent",), survey={"questions": ["age", "age"]})
+    with pytest.raises(ValidationError, match="Input should be"):
+        study(flow=("consent",), survey={"questions": ["shoe_size"]})
+
+
+def test_fields_of_later_versions_leave_the_hash_of_earlier_studies_alone() -> None:
+    assert study().study_version == study(survey={}, smallest_effect=None, sample_size_reason="").study_version
+    assert '"survey"' not in study().canonical_json()
+    assert study(smallest_effect=5.0).study_version != study().study_version

@@ -9,7 +9,7 @@ from typing import get_args
 import pytest
 
 from human_study.design.plan import StudyPlan
-from human_study.design.study import Condition, PanCondition, PogCondition, StudyConfig
+from human_study.design.study import Condition, PanCondition, PogCondition, StudyConfig, SurveyTopic
 from human_study.texts.contradictions import disagreements
 from human_study.texts.documents import ethics_documents
 from human_study.texts.participants import (
@@ -22,6 +22,7 @@ from human_study.texts.participants import (
     write_texts,
 )
 from human_study.texts.quiz import questions_for
+from human_study.texts.survey import SURVEY, questions_of
 from human_study.texts.words import limits_m, open_places
 from human_study.trial.terms import terms_of
 from sim.episodes.schema import Episode, Goal
@@ -30,7 +31,7 @@ from sim.tasks.rules import score_answer, score_run
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun
 from sim.types import SUCCESS_RULES, Action, Pose, SuccessRule, TaskKind
 
-from .small_world import FILLED, SCENE_DIGEST, SquareRoom, episode, paged_study, plan
+from .small_world import FILLED, SCENE_DIGEST, SquareRoom, episode, paged_study, plan, study
 
 STEP_M = 0.25
 PAN_ARMS: tuple[tuple[PanCondition, ...], ...] = (("none",), ("topdown",), ("none", "topdown", "glb"))
@@ -235,8 +236,11 @@ def test_a_study_whose_file_is_not_filled_in_cannot_be_planned(tmp_path: Path) -
         frozen(tmp_path, paged_study())
     line = str(caught.value)
     assert "\n" not in line
-    fields = "ethics.institution, ethics.pay, privacy.retention, ethics.contact, ethics.irb"
-    assert f"consent.md: {fields} to be filled in" in line
+    fields = (
+        "ethics.institution, ethics.insurance, ethics.pay, ethics.pay_if_leaving, privacy.retention, ethics.contact"
+    )
+    law = "ethics.irb, ethics.legal_basis, ethics.data_protection_officer, ethics.complaint_body"
+    assert f"consent.md: {fields}, {law} to be filled in" in line
     assert not (tmp_path / "told").exists()
     frozen(tmp_path, paged_study(**FILLED))
     frozen(tmp_path, paged_study(flow=("instructions",)))  # nobody is shown the consent form
@@ -259,7 +263,7 @@ def test_people_of_a_pilot_read_plain_words_where_the_file_is_empty(tmp_path: Pa
 
 def test_a_text_changed_by_hand_must_say_what_the_study_file_says(tmp_path: Path) -> None:
     config = paged_study(steps=300, **FILLED)
-    write_texts(tmp_path)
+    write_texts(tmp_path, "en")
     (tmp_path / "consent.md").write_text("It takes about 20 minutes. You get 15 EUR. It takes {{ minutes }} minutes.")
     (tmp_path / "instructions.md").write_text("# Ours\n\nYou have 500 steps. Stop within two metres of it.")
     with pytest.raises(StudyError) as caught:
@@ -269,7 +273,7 @@ def test_a_text_changed_by_hand_must_say_what_the_study_file_says(tmp_path: Path
     for part in (
         "consent.md: says 'takes about 20 minutes'",
         "ethics.duration_min) is 2700",
-        "says '15 EUR', but ethics.pay is 12",
+        "says '15 EUR', but ethics.pay is 4 or 12",
         "instructions.md: says 'have 500 steps', but steps is 300",
         "says 'within two metres'",
         "Correct study.yaml or the text, then plan again.",
@@ -311,6 +315,50 @@ def test_numbers_are_compared_where_words_name_them(text: str, is_said_otherwise
     assert bool(disagreements(text, config, plan=plan(config), task="pan")) == is_said_otherwise, text
 
 
+def test_a_consent_form_must_say_what_goes_to_a_language_model(tmp_path: Path) -> None:
+    told = "We send your comments to the language model of Somebody Ltd, in Anywhere, to sort them."
+    config = paged_study(**(FILLED | {"ethics": FILLED["ethics"] | {"language_model": told}}))
+    frozen(tmp_path / "own", config)
+    consent = (tmp_path / "own" / told_name("consent.md", "pan")).read_text(encoding="utf-8")
+    assert f"{told} Nothing else of yours is sent to a language model." in " ".join(consent.split())
+    for text, problem in (
+        ("Take part.", "does not name the language model, but ethics.language_model is set"),
+        ("We never send a word to a language model.", "says 'never send a word to a language model', but ethics.lan"),
+    ):
+        (tmp_path / "own" / "consent.md").write_text(text)
+        with pytest.raises(StudyError, match=f"consent.md: {problem}"):
+            frozen(tmp_path / "own", config)
+    frozen(tmp_path / "none", paged_study(**FILLED))
+    consent = (tmp_path / "none" / told_name("consent.md", "pan")).read_text(encoding="utf-8")
+    assert "Nothing that you do or write is sent to a language model" in " ".join(consent.split())
+
+
+def test_a_consent_form_must_say_what_the_survey_asks(tmp_path: Path) -> None:
+    survey = {"eligibility": ("I have not seen these homes.",), "questions": ("age", "ai_tools")}
+    config = paged_study(**FILLED, survey=survey)
+    frozen(tmp_path / "ours", config)
+    consent = " ".join((tmp_path / "ours" / told_name("consent.md", "pan")).read_text(encoding="utf-8").split())
+    assert "It asks for: age (in steps of ten years), help by an AI program." in consent
+    assert "and are deleted when you withdraw" in consent
+    assert "- I have not seen these homes." in consent
+    (tmp_path / "ours" / "consent.md").write_text("There is no survey.")
+    with pytest.raises(StudyError, match=r"says 'no survey', but survey\.questions is set"):
+        frozen(tmp_path / "ours", config)
+    (tmp_path / "ours" / "consent.md").write_text("Take part.")
+    with pytest.raises(StudyError, match="does not name the survey"):
+        frozen(tmp_path / "ours", config)
+
+
+def test_each_question_of_the_survey_can_be_refused() -> None:
+    assert set(SURVEY) == set(get_args(SurveyTopic))
+    for topic, answers in SURVEY.items():
+        config = study(flow=("consent",), survey={"questions": (topic,)})
+        (question,) = questions_of(config).values()
+        assert list(question.answers.values())[-1] == "I prefer not to say"
+        assert tuple(question.answers) == answers
+        assert len(answers) >= 3
+
+
 def test_a_field_that_no_study_has_is_refused_with_its_name(tmp_path: Path) -> None:
     (tmp_path / "consent.md").write_text("Hello {{ salary }}.")
     with pytest.raises(StudyError, match=r"consent\.md: cannot be filled in \('salary' is undefined\)"):
@@ -330,3 +378,15 @@ def test_our_own_texts_agree_with_every_study_file(rule: SuccessRule, tmp_path: 
         for each in task:
             pages = "\n".join(instruction_texts(config, each, config.conditions(each)))
             assert disagreements(pages, config, plan=plan(config), task=each) == []
+
+
+def test_people_whose_mark_goes_to_objects_are_told_to_click_the_object_and_not_its_middle() -> None:
+    snaps = paged_study(task=("pog",), pog={"conditions": ["map_open"], "pointing": "snap"})
+    free = paged_study(task=("pog",), pog={"conditions": ["map_open"]})
+    for config, is_told in ((snaps, True), (free, False)):
+        pages = "\n".join(instruction_texts(config, "pog", ("map_open",)))
+        assert ("your mark goes to it" in pages) == is_told
+        assert ("Click the middle of that object" in pages) == (not is_told)
+        assert ("the middle of that object" in welcome_text(config, "pog")) == (not is_told)
+        question = next(each for each in questions_for(config, "pog", ("map_open",)) if each.name == "middle")
+        assert (question.answers[0] == "Anywhere on the object") == is_told

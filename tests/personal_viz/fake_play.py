@@ -12,8 +12,9 @@ import pytest
 from human_study.design.study import Condition
 from human_study.store.store import SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
+from human_study.texts.catalogue import catalogue_of
 from human_study.trial.events import Event, event_from_json, event_to_json
-from human_study.trial.views import LookView, PanView, PogView, RateView
+from human_study.trial.views import LookView, MarkedObject, PanView, PogView, RateView
 from personal_viz.study_app.home import homes as homes_module
 from personal_viz.study_app.home.frames import Frames, RenderThreads
 from personal_viz.study_app.home.homes import Home
@@ -25,6 +26,7 @@ from personal_viz.study_app.screens.play import TrialPlay
 from personal_viz.study_app.watch import Watches
 from sim.copies.cut import StoreyCut
 from sim.episodes.schema import Episode
+from sim.mesh import SceneObject
 from sim.render.renderer import Hits
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Vector3
@@ -39,6 +41,8 @@ EVERY_S = 1.0
 """Time between two commands of a script, seconds."""
 RAY = ray_down(0.0, 3.0, 0.0)
 HIT = (-1.5, 0.0, 0.0)
+LAMP = SceneObject(7, episode().targets[0].object_name, "lamp", (-2.0, 0.5, 0.0), (1.2, 1.0, 0.4))
+"""The target, which every ray meets."""
 View = LookView | PanView | PogView | RateView
 
 
@@ -113,6 +117,7 @@ class ScriptedPage:
     """Stands for a `Page`: hands out a script, then the browser is gone."""
 
     client = None
+    words = catalogue_of("en")
 
     def __init__(self, script: Sequence[Any], clock: Clock, screens: list[str]) -> None:
         self._script, self._clock, self._screens = list(script), clock, screens
@@ -175,15 +180,22 @@ class Pointed:
     def hit(self, storey: int, origin: object, direction: object) -> Vector3:
         return HIT
 
+    def object_at(self, storey: int, origin: object, direction: object) -> SceneObject:
+        return LAMP
+
+    def middle_of(self, storey: int, item: SceneObject) -> Vector3:
+        return item.centre
+
 
 @dataclasses.dataclass
 class FakeScene:
     """The parts of a scene that trials need."""
 
     label = "a room (invented)"
-    unnamed_label = "an invented room"
+    kind = "invented"
     digest = "d" * 64
     navigation = SquareRoom()
+    objects = (LAMP,)
 
 
 @dataclasses.dataclass
@@ -245,7 +257,7 @@ class EmptySurface(SceneView):
 
     def show_storey(self, index: int) -> None: ...
 
-    def show_mark(self, position: Vector3) -> None: ...
+    def show_mark(self, position: Vector3, label: str, item: MarkedObject | None = None) -> None: ...
 
 
 def meshless_home() -> Home:

@@ -17,7 +17,6 @@ from human_study.store.progress import PersonProgress, study_progress
 from human_study.store.records import StoredTrial, read_study
 from human_study.texts.quiz import questions_for
 from human_study.trial.events import Act, Cam
-from personal_viz.study_app.screens.page import GIVE_UP
 from sim.frames import Rs_from_quats_xyzw
 from sim.types import TaskKind
 
@@ -112,7 +111,7 @@ def see_step(page: Page, number: int) -> None:
 
 def give_up(page: Page) -> int:
     """Ends a search without an answer; returns the number of presses."""
-    button = page.get_by_role("button", name=GIVE_UP)
+    button = page.get_by_role("button", name="Give up this search")
     return _end_search(page, button.click, "again to end this search", pause_ms=600)  # a double click is one press
 
 
@@ -133,7 +132,7 @@ def _end_search(page: Page, press: Callable[[], None], sign: str, *, pause_ms: f
         page.wait_for_timeout(pause_ms)
         press()
         with contextlib.suppress(AssertionError):
-            expect(page.get_by_role("button", name=GIVE_UP)).to_have_count(0, timeout=10_000)
+            expect(page.get_by_role("button", name="Give up this search")).to_have_count(0, timeout=10_000)
             return 2 * tries
     raise AssertionError("the search goes on after five times two presses")
 

@@ -21,6 +21,7 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.sync.client import ClientConnection, connect
 
 from human_study.design.study import StudyConfig, StudyDataset, StudyPrivacy, StudyRecruit
+from human_study.texts.catalogue import catalogue_of
 from personal_viz.study_app.gateway.admission import Admission, PayFile, Tickets
 from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.http import PromptProtocol, listen, served_in_thread, uvicorn_server
@@ -113,11 +114,17 @@ class OnePort:
 class NoPages:
     """Everybody is in a trial."""
 
+    words = catalogue_of("en")
+
     def shown(self, code: str, base: str, *, page: int = 1) -> None:
         """Viser comes next."""
 
     def leaving(self, code: str, base: str) -> None:
         """There is nothing to leave."""
+
+    def message(self, name: str) -> str:
+        """Names the page, and the script of the entry page."""
+        return f"/static/{name}.js"
 
     def answer(self, code: str, form: dict[str, str]) -> None:
         """Nothing was asked."""

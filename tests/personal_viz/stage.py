@@ -14,6 +14,7 @@ import viser
 from human_study.design.plan import StudyScene
 from human_study.design.study import Condition, StudyConfig
 from human_study.store.store import StudyStore, SupersededError
+from human_study.texts.catalogue import catalogue_of
 from personal_viz.study_app.home.frames import RenderThreads
 from personal_viz.study_app.home.homes import Home
 from personal_viz.study_app.page_script import PageMessages
@@ -88,7 +89,7 @@ def staged(
     stage = Stage(f"http://127.0.0.1:{server.get_port()}", new_link(), home, key, config)
 
     def run(client: viser.ClientHandle) -> None:
-        page = Page(client)
+        page = Page(client, catalogue_of(config.language))
         stage.pages.append(page)
         actions = ("forward", "left", "right", "stop") if task == "pan" else ()
         PageMessages(client, page.heard, actions=actions).begin({})

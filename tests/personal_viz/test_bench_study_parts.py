@@ -53,6 +53,9 @@ def test_nothing_is_left_of_people_who_left(tmp_path: Path, dataset: Path) -> No
     assert found["problems"] == ()
     assert (found["lost"], found["duplicated"], found["leases_left"]) == (0, 0, 0)
     assert found["actions"] > 10
+    assert found["gateway_mb"] + found["workers_mb"] <= found["peak_mb"]
+    assert min(found["gateway_mb"], found["workers_mb"]) > 1
+    assert abs(found["gateway_drift_percent"]) < 100
     assert (found["at_start"]["clients"], found["clients_growth"], found["clients_left"]) == (4, 0, 0)
 
 

@@ -11,13 +11,13 @@ from PIL import Image
 
 from human_study.design.study import Condition, StudyConfig, StudyDataset
 from human_study.journey import Journey
+from human_study.texts.catalogue import catalogue_of
 from human_study.texts.participants import instruction_texts
 from human_study.texts.quiz import QuizRound, questions_for
 from personal_viz.screenshots.make import MAX_BYTES, SIZE, small_jpeg
 from personal_viz.study_app.markdown import html_from_markdown, title_of
 from personal_viz.study_app.page_script import STATIC, Device, OwnKeys, Pressed, Told, page_html, said_in
 from personal_viz.study_app.screens.cards import Card, card_html, progress_html
-from personal_viz.study_app.screens.pan import BUTTON_LABELS
 from sim.types import TaskKind
 
 from .html_tags import Tags
@@ -110,10 +110,10 @@ def test_the_table_of_keys_names_the_keys_and_buttons_that_work(actions: str) ->
     keys = dict(re.findall(r"(\w+): \[([^\]]+)\]", (STATIC / "page.js").read_text(encoding="utf-8")))
     names = {"ArrowUp": "↑", "ArrowLeft": "←", "ArrowRight": "→", "Enter": "Enter", "NumpadEnter": None}
     expected = []
-    for action in (action for action in BUTTON_LABELS if action in study.action_set):
+    for action in study.action_set:
         codes = re.findall(r"'(\w+)'", keys[action.value])
         shown = [name for code in codes if (name := names.get(code, code.removeprefix("Key")))]
-        expected.append((" or ".join(f"`{name}`" for name in shown), BUTTON_LABELS[action][0]))
+        expected.append((" or ".join(f"`{name}`" for name in shown), catalogue_of("en")(f"pan.{action.value}")))
     text = "".join(instruction_texts(study, "pan", ("none",)))
     rows = [row.split(" | ") for row in re.findall(r"^\| (`.*) \|$", text, flags=re.MULTILINE)]
     found = [(key.split(", ")[0], button.split(", ")[0]) for key, button, _ in rows]
@@ -156,13 +156,13 @@ def test_the_right_answer_is_not_always_the_first_and_stays_where_it_is() -> Non
 
 
 def test_progress_is_said_in_words_and_to_screen_readers() -> None:
-    bar = progress_html(Journey("trial", num_done=3, num_all=12))
+    bar = progress_html(Journey("trial", num_done=3, num_all=12), catalogue_of("en"))
     assert "3 of 12 searches done" in bar
-    assert 'role="progressbar"' in bar
-    assert tags_in(bar) == ["div", "div", "p"]
+    assert '<progress max="12" value="3"' in bar
+    assert tags_in(bar) == ["progress", "p"]
     card = Card("Title <b>", "<p>x</p>", parts=("A", "B", "C"), part=1)
-    assert '<li class="now" aria-current="step">B</li>' in card_html(card)
-    assert "<h1>Title &lt;b&gt;</h1>" in card_html(card)
+    assert '<li class="now" aria-current="step">B</li>' in card_html(card, catalogue_of("en"))
+    assert "<h1>Title &lt;b&gt;</h1>" in card_html(card, catalogue_of("en"))
 
 
 def letter(*said: dict, seat: str = "s") -> str:
@@ -214,10 +214,13 @@ def test_damaged_letters_are_dropped(text: str) -> None:
 
 
 def test_the_script_survives_being_an_attribute() -> None:
-    source = page_html(panel_width=400)
+    source = page_html(catalogue_of("en"))
     assert tags_in(source) == ["style", "img"]
 
-    assert dict(Tags(source).found)["img"]["onerror"] == (STATIC / "page.js").read_text(encoding="utf-8")
+    script = dict(Tags(source).found)["img"]["onerror"] or ""
+    before, _, after = (STATIC / "page.js").read_text(encoding="utf-8").partition("PAGE_WORDS")
+    assert script.startswith(before)
+    assert script.endswith(after)
 
 
 def test_a_screenshot_becomes_a_picture_that_is_small_enough() -> None:

@@ -10,10 +10,13 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
+from human_study.texts.catalogue import catalogue_of
 from personal_viz.study_app.gateway.options import ServeOptions
 from personal_viz.study_app.page_script import SUBPROTOCOL, is_other_viser, page_of, page_version
 
 from .gateways import PRESS, Running, enter, pack, running
+
+ENGLISH = catalogue_of("en")
 
 
 @pytest.fixture(scope="module")
@@ -90,8 +93,8 @@ def test_pages_can_ask_which_version_is_served(second: Running, tmp_path: Path) 
 
 
 def test_a_page_is_viser_s_client_with_our_script_before_it() -> None:
-    page = page_of("0123456789ab").decode()
+    page = page_of("0123456789ab", ENGLISH).decode()
     assert page.index("const MINE = '0123456789ab'") < page.index("<script data-p=")
-    assert page_of("a").replace(b"'a'", b"") == page_of("b").replace(b"'b'", b"")
+    assert page_of("a", ENGLISH).replace(b"'a'", b"") == page_of("b", ENGLISH).replace(b"'b'", b"")
     with pytest.raises(AssertionError):
-        page_of("'; alert(1); '")
+        page_of("'; alert(1); '", ENGLISH)

@@ -10,10 +10,19 @@ from unittest.mock import MagicMock
 import pytest
 
 from human_study.store.store import SupersededError
+from human_study.texts.catalogue import catalogue_of
 from human_study.trial.commands import GiveUp, Measure, Move, PageChanged, PressStop, Resize
 from personal_viz.study_app.page_script import Device, OwnKeys, PageTold, Pressed, RoundTrip, Told
 from personal_viz.study_app.screens.cards import Card, Choice
-from personal_viz.study_app.screens.page import MAX_WAITING, GoneError, Item, Page, WithdrawnError
+from personal_viz.study_app.screens.page import (
+    MAX_WAITING,
+    GoneError,
+    Item,
+    Page,
+    WithdrawnError,
+    description_html,
+    names_in,
+)
 from sim.types import Action
 
 CARD = Card("Title", "<p>text</p>", (Choice("yes", "Yes"),))
@@ -22,7 +31,7 @@ CARD = Card("Title", "<p>text</p>", (Choice("yes", "Yes"),))
 @pytest.fixture
 def page() -> Page:
     """A page that no browser shows."""
-    return Page(MagicMock())
+    return Page(MagicMock(), catalogue_of("en"))
 
 
 def run(work: Awaitable[None]) -> None:
@@ -164,3 +173,38 @@ def test_a_flood_is_cut_off_and_the_seat_still_hears_that_its_browser_is_gone(pa
     page.end(GoneError())
     with pytest.raises(GoneError):
         page.wait(timeout_s=1.0)
+
+
+@pytest.mark.parametrize(
+    ("query", "description", "names"),
+    [
+        ("Find Ludmila's tv", "Ludmila owns the black tv; Emeka the book.", ("Ludmila",)),
+        (
+            "Find the mug of Anne-Marie and Bo",
+            "Bo likes tea. Anne-Marie has a mug. Find it.",
+            ("Find", "Anne-Marie", "Bo"),
+        ),
+        ("Where is the mug?", "The mug is where the tea is.", ()),
+        ("Find the mug of Ada", "Adam and ADA own mugs.", ()),
+        ("", "", ()),
+    ],
+)
+def test_names_are_the_words_that_have_a_capital_everywhere(
+    query: str, description: str, names: tuple[str, ...]
+) -> None:
+    assert names_in(query, description) == names
+
+
+def test_a_paragraph_marks_names_only_on_demand_and_is_escaped() -> None:
+    shown = description_html("Ada's <b> & Ada", "Find Ada's mug", catalogue_of("en"))
+    assert shown.count('<span class="personal-name">Ada</span>') == 2
+    assert "<b>" not in shown
+    assert "&lt;b&gt; &amp; " in shown
+    assert 'data-tool="names"' in shown
+    assert 'aria-pressed="false">Highlight names</button>' in shown
+
+
+def test_a_paragraph_without_names_of_the_query_has_no_button() -> None:
+    shown = description_html("A mug stands on the shelf.", "Find the mug", catalogue_of("en"))
+    assert "<button" not in shown
+    assert "<p>A mug stands on the shelf.</p>" in shown

@@ -12,6 +12,7 @@ from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
 from human_study.journey import Stage
+from human_study.store.records import read_study
 from human_study.store.store import StudyStore
 from human_study.store.writer import StoreFullError
 from human_study.texts.quiz import questions_for
@@ -381,3 +382,92 @@ def test_a_bot_answers_all_pages_and_stops_at_the_last(
     for _ in range(3):
         do_next(who.store, CODE)
     assert answer_pages(session) == LastPage("finished", "ABCD1234")
+
+
+ASKED = {"questions": ("homes", "age")}
+
+
+def at_the_survey(taking: Callable[..., Taking], survey: dict[str, Any] = ASKED) -> Taking:
+    """Somebody who has done all searches of a study with a survey."""
+    who = taking(flow=("consent",), survey=survey)
+    who.page()
+    who.send(choice="agree")
+    while do_next(who.store, CODE) is not None:
+        pass
+    return who
+
+
+def test_the_survey_is_asked_before_the_code_and_its_answers_are_encrypted(taking: Callable[..., Taking]) -> None:
+    who = at_the_survey(taking)
+    page = who.page()
+    assert who.place() == "survey"
+    assert "ABCD1234" not in page
+    assert page.index("How old are you?") < page.index("Had you seen any of these homes")
+    assert page.count("I prefer not to say") == 2
+    assert "checked" not in page
+    assert "gender" not in page
+    who.send(choice="send", age="25_34", homes="prefer_not_to_say")
+    assert who.place() == "finished"
+    assert "ABCD1234" in who.page()
+    assert who.stages()[-3:] == ["survey_begun", "survey_ended", "finished"]
+    assert all(entry.detail == {} for entry in who.store.participant(CODE).stages[-3:])
+    with read_study(who.store.folder) as reader:
+        assert reader.answers("survey") == {CODE: '{"age": "25_34", "homes": "prefer_not_to_say"}'}
+        (stored,) = reader.rows("SELECT payload FROM personal_answer")
+    assert "25_34" not in stored[0]
+
+
+@pytest.mark.parametrize("fields", [{"choice": "skip", "age": "25_34"}, {"choice": "send"}])
+def test_a_survey_may_be_skipped_and_left_empty(taking: Callable[..., Taking], fields: dict[str, str]) -> None:
+    who = at_the_survey(taking)
+    who.page()
+    who.send(**fields)
+    assert who.place() == "finished"
+    with read_study(who.store.folder) as reader:
+        assert set(reader.answers("survey").values()) <= {"{}"}
+
+
+def test_a_survey_stores_known_answers_to_its_own_questions_only(taking: Callable[..., Taking]) -> None:
+    who = at_the_survey(taking)
+    who.page()
+    who.send(choice="send", age="=cmd()", gender="woman", homes="yes", note="<script>")
+    with read_study(who.store.folder) as reader:
+        assert reader.answers("survey") == {CODE: '{"homes": "yes"}'}
+
+
+def test_somebody_at_the_survey_may_still_withdraw(taking: Callable[..., Taking]) -> None:
+    who = at_the_survey(taking)
+    assert "Leave the study" in who.page()
+    who.send(choice="withdraw")
+    assert who.place() == "withdrawn"
+
+
+def test_without_a_survey_nobody_is_asked(taking: Callable[..., Taking]) -> None:
+    who = at_the_survey(taking, {})
+    assert who.place() == "finished"
+    assert "survey_begun" not in who.stages()
+
+
+def test_each_point_of_eligibility_is_confirmed_before_consent(taking: Callable[..., Taking]) -> None:
+    who = taking(flow=("consent",), survey={"eligibility": ("I have not seen these homes.", "I <b>read</b> English.")})
+    page = who.page()
+    assert "I have not seen these homes." in page
+    assert "<b>read" not in who.client.get(who.address).text
+    assert page.count("required") == 2
+    who.send(choice="agree", eligible_0="yes")
+    assert who.place() == "consent"
+    assert who.store.participant(CODE).consent is None
+    who.send(choice="agree", eligible_0="yes", eligible_1="yes")
+    assert who.stages() == ["arrived", "consented"]
+
+
+def test_who_cannot_confirm_a_point_takes_no_part(taking: Callable[..., Taking]) -> None:
+    who = taking(flow=("consent",), survey={"eligibility": ("I have not seen these homes.",)})
+    who.page()
+    who.send(choice="not_eligible")
+    assert who.place() == "screened_out"
+    assert "another kind of computer" not in who.page()
+    assert "needs people who can confirm each point" in who.page()
+    assert who.last_detail() == {"not_eligible": True}
+    assert who.store.participant(CODE).consent is None
+    assert all(trial.is_released for trial in trials_of(who.store, CODE))

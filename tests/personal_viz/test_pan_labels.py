@@ -2,6 +2,7 @@
 
 import pytest
 
+from human_study.texts.catalogue import catalogue_of
 from personal_viz.study_app.screens.pan import button_label
 from sim.types import Action
 
@@ -19,4 +20,4 @@ from sim.types import Action
     ],
 )
 def test_buttons_name_the_keys_that_do_the_same(action: Action, own_keys: dict[str, str], label: str) -> None:
-    assert button_label(action, own_keys) == label
+    assert button_label(action, catalogue_of("en"), own_keys) == label

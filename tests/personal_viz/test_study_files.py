@@ -1,25 +1,37 @@
 """`study init` and `study plan`: texts are frozen with the plan, and nothing that was asked changes in silence."""
 
+import datetime
 import hashlib
+import io
 import json
+import shutil
+import sys
 from pathlib import Path
 
 import pytest
 
 from human_study.design.plan import PLAN_FILE, PlannedParticipant, StudyPlan, StudyScene, load_plan
 from human_study.design.study import STUDY_FILE, StudyConfig, StudyDataset, load_study
+from human_study.texts.words import empty_fields
 from personal_viz.cli.study.init import StudyInit
 from personal_viz.cli.study.plan import StudyPlanVerb
+from personal_viz.cli.study.wizard import ALWAYS
 from personal_viz.study_app.study_files import require_texts
 from sim.errors import StudyError
 
 from .invented import invented_dataset
+from .program import Done, assert_one_line, personal_viz
 
 ETHICS = {
     "irb": "2026-17",
     "institution": "The University of Anywhere",
     "contact": "study@anywhere.example",
     "pay": "12 EUR",
+    "pay_if_leaving": "You get it whenever you stop.",
+    "insurance": "There is none.",
+    "data_protection_officer": "dpo@anywhere.example",
+    "legal_basis": "your consent",
+    "complaint_body": "the Data Protection Authority of Anywhere",
 }
 
 
@@ -29,12 +41,15 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
     study, dataset = tmp_path / "study", tmp_path / "dataset"
     invented_dataset(dataset, name="FlowHome", seed=5)
     StudyInit(study=study, dataset=dataset, per_split=1).run()
-    assert "ethics.institution, ethics.contact, ethics.pay, ethics.irb, privacy.retention\n" in capsys.readouterr().out
+    law = "ethics.insurance, ethics.data_protection_officer, ethics.legal_basis, ethics.complaint_body"
+    fields = f"ethics.institution, ethics.contact, ethics.pay, ethics.pay_if_leaving, {law}, ethics.irb"
+    assert f"{fields}, privacy.retention\n" in capsys.readouterr().out
     file = (study / STUDY_FILE).read_text(encoding="utf-8")
     for asked, instead in (
         ("trials_per_person: null", "trials_per_person: 4"),
-        ("  pan: 2\n  pog: 2", "  pan: 0\n  pog: 0"),
-        ("checks:\n  every: 15", "checks:\n  every: null"),
+        ("  pan: 2\n", "  pan: 0\n"),
+        ("  pog: 2\n", "  pog: 0\n"),
+        ("  every: 15\n", "  every: null\n"),
     ):
         assert asked in file
         file = file.replace(asked, instead)
@@ -68,6 +83,20 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
         path.write_text(before, encoding="utf-8")
 
 
+def test_marks_go_to_objects_only_where_the_files_of_a_scan_tell_of_objects(tmp_path: Path, demo_root: Path) -> None:
+    study, scans = tmp_path / "study", tmp_path / "scans"
+    StudyInit(study=study, dataset=demo_root, per_split=1, task=("pog",)).run()
+    file = (study / STUDY_FILE).read_text(encoding="utf-8")
+    assert "pointing: free" in file
+    (study / STUDY_FILE).write_text(file.replace("pointing: free", "pointing: snap"), encoding="utf-8")
+    scans.mkdir()
+    shutil.copy(demo_root / "scenes" / "Demo.glb", scans)
+    with pytest.raises(StudyError, match=r"pog\.pointing is 'snap', but no file tells .* expected Demo\.semantic\.glb"):
+        StudyPlanVerb(study=study, dataset=demo_root, scenes_dir=scans, pilot=True).run()
+    assert not (study / PLAN_FILE).exists()
+    assert StudyPlanVerb(study=study, dataset=demo_root, pilot=True).run() == 0  # the plan tells of its objects
+
+
 def test_marks_that_an_earlier_version_planned_are_not_shown_to_anybody_new(tmp_path: Path) -> None:
     text = "Ask [to be filled in: ethics.contact]."
     (tmp_path / "consent.md").write_text(text, encoding="utf-8")
@@ -82,3 +111,63 @@ def test_marks_that_an_earlier_version_planned_are_not_shown_to_anybody_new(tmp_
         require_texts(tmp_path, config, made)
     (tmp_path / "study.db").touch()  # it has begun, and keeps what people have read
     require_texts(tmp_path, config, made)
+
+
+def init_with(monkeypatch: pytest.MonkeyPatch, dataset: Path, answers: str) -> Done:
+    """`study init --wizard` in the current folder with these lines on standard input."""
+    monkeypatch.setattr(sys, "stdin", io.StringIO(answers))
+    return personal_viz("study", "init", "study", "--dataset", dataset, "--wizard")
+
+
+def test_the_wizard_asks_for_what_only_a_person_knows_and_checks_each_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset = tmp_path / "dataset"
+    invented_dataset(dataset, name="FlowHome", seed=5)
+    monkeypatch.chdir(tmp_path)
+    answers = {
+        "study": "our study\nour-study",
+        "task": "pan, pog",
+        "design.kind": "hous-once\ncrossed",
+        "design.trials_per_person": "many\n12",
+        "ethics.pay": "12 EUR: an hour # paid at the end",
+        "ethics.irb": "2026-11-22",
+        "ethics.contact": "[A, b@c.example",
+        "privacy.retention": "2027-02-31\n2027-12-31",
+    }
+    places = (*ALWAYS, *empty_fields(StudyConfig(study="x", dataset=StudyDataset(sha256="x"), task=("pan",))))
+    done = init_with(monkeypatch, dataset, "".join(answers.get(place, "") + "\n" for place in places))
+    assert (done.returncode, done.stderr) == (0, "")
+    config = load_study(tmp_path / "study")
+    assert (config.study, config.task, config.design.kind) == ("our-study", ("pan", "pog"), "crossed")
+    assert (config.design.trials_per_person, config.design.raters_per_episode) == (12, 5)
+    assert config.ethics.model_dump(include={"pay", "irb", "contact"}) == {
+        "pay": answers["ethics.pay"],
+        "irb": answers["ethics.irb"],
+        "contact": answers["ethics.contact"],
+    }
+    assert config.privacy.retention == datetime.date(2027, 12, 31)
+    assert "answer: study is 'our study'; expected: String should match pattern" in done.stdout
+    assert "answer: design.kind is 'hous-once'; expected: Input should be 'house-once' or 'crossed'. Did you mean" in (
+        done.stdout
+    )
+    assert "answer: privacy.retention is '2027-02-31'" in done.stdout
+    left = [line for line in done.stdout.splitlines() if line.startswith("Before people take part")]
+    assert "ethics.institution" in left[0]
+    assert "ethics.pay," not in left[0]
+
+
+def test_a_wizard_that_ends_early_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    dataset = tmp_path / "dataset"
+    invented_dataset(dataset, name="FlowHome", seed=5)
+    monkeypatch.chdir(tmp_path)
+    assert_one_line(init_with(monkeypatch, dataset, "ours\npog\n"), "--wizard: found no answer for design.kind")
+    assert not (tmp_path / "study").exists()
+
+    def interrupted(_: str) -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("builtins.input", interrupted)
+    done = init_with(monkeypatch, dataset, "")
+    assert (done.returncode, done.stderr) == (130, "personal-viz: stopped\n")
+    assert not (tmp_path / "study").exists()

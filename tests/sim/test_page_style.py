@@ -81,7 +81,7 @@ def test_no_other_style_sheet_has_a_colour_or_a_typeface() -> None:
 
 
 def test_every_token_that_a_style_sheet_names_exists() -> None:
-    known = set(re.findall(r"--personal-([\w-]+):", tokens_css())) | {"panel"}
+    known = set(re.findall(r"--personal-([\w-]+):", tokens_css()))
     texts = [path.read_text(encoding="utf-8") for pattern in STYLED for path in (ROOT / "personal_viz").rglob(pattern)]
     texts += [(ROOT / "human_study/report/page.py").read_text(encoding="utf-8")]
     assert set(re.findall(r"var\(--personal-([\w-]+)", "\n".join(texts))) <= known

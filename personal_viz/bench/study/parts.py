@@ -56,6 +56,8 @@ PLAN = Plan(
         "soak.clients_growth": Target(0.0),
         "soak.clients_left": Target(0.0),
         "soak.leases_left": Target(0.0),
+        "soak.gateway_drift_percent": Target(10.0),
+        "soak.workers_drift_percent": Target(10.0),
     }
 )
 """Targets of HUMAN_STUDY.md, section 10. Thread pools of the serving process and workers may still add 16 threads and

@@ -1,21 +1,28 @@
 """Measures whether the server's resources grow over minutes with bots that come and go, too fast or too slow."""
 
 import json
+import statistics
 import time
 from pathlib import Path
+
+import psutil
 
 from ...bots.forms import ask
 from ...bots.records import BotKind, count_bots
 from ...bots.server import Server
-from ..harness import Progress, Values, held_by
+from ..harness import Progress, Values, held_by, resident_mb
 from .crew import CrewSettings, staffed
 
 _SETTLE_S = 30.0
 """Longest wait until the server has noticed that somebody left, seconds."""
 _WARM_UP_S = 10.0
 """Seconds for which everybody acts before the first measurement: thread pools grow with their first work."""
-_MOMENTS = 10
-"""Number of evenly spread memory measurements."""
+_SPANS = 10
+"""The run's equal spans, minutes of a full run; each one's median memory counts."""
+_LEVEL_SPAN = 3
+"""The span after the third minute: memory should be level from here on."""
+_SAMPLES = 10
+"""Number of memory measurements in a span."""
 
 
 class SoakSettings(CrewSettings):
@@ -37,10 +44,11 @@ def measure_soak(settings: SoakSettings, *, folder: Path, dataset: Path, progres
 
     Returns:
         The server's resources (`held_by`) `at_start`, when everybody was there for the first time, `at_end`, and
-        `at_leave`, when all had left; `..._growth` from start to end, where `clients` are viser's; for memory also
-        `rss_growth_second_half_mb`, near 0 unless something leaks (everybody's first trials fall into the first half);
-        `connections`, all that the bots opened; `clients_left`, and `leases_left`, participants that the server counts
-        as present after everybody has left.
+        `at_leave`, when all had left; `..._growth` from start to end, where `clients` are viser's; `connections`, all
+        that the bots opened; `clients_left`, and `leases_left`, participants that the server counts as present after
+        everybody has left; `gateway_drift_percent` and `workers_drift_percent`, the growth of the serving process's
+        memory and of all workers' together from the fourth tenth of the run (in a full one, the minute after the third)
+        to the last tenth, between their medians; `gateway_mb` and `workers_mb`, the medians in the last tenth.
     """
     with staffed(folder, dataset, settings) as (server, site, bots):
         bots.arrive()
@@ -50,10 +58,7 @@ def measure_soak(settings: SoakSettings, *, folder: Path, dataset: Path, progres
         at_start, began_s = _settled(server, settings.bots), time.perf_counter()
         progress(f"soak: {settings.bots} bots act for {settings.seconds:g} s")
         bots.begin()
-        rss_mb = []
-        for _ in range(_MOMENTS):
-            time.sleep(settings.seconds / _MOMENTS)
-            rss_mb.append(held_by(server.pid)["rss_mb"])
+        spans = [_memory(server, settings.seconds / _SPANS) for _ in range(_SPANS)]
         bots.halt()
         at_end, seconds = _settled(server, settings.bots), time.perf_counter() - began_s
         bots.leave()
@@ -61,6 +66,7 @@ def measure_soak(settings: SoakSettings, *, folder: Path, dataset: Path, progres
         leases_left = _people_here(server.dashboard)
         found = count_bots(site.folder, bots.logs)
     growth = {f"{name}_growth": at_end[name] - at_start[name] for name in ("fds", "threads", "clients")}
+    last, level = spans[-1], spans[_LEVEL_SPAN]
     return {
         "participants": settings.bots,
         "seconds": seconds,
@@ -70,7 +76,8 @@ def measure_soak(settings: SoakSettings, *, folder: Path, dataset: Path, progres
         "duplicated": found.duplicated,
         **growth,
         "rss_growth_mb": at_end["rss_mb"] - at_start["rss_mb"],
-        "rss_growth_second_half_mb": rss_mb[-1] - rss_mb[_MOMENTS // 2 - 1],
+        **{f"{name}_mb": last[name] for name in last},
+        **{f"{name}_drift_percent": 100 * (last[name] / level[name] - 1) for name in last},
         "peak_mb": at_end["peak_mb"],
         "clients_left": at_leave["clients"],
         "leases_left": leases_left,
@@ -79,6 +86,16 @@ def measure_soak(settings: SoakSettings, *, folder: Path, dataset: Path, progres
         "at_leave": at_leave,
         "problems": (*bots.problems, *found.lost),
     }
+
+
+def _memory(server: Server, seconds: float) -> dict[str, float]:
+    """Median resident memory during a span of time, MB of 10^6 bytes: of the `gateway`, and of all `workers`."""
+    samples = list[tuple[float, float]]()
+    for _ in range(_SAMPLES):
+        time.sleep(seconds / _SAMPLES)  # between two measurements
+        samples.append((resident_mb([psutil.Process(server.pid)]), resident_mb(server.workers)))
+    gateway, workers = zip(*samples, strict=True)
+    return {"gateway": statistics.median(gateway), "workers": statistics.median(workers)}
 
 
 def _settled(server: Server, people: int) -> dict[str, float]:

@@ -8,6 +8,8 @@ from tyro.conf import Positional, arg
 
 from human_study.export.manifest import read_manifest
 from human_study.export.study_export import export_study
+from human_study.export.survey import LEAST_IN_A_CELL, small_cells
+from human_study.report.source import read_survey
 from human_study.store.records import read_study
 from sim.words.english import how_many
 
@@ -37,5 +39,12 @@ class StudyExport:
             f"{len(manifest.left_out)} of them in no run (practice, attention, failures){deleted}; "
             "data_dictionary.md explains the columns"
         )
+        rows = read_survey(out)
+        if rows:
+            print(
+                "survey.csv holds answers of single people, who were told that these are not published: keep it apart."
+            )
+            if cells := small_cells(rows):
+                print(f"Fewer than {LEAST_IN_A_CELL} people each, who may be recognised: {', '.join(cells)}")
         print("exclusions.csv holds your own words: read it before you publish the folder.")
         return 0

@@ -7,7 +7,17 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from human_study.design.study import MAX_STUDY_NAME, STUDY_FILE, StudyConfig, StudyDataset, StudyDesign, save_study
+from human_study.design.study import (
+    MAX_STUDY_NAME,
+    SCHEMA_FILE,
+    STUDY_FILE,
+    Language,
+    StudyAggregate,
+    StudyConfig,
+    StudyDataset,
+    StudyDesign,
+    save_study,
+)
 from human_study.private_files import write_private
 from human_study.texts.participants import TEXT_FILES, write_texts
 from human_study.texts.words import empty_fields
@@ -17,6 +27,7 @@ from sim.errors import StudyError
 from sim.types import SPLITS, Split
 
 from ..options import Dataset, Evidence, dataset_options
+from .wizard import asked
 
 CODES_TEMPLATE = """# Codes that the recruiting platform gave for this study; uncomment with
 # recruit.kind: prolific. Never share this file.
@@ -37,8 +48,10 @@ class StudyInit:
     name: Annotated[str | None, arg(help="Public name of the study; that of the folder by default.")] = None
     task: Annotated[tuple[Literal["pan", "pog"], ...], arg(help="Both: each participant does one of them.")] = ("pan",)
     design: Literal["house-once", "crossed"] = "house-once"
+    language: Annotated[Language, arg(help="Language of the texts for participants.")] = "en"
     per_split: Annotated[int, arg(help="Episodes of each split.")] = 50
     seed: int = 0
+    wizard: Annotated[bool, arg(help="Ask here for what only a person knows, such as pay and approval.")] = False
 
     def run(self) -> int:
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
@@ -52,14 +65,19 @@ class StudyInit:
             study=self.name or _study_name(self.study),
             dataset=StudyDataset(sha256=episodes.digest(), splits=splits, seed=self.seed),
             task=self.task,
+            language=self.language,
             design=StudyDesign(kind=self.design),
+            aggregate=StudyAggregate(intervals="homes"),
         )
+        if self.wizard:
+            config = asked(config)
         save_study(self.study, config)
-        write_texts(self.study)
+        write_texts(self.study, self.language)
         write_private(self.study / CODES_FILE, CODES_TEMPLATE)
-        print(f"Written to {self.study}: {STUDY_FILE}, {', '.join(TEXT_FILES)}, {CODES_FILE}")
+        print(f"Written to {self.study}: {STUDY_FILE}, {SCHEMA_FILE}, {', '.join(TEXT_FILES)}, {CODES_FILE}")
         left = [field for field in empty_fields(config) if field != "ethics.duration_min"]  # the plan estimates it
-        print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
+        if left:
+            print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
         print(f"Next: personal-viz study plan {self.study} {dataset_options(self.dataset, self.evidence)}")
         return 0
 

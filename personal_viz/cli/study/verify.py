@@ -13,7 +13,7 @@ from human_study.design.plan import PRACTICE_FOLDER, StudyPlan, StudyScene, load
 from human_study.design.secrets import new_id
 from human_study.design.study import load_study
 from human_study.export.verify import verify_trial
-from human_study.store.database import take_lock
+from human_study.store.lock import take_lock
 from human_study.store.records import StoredTrial, VerificationEntry, read_study
 from human_study.store.store import open_store
 from personal_viz.study_app.home.trial_homes import open_trial_home, sim_hash

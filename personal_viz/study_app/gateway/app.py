@@ -97,7 +97,7 @@ class Gateway:
             note_error: Stores an error of a participant's connection with the trial; called from any thread.
         """
         self._version = options.page_version or page_version()
-        self._page = page_of(self._version)
+        self._page = page_of(self._version, pages.words)
         self._note_error = note_error
         self._admission, self._seats, self._tickets, self._options = admission, seats, tickets, options
         self._pages = pages
@@ -134,7 +134,7 @@ class Gateway:
 
     async def enter_page(self, _: Request) -> Response:
         """The page that trades the token in its address, or the parameters of a recruiting platform, for a session."""
-        return FileResponse(STATIC / "enter.html")
+        return self._enter_page()
 
     async def enter(self, request: Request) -> Response:
         """A session for a known token: the address of its pages, and a cookie for them and their websocket only."""
@@ -170,7 +170,7 @@ class Gateway:
         """The participant's current page; the answer of a form is stored and leads to the next page."""
         ticket_id, code = request.path_params["ticket"], self._holder(request)
         if code is None:
-            return FileResponse(STATIC / "enter.html")
+            return self._enter_page()
         base = f"/page/{ticket_id}/"
         with self._present(code):
             if request.method == "POST":
@@ -187,7 +187,7 @@ class Gateway:
         """The page that asks somebody who wants to leave the study to confirm it."""
         code, base = self._holder(request), f"/page/{request.path_params['ticket']}/"
         if code is None:
-            return FileResponse(STATIC / "enter.html")
+            return self._enter_page()
         shown = await run_in_threadpool(self._pages.leaving, code, base)
         return RedirectResponse(base, status_code=303) if shown is None else HTMLResponse(shown, headers=_PAGE_HEADERS)
 
@@ -222,7 +222,7 @@ class Gateway:
         asked = request.query_params.get("websocket", "").partition("/ws/")[2]
         ticket_id = asked.partition("/")[0]
         if self._tickets.find(ticket_id) is None:
-            return FileResponse(STATIC / "enter.html")
+            return self._enter_page()
         if asked != f"{ticket_id}/{self._version}":
             return RedirectResponse(self._view_address(request, ticket_id))
         return Response(self._page, media_type="text/html", headers={"Content-Security-Policy": _VISER_CSP})
@@ -282,6 +282,9 @@ class Gateway:
         if not request.url.path.startswith("/page/"):
             return PlainTextResponse("the study is paused", status_code=503, headers=later)
         return HTMLResponse(self._pages.message("paused"), status_code=503, headers=_PAGE_HEADERS | later)
+
+    def _enter_page(self) -> Response:
+        return HTMLResponse(self._pages.message("enter"))
 
     def _view_address(self, request: Request, ticket_id: str) -> str:
         host = request.headers["host"]

@@ -14,12 +14,12 @@ import jinja2
 from markupsafe import Markup
 
 from human_study.design.study import Condition, StudyConfig
-from human_study.journey import Journey, Person, Stage, journey_of, last_detail
+from human_study.journey import Journey, Person, Stage, has_reached, journey_of, last_detail
 from human_study.store.store import StudyStore
+from human_study.texts.catalogue import catalogue_of
 from human_study.texts.participants import (
     CONSENT_FILE,
     INSTRUCTIONS_FILE,
-    PARTS,
     instruction_texts,
     leave_text,
     parts_of,
@@ -27,8 +27,7 @@ from human_study.texts.participants import (
     welcome_text,
 )
 from human_study.texts.quiz import Question, QuizRound, questions_for
-from sim.mesh import UNNAMED_LABELS
-from sim.words.english import waiting_time
+from human_study.texts.survey import answers_to_json, given_answers, questions_of
 
 from ..markdown import html_from_markdown, title_of
 from ..recruit_codes import EndCode
@@ -67,6 +66,8 @@ class Pages:
         self._quizzes: dict[str, QuizRound] = {}
         """Unfinished rounds of the quiz by participant, so that a reload does not begin a new one."""
         self._locks: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
+        self.words = catalogue_of(store.config.language)
+        """Short texts in the study's language."""
         self._templates = jinja2.Environment(
             loader=jinja2.FileSystemLoader(TEMPLATES),
             undefined=jinja2.StrictUndefined,
@@ -74,6 +75,7 @@ class Pages:
             trim_blocks=True,
             lstrip_blocks=True,
         )
+        self._templates.globals["words"] = self.words
 
     @property
     def _config(self) -> StudyConfig:
@@ -107,7 +109,7 @@ class Pages:
             return self._html("leave", person, journey, base, on_leave=leave_text(self._config))
 
     def message(self, name: str) -> str:
-        """A page that belongs to no place in the study: `paused`."""
+        """A page that belongs to no place in the study: `enter`, `paused`."""
         return self._templates.get_template(f"{name}.html").render(parts=(), part=0, base="", place="", may_leave=False)
 
     def answer(self, code: str, form: Mapping[str, str]) -> None:
@@ -138,7 +140,10 @@ class Pages:
             elif journey.place == "ending":
                 if self._store.next_trial(code) is None:
                     has_done = any(trial.phase == "main" for trial in person.kept)
-                    self._store.enter_stage(code, "finished" if has_done else "full")
+                    is_asked = (
+                        has_done and self._config.survey.questions and not has_reached(person.stages, "survey_ended")
+                    )
+                    self._store.enter_stage(code, "survey_begun" if is_asked else "finished" if has_done else "full")
             elif journey.place == "quiz" and (quiz := self._quizzes.get(code)) is not None and quiz.present is None:
                 detail = {"round": 1 + journey.failed_rounds, "wrong": quiz.wrong}
                 self._store.enter_stage(code, "quiz_failed" if quiz.wrong else "quiz_passed", detail)
@@ -162,23 +167,28 @@ class Pages:
                     "smaller": SMALLER,
                 }
             case "consent":
-                words = _text_words(told_text(self._texts, CONSENT_FILE, person.task), "Before you begin")
+                words = _text_words(told_text(self._texts, CONSENT_FILE, person.task), self.words("consent.title"))
+                words["eligibility"] = self._config.survey.eligibility
             case "instructions":
                 words = self._instructions(person, page)
             case "quiz":
                 words = self._question(person, journey)
             case "pause":
-                words = {"back_in": waiting_time(left_s) if (left_s := self._left_s(journey)) > 0 else None}
+                left_s = self._left_s(journey)
+                words = {"back_in": self.words.waiting_time(left_s) if left_s > 0 else None}
+            case "survey":
+                words = {"questions": questions_of(self._config)}
             case "finished" | "declined" | "withdrawn" | "screened_out" | "full":
                 words = {"end": self._end_code(person.code, journey.place)}
+                words["is_eligible"] = not last_detail(person.stages, "screened_out").get("not_eligible")
             case _:
                 words = {}
         return self._html(_TEMPLATE_OF.get(journey.place, journey.place), person, journey, base, **words)
 
     def _html(self, name: str, person: Person, journey: Journey, base: str, **words: Any) -> str:
         parts = parts_of(self._config, person)
-        own = PARTS.get("trial" if journey.place in ("break", "pause") else journey.place)
-        part = parts.index(own) if own is not None and own in parts else None
+        own = "trial" if journey.place in ("break", "pause") else journey.place
+        part = parts.index(own) if own in parts else None
         return self._templates.get_template(f"{name}.html").render(
             parts=() if part is None else parts,
             part=part,
@@ -200,15 +210,15 @@ class Pages:
 
     def _instructions(self, person: Person, page: int) -> dict[str, Any]:
         if self._config.flow == ("instructions",):
-            words = _text_words(welcome_text(self._config, person.task), "Welcome")
+            words = _text_words(welcome_text(self._config, person.task), self.words("instructions.welcome"))
             scene = self._store.plan.scene(person.kept[0].key.scene) if person.kept else None
-            home = UNNAMED_LABELS[scene.kind] if scene is not None else None
+            home = self.words(f"home.{scene.kind}") if scene is not None else None
             return {**words, "page": 1, "num_pages": 1, "home": home, "is_only": True}
         own = told_text(self._texts, INSTRUCTIONS_FILE, person.task)
         conditions: list[Condition] = [trial.condition for trial in person.kept]
         pages = (*([own] if own.strip() else []), *instruction_texts(self._config, person.task, conditions))
         page = min(page, len(pages))
-        words = _text_words(pages[page - 1], "About this study")
+        words = _text_words(pages[page - 1], self.words("instructions.title"))
         return {**words, "page": page, "num_pages": len(pages), "home": None, "is_only": False}
 
     def _quiz(self, person: Person, journey: Journey) -> QuizRound:
@@ -230,7 +240,7 @@ class Pages:
             "answers": _shuffled(person, question),
             "number": quiz.answered + 1,
             "num_all": len(quiz.questions),
-            "because": _html_of(f"**Not quite.** {question.because} Please answer again.")
+            "because": _html_of(self.words("quiz.wrong", because=question.because))
             if question.name in quiz.wrong
             else None,
         }
@@ -245,6 +255,12 @@ class Pages:
         match journey.place, choice:
             case "device", _:
                 self._store_device(person, form)
+            case "consent", "agree" if not all(
+                form.get(f"eligible_{number}") for number, _ in enumerate(self._config.survey.eligibility)
+            ):
+                return  # a browser that does not require the boxes; the page is shown again
+            case "consent", "not_eligible" if self._config.survey.eligibility:
+                self._store.enter_stage(code, "screened_out", {"not_eligible": True})
             case "consent", "agree" | "decline":
                 text = told_text(self._texts, CONSENT_FILE, person.task)
                 self._store.give_consent(code, text, given=choice == "agree")
@@ -253,6 +269,10 @@ class Pages:
                 self._store.enter_stage(code, "instructed", {"after_failed_rounds": journey.failed_rounds})
             case "quiz", _:
                 self._store_quiz(person, journey, form.get("answer", ""))
+            case "survey", "send" | "skip":
+                if choice == "send":
+                    self._store.keep_answer(code, "survey", answers_to_json(given_answers(self._config, form)))
+                self._store.enter_stage(code, "survey_ended")
             case "break", "next":
                 self._store.enter_stage(code, "break_ended", done)
             case "pause", "next" if self._left_s(journey) <= 0:

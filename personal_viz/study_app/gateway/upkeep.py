@@ -44,7 +44,13 @@ class Upkeep:
 
     def tick(self) -> None:
         """Does one round; a part that fails is reported and tried again in a later round."""
-        for work in (self._do_requests, self._keeper.tick, self._back_up, self._look_at_disk):
+        for work in (
+            self._do_requests,
+            self._keeper.tick,
+            self._store.look_after_log,
+            self._back_up,
+            self._look_at_disk,
+        ):
             try:
                 work()
             except StudyError as error:

@@ -20,6 +20,7 @@ _PLACES: dict[Place, str] = {
     "break": "break",
     "pause": "between two sittings",
     "ending": "last page",
+    "survey": "questions after the last trial",
     "finished": "finished",
     "dropped_out": "dropped out",
     "declined": "declined",

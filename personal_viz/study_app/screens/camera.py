@@ -5,7 +5,7 @@ The camera's pose is sampled while it moves.
 
 import asyncio
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from functools import partial
 
 import numpy as np
@@ -30,13 +30,14 @@ SAMPLE_EVERY_S = 1.1 * CAMERA_EVERY_S
 """A little more than the session's limit, so that it keeps every sample."""
 _SHIFT = 0.15
 """A map moves by this share of the camera's height per press."""
-_SIDES = {"Left": (-1, 0), "Right": (1, 0), "Up": (0, 1), "Down": (0, -1)}
+SIDES = {"left": (-1, 0), "right": (1, 0), "up": (0, 1), "down": (0, -1)}
+"""(right, up) on the screen by the name of a side."""
 
 
 def add_storey_buttons(page: Page, count: int, send: Send) -> None:
     """Adds a button for each storey, where there are several."""
     for index in range(count if count > 1 else 0):
-        page.button(f"Show storey {index + 1} of {count}", partial(send, ShowStorey(index)))
+        page.button(page.words("camera.storey", number=index + 1, all=count), partial(send, ShowStorey(index)))
 
 
 def add_camera_buttons(page: Page, *, is_map: bool) -> None:
@@ -46,9 +47,9 @@ def add_camera_buttons(page: Page, *, is_map: bool) -> None:
         page: The participant's page.
         is_map: Whether the buttons move a picture from above, instead of turning a home.
     """
-    label, move = ("Move the map", shift) if is_map else ("Turn the view", orbit)
-    _add_group(page, label, tuple(_SIDES), move)
-    _add_group(page, "Zoom", ("In", "Out"), zoom)
+    label, move = ("camera.move", shift) if is_map else ("camera.turn", orbit)
+    add_group(page, page.words(label), tuple(SIDES), partial(_move, page, move))
+    add_group(page, page.words("camera.zoom"), ("in", "out"), partial(_move, page, zoom))
 
 
 def sample_camera(page: Page, send: Send) -> None:
@@ -73,7 +74,7 @@ def sample_camera(page: Page, send: Send) -> None:
 
 def orbit(camera: viser.CameraHandle, side: str) -> None:
     """Moves the camera around its target; the home's ground stays level."""
-    right, up = _SIDES[side]
+    right, up = SIDES[side]
     offset = np.asarray(camera.position, float) - camera.look_at
     distance = float(np.linalg.norm(offset))
     azimuth = math.atan2(offset[0], offset[2]) + right * TURN
@@ -86,7 +87,7 @@ def orbit(camera: viser.CameraHandle, side: str) -> None:
 
 def shift(camera: viser.CameraHandle, side: str) -> None:
     """Moves the camera over a map that is seen from straight above, north (-z) up."""
-    right, up = _SIDES[side]
+    right, up = SIDES[side]
     offset = np.asarray(camera.position, float) - camera.look_at
     step = _SHIFT * float(np.linalg.norm(offset))
     place_camera(camera, np.asarray(camera.look_at, float) + np.array([right * step, 0.0, -up * step]), offset)
@@ -97,7 +98,7 @@ def zoom(camera: viser.CameraHandle, way: str) -> None:
     offset = np.asarray(camera.position, float) - camera.look_at
     distance = float(np.linalg.norm(offset))
     nearest, furthest = min(DISTANCES[0], distance), max(DISTANCES[1], distance)
-    wanted = min(max(distance * (ZOOM if way == "In" else 1 / ZOOM), nearest), furthest)
+    wanted = min(max(distance * (ZOOM if way == "in" else 1 / ZOOM), nearest), furthest)
     place_camera(camera, np.asarray(camera.look_at, float), offset * (wanted / distance))
 
 
@@ -113,10 +114,26 @@ def four(values: Iterable[float]) -> tuple[float, float, float, float]:
     return (w, x, y, z)
 
 
-def _add_group(page: Page, label: str, names: tuple[str, ...], move: Callable[[viser.CameraHandle, str], None]) -> None:
-    group = page.add(page.client.gui.add_button_group(label, names))
+def add_group(
+    page: Page, label: str, names: Sequence[str], press: Callable[[str], Awaitable[None]], *, hint: str | None = None
+) -> None:
+    """Adds a group of buttons, until the next `Page.clear`.
+
+    Args:
+        page: The participant's page.
+        label: The group's label.
+        names: Names of the buttons; their labels are the words `camera.<name>`.
+        press: Called with the name of the pressed button, on viser's event loop.
+        hint: Words that appear beside the pointer.
+    """
+    by_label = {page.words(f"camera.{name}"): name for name in names}
+    group = page.add(page.client.gui.add_button_group(label, tuple(by_label), hint=hint))
 
     @group.on_click
     async def _(event: viser.GuiEvent) -> None:
-        if event.target.value in names:  # a browser may send any name
-            move(page.client.camera, event.target.value)
+        if event.target.value in by_label:  # a browser may send any label
+            await press(by_label[event.target.value])
+
+
+async def _move(page: Page, move: Callable[[viser.CameraHandle, str], None], name: str) -> None:
+    move(page.client.camera, name)

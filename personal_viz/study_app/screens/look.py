@@ -5,36 +5,13 @@ import functools
 import html
 
 from human_study.trial.commands import CloseMap
-from human_study.trial.events import MapKind
 from human_study.trial.views import LookView
-from sim.words.english import countdown
 
 from ..home.homes import Home
 from ..home.surfaces import HomeSurface
 from ..home.top_view import TopView
 from .camera import add_camera_buttons, add_storey_buttons, sample_camera
 from .page import Page, Send, overlay_html, roomy_html
-
-_WORDS: dict[MapKind, tuple[str, str, str]] = {
-    "topdown": (
-        "Look at the home from above",
-        "Afterwards you will walk in it, without this map.",
-        "Start walking",
-    ),
-    "glb": (
-        "Look around in the home",
-        f"{HomeSurface.advice} Afterwards you will walk in it, without this view.",
-        "Start walking",
-    ),
-    "home": (
-        "Look around in the home",
-        f"{HomeSurface.advice} Afterwards you will read what to find, and point at it.",
-        "Show what to find",
-    ),
-}
-"""Title, advice, and the button that begins the task."""
-_LONGEST = "88:88 minutes left. You can go on in 88:88 minutes."
-"""The longest text of the clock; it reserves room, so that nothing below the clock moves."""
 
 
 class LookScreen:
@@ -64,8 +41,9 @@ class LookScreen:
         add_storey_buttons(page, len(view.storeys), send)
         if self._surface is not None:
             add_camera_buttons(page, is_map=False)
-        begin, close = _WORDS[view.what][2], functools.partial(send, CloseMap())
-        page.button(begin, close, color="green")
+        begin, close = page.words(f"look.{view.what}_begin"), functools.partial(send, CloseMap())
+        with page.always_visible("bottom"):
+            page.button(begin, close, color="green")
         page.hotkey("enter", begin, close)
         self._show_storey(view.storey)
         self._draw_status()
@@ -86,19 +64,21 @@ class LookScreen:
             self._page.client.flush()
 
     def _draw_status(self) -> None:
-        view = self._shown
-        title, advice, _ = _WORDS[view.what]
-        clock = "Take as long as you like."
+        view, words = self._shown, self._page.words
+        around = {} if view.what == "topdown" else {"advice": words("pog.home_advice")}
+        title, advice = words(f"look.{view.what}_title"), words(f"look.{view.what}_advice", **around)
+        clock = words("look.unlimited")
         if view.left_s is not None:
-            clock = f"{countdown(view.left_s)} left."
+            clock = words("look.left_time", time=words.countdown(view.left_s))
         if view.wait_s:
-            clock += f" You can go on in {countdown(view.wait_s)}."
+            clock += " " + words("look.wait_time", time=words.countdown(view.wait_s))
+        longest = words("number.clock", minutes=88, seconds=88)  # reserves room, so that nothing below moves
+        longest = f"{words('look.left_time', time=longest)} {words('look.wait_time', time=longest)}"
+        title, advice, clock = html.escape(title), html.escape(advice), html.escape(clock)
         self._status.content = (
             f'<div class="personal-caption">{self._caption}</div>'
-            f'<div class="personal-text" style="padding:.3em .65rem">'
-            f'<p style="font-size:1.2em;font-weight:600;margin:.2em 0">{title}</p>'
-            f'<p style="margin:.2em 0">{advice}</p>'
-            f'<div role="timer" style="margin:.5em 0;font-weight:600">{roomy_html(clock, _LONGEST)}</div></div>'
+            f'<div class="personal-text personal-look"><p class="personal-query">{title}</p><p>{advice}</p>'
+            f'<div role="timer"><b>{roomy_html(clock, longest)}</b></div></div>'
         )
         self._page.client.flush()
 

@@ -5,17 +5,20 @@ viser's event loop.
 """
 
 import asyncio
+import contextlib
 import dataclasses
 import html
 import queue
+import re
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import viser
 
+from human_study.texts.catalogue import Catalogue
 from human_study.trial.commands import Measure, Move, PageChanged, PressStop, Resize
 from sim.types import Action, Task
 
@@ -35,11 +38,7 @@ from ..page_script import (
 from .cards import Card, card_html
 
 PANEL_WIDTH = 400
-"""Width of the side panel with texts and buttons, pixels."""
-GIVE_UP = "Give up this search"
-GIVING_UP = "Press Give up again to end this search"
-AGAIN = ": press again"
-"""Added to the label of STOP or giving up after the first press."""
+"""Width at which viser opens the side panel, pixels; `page.css` makes it wider for larger text."""
 MAX_WAITING = 200
 """Most inputs that may wait; a person never has more than a few."""
 PAGE_COMMANDS = (PageChanged, Resize, Measure)
@@ -78,9 +77,9 @@ class Item:
 class Page:
     """One participant's page; `clear` empties it for the next screen."""
 
-    def __init__(self, client: viser.ClientHandle) -> None:
-        """Sets up the page, once per connection."""
-        self.client = client
+    def __init__(self, client: viser.ClientHandle, words: Catalogue) -> None:
+        """Sets up the page in a language, once per connection."""
+        self.client, self.words = client, words
         self.has_lost_picture = False
         """Whether the browser can no longer draw in 3-D until the page is loaded again."""
         self.own_keys: Mapping[KeyAction, str] = {}
@@ -95,11 +94,11 @@ class Page:
         self._handles: list[Any] = []
         self._on_camera: list[CameraListener] = []
         client.gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False)
-        client.gui.set_panel_label("PersONAL study")
+        client.gui.set_panel_label(words("study.title"))
         client.gui.main_panel.dock_right()
         client.gui.main_panel.set_width(PANEL_WIDTH)
         client.camera.on_update(self._camera_moved)
-        client.gui.add_html(page_html(panel_width=PANEL_WIDTH))
+        client.gui.add_html(page_html(words))
         self._sign, self._signed = client.gui.add_html(""), ("", 0)
 
     def new_screen(self, *, hears: tuple[type, ...] = PAGE_COMMANDS) -> Send:
@@ -222,17 +221,22 @@ class Page:
         """Calls `listener` too whenever the 3-D camera has moved, until the next `clear`."""
         self._on_camera.append(listener)
 
-    def task_texts(self, task: Task) -> None:
-        """Adds the query, then the paragraph; nothing else of the episode exists here."""
-        query = html.escape(task.queries[0])
-        description = html.escape(task.description)
-        self.add(
-            self.client.gui.add_html(
-                f'<div class="personal-text" style="padding:.5em .65rem">'
-                f'<p style="font-size:1.2em;font-weight:600;line-height:1.35;margin:.2em 0 .6em">{query}</p>'
-                f'<div class="scroll" tabindex="0" role="region" aria-label="Who owns what">{description}</div></div>'
-            )
-        )
+    @contextlib.contextmanager
+    def always_visible(self, edge: Literal["top", "bottom"]) -> Iterator[None]:
+        """Keeps the elements that are added in the block in sight at an edge of the panel; the others scroll."""
+        folder = self.client.gui.add_folder(edge)
+        with folder:
+            self.add(self.client.gui.add_html(f'<i class="personal-{edge}"></i>'))
+            yield
+        self.add(folder)
+
+    def query(self, task: Task) -> None:
+        """Adds the query."""
+        self.add(self.client.gui.add_html(f'<p class="personal-query">{html.escape(task.queries[0])}</p>'))
+
+    def description(self, task: Task) -> None:
+        """Adds the paragraph, with a button that highlights the names of the query in it."""
+        self.add(self.client.gui.add_html(description_html(task.description, task.queries[0], self.words)))
 
     def overlay(self, content: str) -> viser.GuiHtmlHandle:
         """Adds a sheet over the 3-D canvas, which then gets no mouse; returns it so that its content can change."""
@@ -258,7 +262,7 @@ class Page:
         """
         self.clear()
         with self.client.atomic():
-            self.add(self.client.gui.add_html(card_html(card) + when_shown("shown")))
+            self.add(self.client.gui.add_html(card_html(card, self.words) + when_shown("shown")))
             for choice in card.choices:
                 assert chosen is not None, card.title
                 press = partial(chosen, choice.name)
@@ -281,11 +285,14 @@ class Page:
             has_keys: Whether the participant uses keys that can be chosen.
             on_leave: Text on what happens to the answers of somebody who leaves.
         """
-        keys = '<button type="button" data-tool="keys">Keys</button>' if has_keys else ""
-        leave = f'<button type="button" data-tool="leave" data-text="{html.escape(on_leave)}">Leave the study</button>'
+        tools, keys, large, leave = (
+            html.escape(self.words(key)) for key in ("page.tools", "script.keys", "page.large", "page.leave")
+        )
+        keys = f'<button type="button" data-tool="keys">{keys}</button>' if has_keys else ""
+        leave = f'<button type="button" data-tool="leave" data-text="{html.escape(on_leave)}">{leave}</button>'
         self.client.gui.add_html(
-            f'<div class="personal-tools" role="group" aria-label="Tools">{keys}'
-            f'<button type="button" data-tool="large" aria-pressed="false">Larger text</button>{leave}</div>'
+            f'<div class="personal-tools" role="group" aria-label="{tools}">{keys}'
+            f'<button type="button" data-tool="large" aria-pressed="false">{large}</button>{leave}</div>'
             + when_shown("refresh"),
             order=_LAST,
         )
@@ -328,9 +335,10 @@ def relabel(button: viser.GuiButtonHandle, label: str, color: str | None = None)
         button.color = color  # type: ignore[assignment]
 
 
-def show_giving_up(button: viser.GuiButtonHandle, *, is_giving_up: bool) -> None:
+def show_giving_up(button: viser.GuiButtonHandle, words: Catalogue, *, is_giving_up: bool) -> None:
     """Labels the button of giving up, before and after its first press."""
-    relabel(button, GIVE_UP + AGAIN if is_giving_up else GIVE_UP, "red" if is_giving_up else "gray")
+    key = "give_up.press_again" if is_giving_up else "give_up.button"
+    relabel(button, words(key), "red" if is_giving_up else "gray")
 
 
 def roomy_html(shown: str, *others: str) -> str:
@@ -342,6 +350,33 @@ def roomy_html(shown: str, *others: str) -> str:
     """
     before, after = (html.escape(text) for text in (*others, "", "")[:2])
     return f'<div class="personal-room" data-before="{before}" data-after="{after}"><div>{shown}</div></div>'
+
+
+def description_html(description: str, query: str, words: Catalogue) -> str:
+    """HTML of the paragraph; where it has names of the query, a button above it highlights them."""
+    pattern = "|".join(rf"\b{re.escape(name)}\b" for name in names_in(query, description))
+    tool, parts = "", [description]
+    if pattern:
+        tool = (
+            f'<button type="button" data-tool="names" data-other="{html.escape(words("task.names_off"))}" '
+            f'aria-pressed="false">{html.escape(words("task.names_on"))}</button>'
+        )
+        parts = re.split(f"({pattern})", description)
+    escaped = [html.escape(part) for part in parts]
+    escaped[1::2] = [f'<span class="personal-name">{part}</span>' for part in escaped[1::2]]
+    return (
+        '<div class="personal-text personal-description scroll" tabindex="0" role="region" '
+        f'aria-label="{html.escape(words("task.description"))}">{tool}<p>{"".join(escaped)}</p></div>'
+    )
+
+
+def names_in(query: str, description: str) -> tuple[str, ...]:
+    """The words of the query that are names: capitals in the query, and wherever they stand in the paragraph."""
+    words = re.findall(r"[^\W\d_]+(?:-[^\W\d_]+)*", description)
+    capital = {word for word in words if word[0].isupper()}
+    common = {word.lower() for word in words if word[0].islower()}
+    asked = re.findall(r"[^\W\d_]+(?:-[^\W\d_]+)*", query)
+    return tuple(dict.fromkeys(word for word in asked if word in capital and word.lower() not in common))
 
 
 def overlay_html(content: str) -> str:

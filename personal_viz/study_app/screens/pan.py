@@ -5,6 +5,7 @@ that nothing moves under the pointer between the two presses.
 """
 
 import base64
+import html
 from collections.abc import Callable, Mapping
 from functools import partial
 
@@ -12,24 +13,15 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from human_study.texts.catalogue import Catalogue
 from human_study.trial.commands import GiveUp, Move, PressStop
 from human_study.trial.views import PanView
 from sim.render.renderer import jpeg_bytes
 from sim.types import Action
-from sim.words.english import duration
 
 from ..page_script import KeyAction
-from .page import AGAIN, GIVE_UP, GIVING_UP, Page, Send, overlay_html, relabel, show_giving_up
+from .page import Page, Send, overlay_html, relabel, show_giving_up
 
-BUTTON_LABELS = {
-    Action.FORWARD: ("Forward", "W or Up"),
-    Action.LEFT: ("Turn left", "A or Left"),
-    Action.RIGHT: ("Turn right", "D or Right"),
-    Action.LOOK_UP: ("Look up", "R"),
-    Action.LOOK_DOWN: ("Look down", "F"),
-    Action.STOP: ("STOP here", "Enter"),
-}
-"""Labels of buttons, with the keys that do the same."""
 HOTKEYS = {
     "W": ("KeyW", Action.FORWARD),
     "arrowup": ("ArrowUp", Action.FORWARD),
@@ -41,8 +33,6 @@ HOTKEYS = {
     "F": ("KeyF", Action.LOOK_DOWN),
 }
 """(logged code, action) by viser's names of keys; DESIGN.md, keys."""
-BLOCKED = "Blocked: something is in the way"
-STOP_ARMED = "Press Enter or STOP again to finish"
 Encode = Callable[[NDArray[np.uint8]], bytes]
 
 
@@ -73,9 +63,11 @@ class PanScreen:
         self._buttons: dict[Action, viser.GuiButtonHandle] = {}
         page.clear()
         with page.client.atomic():
-            self._status_html = _status_html(caption, view)
-            self._status = page.add(page.client.gui.add_html(self._status_html))
-            page.task_texts(view.task)
+            self._status_html = _status_html(caption, view, page.words)
+            with page.always_visible("top"):
+                page.query(view.task)
+                self._status = page.add(page.client.gui.add_html(self._status_html))
+            page.description(view.task)
             self._image = page.overlay(self._image_html(view))
             self._shown = (view.rgb, view.step)
             self._add_controls(view, send)
@@ -86,7 +78,7 @@ class PanScreen:
 
         A view without a picture leaves the last picture in place.
         """
-        status = _status_html(self._caption, view)
+        status = _status_html(self._caption, view, self._page.words)
         if status != self._status_html:
             self._status_html = self._status.content = status
         self._show_sign(view)
@@ -94,16 +86,17 @@ class PanScreen:
             self._shown = (view.rgb, view.step)
             self._image.content = overlay_html(self._image_html(view))
         for action, button in self._buttons.items():
-            relabel(button, button_label(action, self._page.own_keys, is_armed=view.is_armed))
-        show_giving_up(self._give_up, is_giving_up=view.is_giving_up)
+            relabel(button, button_label(action, self._page.words, self._page.own_keys, is_armed=view.is_armed))
+        show_giving_up(self._give_up, self._page.words, is_giving_up=view.is_giving_up)
         self._page.client.flush()
 
     def _show_sign(self, view: PanView) -> None:
         """Shows the request for a second press, or that the last step was blocked, anew after each blocked step."""
+        words = self._page.words
         if view.is_armed or view.is_giving_up:
-            self._page.sign(STOP_ARMED if view.is_armed else GIVING_UP)
+            self._page.sign(words("pan.armed" if view.is_armed else "give_up.armed"))
         else:
-            self._page.sign(BLOCKED if view.is_blocked else "", view.step if view.is_blocked else 0)
+            self._page.sign(words("pan.blocked") if view.is_blocked else "", view.step if view.is_blocked else 0)
 
     def _add_controls(self, view: PanView, send: Send) -> None:
         """Adds the keys, and a button for each of them."""
@@ -111,10 +104,13 @@ class PanScreen:
         for action in view.task.actions:
             if action is not Action.STOP:
                 press = partial(send, Move(action, code=f"button-{action.value}"))
-                self._buttons[action] = page.button(button_label(action, self._page.own_keys), press)
+                self._buttons[action] = page.button(button_label(action, page.words, page.own_keys), press)
         stop = partial(send, PressStop(code="button-stop"))
-        self._buttons[Action.STOP] = page.button(button_label(Action.STOP, self._page.own_keys), stop, color="red")
-        self._give_up = page.button(GIVE_UP, partial(send, GiveUp()), color="gray")
+        with page.always_visible("bottom"):
+            self._buttons[Action.STOP] = page.button(
+                button_label(Action.STOP, page.words, page.own_keys), stop, color="red"
+            )
+            self._give_up = page.button(page.words("give_up.button"), partial(send, GiveUp()), color="gray")
         for key, (code, action) in HOTKEYS.items():
             if action in view.task.actions:
                 page.hotkey(key, f"{action.value} ({code})", partial(send, Move(action, code=code)))
@@ -128,35 +124,42 @@ class PanScreen:
         height, width = view.rgb.shape[:2]
         bump = ' class="personal-bump"' if view.is_blocked else ""
         most = round(self._display_scale * width)
+        alt = html.escape(self._page.words("pan.picture"))
         return (
-            f'<img alt="What the robot sees" data-step="{view.step}"{bump} '
+            f'<img alt="{alt}" data-step="{view.step}"{bump} '
             f'style="width:min(100%, calc(100vh * {width} / {height}));max-width:{most}px;height:auto" '
             f'src="data:image/jpeg;base64,{data}">'
         )
 
 
-def button_label(action: Action, own_keys: Mapping[KeyAction, str], *, is_armed: bool = False) -> str:
+def button_label(action: Action, words: Catalogue, own_keys: Mapping[KeyAction, str], *, is_armed: bool = False) -> str:
     """The label of a button, with the keys that do the same: the participant's own keys where there are some.
 
     Args:
         action: The button's action.
+        words: The study's language.
         own_keys: `KeyboardEvent.code` by action.
         is_armed: Whether STOP was pressed once.
     """
-    text, keys = BUTTON_LABELS[action]
-    own = own_keys.get(action.value)
-    if own is not None:
-        keys = own.removeprefix("Key").removeprefix("Digit").removeprefix("Arrow")
-    if action is not Action.STOP:
-        return f"{text} ({keys})"
-    return f"{text}{AGAIN} ({keys})" if is_armed else f"{text} ({keys} twice)"
+    name = action.value
+    own = own_keys.get(name)
+    keys = words(f"pan.{name}_keys") if own is None else key_name(own, words)
+    label = "pan.button" if action is not Action.STOP else "pan.press_again" if is_armed else "pan.twice"
+    return words(label, action=words(f"pan.{name}"), keys=keys)
 
 
-def _status_html(caption: str, view: PanView) -> str:
+def key_name(code: str, words: Catalogue) -> str:
+    """The name of a key by its `KeyboardEvent.code`."""
+    return words.texts.get(f"key.{code}") or code.removeprefix("Key").removeprefix("Digit")
+
+
+def _status_html(caption: str, view: PanView, words: Catalogue) -> str:
     """Trial, steps and time left as HTML, always two lines; they are read aloud when they change."""
-    left = "" if view.left_s is None else f" &middot; {duration(view.left_s)} left"
+    step = html.escape(words("pan.step", step=view.step, all=view.task.max_steps))
+    left = ""
+    if view.left_s is not None:
+        left = f" &middot; {html.escape(words('pan.left_time', time=words.duration(view.left_s)))}"
     return (
         f'<div class="personal-caption">{caption}</div>'
-        f'<div role="status" aria-live="polite" class="personal-text personal-line">'
-        f"<b>Step {view.step} of {view.task.max_steps}</b>{left}</div>"
+        f'<div role="status" aria-live="polite" class="personal-text personal-line"><b>{step}</b>{left}</div>'
     )

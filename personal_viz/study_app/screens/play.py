@@ -55,7 +55,8 @@ class TrialPlay:
             name: The trial's name, such as "Search 3 of 30".
         """
         self._page, self._link, self._home, self._config, self._trial = page, link, home, config, trial
-        self._caption = f"{html.escape(name)} &middot; {html.escape(home.scene.unnamed_label)}"
+        kind = page.words(f"home.{home.scene.kind}")  # never its name, by which people could find the answers
+        self._caption = f"{html.escape(name)} &middot; {html.escape(kind)}"
         self._watch = TrialWatch()
         self._kind: type | None = None
         """Type of the views that the present screen shows."""
@@ -109,7 +110,7 @@ class TrialPlay:
         if trial.condition in ("topdown", "map_2d"):
             _ = self._home.copies.maps  # before the clock starts: the first time takes some seconds
         if trial.task == "pog":
-            session = PogSession(**names)
+            session = PogSession(**names, objects=self._home.objects_for(episode))
         else:
             env = pan_env(episode, scene, self._home.renderer, config)
             session = PanSession(env, **names, looks_later=True)
@@ -190,9 +191,10 @@ class TrialPlay:
             case PogView():
                 is_map = self._trial.condition == "map_2d"
                 surface = MapView(page.client, home.copies.maps) if is_map else home.shown_in(page.client)
-                return PogScreen(page, view, send, surface=surface, caption=self._caption).show
+                snaps = self._config.pog.pointing == "snap"
+                return PogScreen(page, view, send, surface=surface, caption=self._caption, snaps=snaps).show
             case RateView():
-                page.card(rate_card(view), send)
+                page.card(rate_card(view, page.words), send)
                 return _nothing_changes
 
     def _command(self, content: Any, session: PanSession | PogSession) -> Command:
@@ -203,7 +205,8 @@ class TrialPlay:
             view = session.view(time.monotonic())
             if not isinstance(view, PogView):
                 return Tick()  # the time was up between the click and now
-            return click_of(content, view, self._home, is_map=self._trial.condition == "map_2d")
+            is_map, snaps = self._trial.condition == "map_2d", self._config.pog.pointing == "snap"
+            return click_of(content, view, self._home, is_map=is_map, snaps=snaps)
         assert isinstance(content, Command), content
         return content
 

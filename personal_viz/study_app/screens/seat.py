@@ -16,17 +16,18 @@ import viser
 
 from human_study.design.plan import StudyPlan
 from human_study.design.study import StudyConfig
-from human_study.journey import AssignedTrial, Person, has_reached, journey_of, last_detail, trial_name
+from human_study.journey import AssignedTrial, Person, has_reached, journey_of, last_detail
 from human_study.store.store import SupersededError, TrialEndedError
 from human_study.store.writer import StoreFullError
-from human_study.texts.participants import leave_text, practice_text
+from human_study.texts.catalogue import catalogue_of
+from human_study.texts.participants import leave_text, practice_text, trial_name
 from sim.types import Action
 
 from ..gateway.device import IN_3D
 from ..home.homes import Home, HomeLibrary
 from ..page_script import KeyAction, PageMessages
 from ..store_link import StoreLink
-from .cards import BROKEN, LOST_PICTURE, PAUSED, TAKEN_OVER, Card, begin_card, card_after, welcome_back_card
+from .cards import Card, begin_card, card_after, problem_card, welcome_back_card
 from .page import GoneError, Page, WithdrawnError
 from .play import TrialPlay
 
@@ -69,7 +70,7 @@ class Seat:
         self.code, self.connection = code, connection
         self._took_over = took_over
         self._link, self._study = link, study
-        self._page = Page(client)
+        self._page = Page(client, catalogue_of(study.config.language))
         self._page.on_keys = self._keep_keys
         self._was_paused = False
         threading.Thread(target=self._run, daemon=True, name=f"seat-{code}").start()
@@ -89,12 +90,12 @@ class Seat:
         except WithdrawnError:
             self._until_stored(self._withdraw)
         except SupersededError:
-            self._page.card(TAKEN_OVER)
+            self._page.card(problem_card("taken_over", self._page.words))
         except GoneError:
             pass
         except Exception:  # the live session's door: the participant is told, the operator sees everything
             traceback.print_exc()
-            self._page.card(BROKEN)
+            self._page.card(problem_card("broken", self._page.words))
 
     def _begin(self) -> None:
         """Starts the page's script with the participant's own keys, and shows the tools."""
@@ -116,7 +117,7 @@ class Seat:
             except StoreFullError as error:
                 print(f"personal-viz: {error}", file=sys.stderr)
                 self._was_paused = True
-                self._page.choose(PAUSED)
+                self._page.choose(problem_card("paused", self._page.words))
 
     def _lead(self) -> None:
         """Leads through trials until another page comes next, which the gateway has."""
@@ -130,7 +131,7 @@ class Seat:
                 break
             self._warm_next(person)
             if self._page.has_lost_picture and due.condition in IN_3D:
-                self._page.choose(LOST_PICTURE)
+                self._page.choose(problem_card("lost_picture", self._page.words))
                 self._page.reload()
                 self._until_gone()
             self._tell(begin_card(config, person))
@@ -161,7 +162,7 @@ class Seat:
             trial = self._link.open_trial(self.code, place.order_no, connection=self.connection)
             # time in which the study was not served, or could not store, is not the participant's absence
             away_s = 0.0 if self._was_paused else min(trial.away_s, time.monotonic() - self._study.opened_s)
-            name = trial_name(self._person(), place)
+            name = trial_name(config, self._person(), place)
             play = TrialPlay(self._page, self._link, home, config, trial, name=name)
             try:
                 self._was_paused = False

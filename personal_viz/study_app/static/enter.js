@@ -4,6 +4,7 @@
 "use strict";
 (async () => {
   const message = document.getElementById("message");
+  const words = JSON.parse(document.getElementById("words").textContent);
   const REMEMBERED = "personal-study-token";
 
   const device = () => {
@@ -27,9 +28,7 @@
 
   const explain = (status, otherwise) => {
     message.textContent =
-      { 429: "Too many tries from here. Please wait a minute, then open your link again.",
-        503: "The study cannot be opened just now. Nothing is lost: please open your link again in a few minutes." }[status]
-      || otherwise;
+      { 429: words["enter.too_many"], 503: words["enter.closed"] }[status] || otherwise;
   };
 
   const remember = (token) => {
@@ -50,13 +49,13 @@
 
   const isSomebodyElse = () =>
     new Promise((resolve) => {
-      message.textContent = "Somebody has taken part in this study on this computer. Was that you?";
+      message.textContent = words["enter.was_it_you"];
       const choices = document.getElementById("choices");
       choices.hidden = false;
       for (const [id, isOther] of [["same", false], ["other", true]]) {
         document.getElementById(id).addEventListener("click", () => {
           choices.hidden = true;
-          message.textContent = "Opening the study\u2026";
+          message.textContent = words["enter.opening"];
           resolve(isOther);
         });
       }
@@ -69,7 +68,7 @@
       window.location.replace((await reply.json()).page);
       return true;
     }
-    explain(reply.status, "This link is not known. Please check that you copied all of it.");
+    explain(reply.status, words["enter.unknown"]);
     return reply.status !== 401;
   };
 
@@ -83,13 +82,12 @@
     if (before && !(await isSomebodyElse()) && (await enter(before))) return;
     const reply = await post("/join", arrival);
     if (!reply.ok) {
-      explain(reply.status, "This link is incomplete. Please open the study again from the page that sent you here.");
+      explain(reply.status, words["enter.incomplete"]);
       return;
     }
     const { token, code } = await reply.json();
     if (!token) {
-      message.textContent = "The study is full: all places were taken a moment ago. Thank you for coming. You will be " +
-        "paid for coming" + (code ? ", with this code:" : " if that was announced to you.");
+      message.textContent = words[code ? "enter.full_code" : "enter.full"];
       const shown = document.getElementById("code");
       shown.textContent = code || "";
       shown.hidden = !code;
@@ -106,9 +104,9 @@
     } else if (window.location.pathname === "/join") {
       await join();
     } else {
-      message.textContent = "This page needs your personal link. Please open the link that you were given.";
+      message.textContent = words["enter.no_link"];
     }
   } catch {
-    message.textContent = "The study cannot be reached. Please keep this page and try again in a minute.";
+    message.textContent = words["enter.unreachable"];
   }
 })();

@@ -51,7 +51,7 @@
   const showCheck = (name, isOk, otherwise) => {
     const item = device.querySelector("[data-check=" + name + "]");
     if (!item) return;
-    const mark = isOk ? "\u2713 OK" : otherwise;
+    const mark = isOk ? device.dataset.ok : otherwise;
     if (item.querySelector("b").textContent !== mark) item.querySelector("b").textContent = mark;
     item.querySelector("[data-yes]").hidden = !isOk;
     item.querySelector("[data-no]").hidden = isOk;
@@ -65,9 +65,9 @@
     Object.assign(form.height, { value: height });
     Object.assign(form.pressed, { value: hasPressed ? "1" : "0" });
     device.querySelector("[data-size]").textContent = width + " x " + height;
-    showCheck("webgl", webgl2, "\u2717 Not yet");
-    showCheck("window", isLarge, "\u2717 Not yet");
-    showCheck("key", hasPressed, "\u25cb Now");
+    showCheck("webgl", webgl2, device.dataset.notYet);
+    showCheck("window", isLarge, device.dataset.notYet);
+    showCheck("key", hasPressed, device.dataset.now);
     const isReady = canShow && (hasPressed || !hasKeys);
     const when = { ready: isReady, shown: canShow && !isReady, failed: !canShow };
     for (const choice of all("[data-when]")) choice.hidden = !when[choice.dataset.when];

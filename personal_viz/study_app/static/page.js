@@ -13,8 +13,9 @@
   };
   const VISER = { ArrowUp: 'ArrowUp', ArrowLeft: 'ArrowLeft', ArrowRight: 'ArrowRight', ArrowDown: 'ArrowDown',
     Enter: 'Enter', NumpadEnter: 'Enter', Space: ' ' };
-  const NAMES = { forward: 'Walk forward', left: 'Turn left', right: 'Turn right', look_up: 'Look up',
-    look_down: 'Look down', stop: 'Stop (press twice)' };
+  const WORDS = PAGE_WORDS;
+  const say = (key, places) => WORDS[key].replace(/\{(\w+)\}/g, (whole, name) => (places || {})[name] ?? whole);
+  const nameOf = (action) => say('script.' + action);
   const state = { seat: '', own: {}, actions: [], pending: [], number: 0, sentAt: 0, sentNumber: 0, acked: 0,
     waitingSince: 0, holdUntil: 0, timer: 0, isDown: false };
   const now = () => performance.now();
@@ -90,10 +91,13 @@
   const isUpdated = () => document.querySelector('dialog.personal-updated[open]') !== null;
   const isLost = () => state.pending.length > 0 && now() - state.pending[0].t_cli_ms > LOST_MS;
   setInterval(() => {
+    const part = document.querySelector('.personal-page h1, .personal-caption');  // the tab is called after the page's part
+    const title = (part ? part.textContent + ' - ' : '') + 'PersONAL study';
+    if (document.title !== title) document.title = title;
     if (!state.seat) return;
     if (!state.pending.length && now() - state.sentAt > PING_MS) tell({ kind: 'ping' });
     else if (isLost()) {
-      if (!isUpdated()) showBanner('The connection is lost. Nothing that you did is lost. This page connects again by itself.');
+      if (!isUpdated()) showBanner(say('script.lost'));
       knock();
     }
   }, 1000);
@@ -191,7 +195,14 @@
     if (button.dataset.tool === 'keys') openDialog();
     if (button.dataset.tool === 'large') setLarge(!document.documentElement.classList.contains('personal-large'));
     if (button.dataset.tool === 'leave') openLeaving(button.dataset.text);
+    if (button.dataset.tool === 'names') turnNames(button);
   }, true);
+
+  const turnNames = (button) => {
+    const isOn = button.parentElement.classList.toggle('personal-shows-names');
+    [button.textContent, button.dataset.other] = [button.dataset.other, button.textContent];
+    button.setAttribute('aria-pressed', isOn);
+  };
 
   // --- what happens to the page -----------------------------------------------------------------------------------
   const changed = (what) => tell({ kind: 'page', what: what });
@@ -199,7 +210,8 @@
   window.addEventListener('blur', (event) => { if (event.target === window) changed('blur'); });
   document.addEventListener('visibilitychange', () => changed(document.hidden ? 'hidden' : 'visible'));
   window.addEventListener('webglcontextlost', () => changed('context_lost'), true);
-  window.addEventListener('offline', () => showBanner('This computer is offline. Nothing that you did is lost.'));
+  window.addEventListener('online', () => { if (state.seat) tell({ kind: 'ping' }); });
+  window.addEventListener('offline', () => showBanner(say('script.offline')));
   let resizing = 0;
   window.addEventListener('resize', () => {
     clearTimeout(resizing);
@@ -237,7 +249,7 @@
   };
   const dialog = document.createElement('dialog');
   dialog.className = 'personal-dialog';
-  dialog.setAttribute('aria-label', 'Keys');
+  dialog.setAttribute('aria-label', say('script.keys'));
   const sign = document.createElement('div');  // stays in the page, so that screen readers hear of each new text
   sign.className = 'personal-sign';
   sign.setAttribute('role', 'alert');
@@ -250,32 +262,34 @@
     if (text) signing = setTimeout(() => { sign.textContent = text; }, 40);  // a text that comes again is new again
   };
   let asking = '';
-  const wordOf = (code) => code.replace(/^Key|^Digit/, '').replace(/^Arrow(.*)/, '$1 arrow').replace('NumpadEnter', 'Enter');
+  const safe = (text) => text.replace(/[&<>"]/g, (mark) => '&#' + mark.charCodeAt(0) + ';');
+  const wordOf = (code) => WORDS['key.' + code] || code.replace(/^Key|^Digit/, '');
   const drawDialog = (note) => {
     const rows = state.actions.map((action) => {
       const codes = state.own[action] ? [state.own[action]] : DEFAULT[action].filter((code) => code !== 'NumpadEnter');
-      const text = asking === action ? 'press a key' : codes.map(wordOf).join(' or ');
-      return '<tr><td>' + NAMES[action] + '</td><td><b>' + text + '</b></td><td><button data-key="' + action +
-        '" aria-label="Change the key of: ' + NAMES[action] + '">Change</button></td></tr>';
+      const text = asking === action ? say('script.press_a_key') : codes.map(wordOf).join(say('script.or'));
+      return '<tr><td>' + safe(nameOf(action)) + '</td><td><b>' + safe(text) + '</b></td><td><button data-key="' + action +
+        '" aria-label="' + safe(say('script.change_key', { action: nameOf(action) })) + '">' + safe(say('script.change')) +
+        '</button></td></tr>';
     });
-    dialog.innerHTML = '<h2>Keys</h2><p role="status">' + (note || 'Keys are found by their place on the keyboard.') +
-      '</p><table>' + rows.join('') + '</table><p><button data-key="reset">Use the usual keys</button> ' +
-      '<button data-key="close">Close</button></p>';
+    dialog.innerHTML = '<h2>' + safe(say('script.keys')) + '</h2><p role="status">' +
+      safe(note || say('script.keys_place')) + '</p><table>' + rows.join('') + '</table><p><button data-key="reset">' +
+      safe(say('script.usual')) + '</button> <button data-key="close">' + safe(say('script.close')) + '</button></p>';
   };
-  const openDialog = () => { asking = ''; dialog.setAttribute('aria-label', 'Keys'); drawDialog(''); dialog.showModal(); };
+  const openDialog = () => { asking = ''; dialog.setAttribute('aria-label', say('script.keys')); drawDialog(''); dialog.showModal(); };
   dialog.addEventListener('click', (event) => {
     const wanted = event.target.dataset ? event.target.dataset.key : '';
     if (wanted === 'close') dialog.close();
     else if (wanted === 'withdraw') { dialog.close(); tell({ kind: 'told', name: 'withdraw' }); }
-    else if (wanted === 'reset') { state.own = {}; asking = ''; drawDialog('The usual keys are back.'); tellKeys(); }
-    else if (wanted) { asking = wanted; drawDialog('Press the new key for: ' + NAMES[wanted] + '. Escape keeps the old one.'); }
+    else if (wanted === 'reset') { state.own = {}; asking = ''; drawDialog(say('script.usual_back')); tellKeys(); }
+    else if (wanted) { asking = wanted; drawDialog(say('script.new_key', { action: nameOf(wanted) })); }
   });
   const openLeaving = (text) => {
     asking = '';
-    dialog.setAttribute('aria-label', 'Leave the study');
-    dialog.innerHTML = '<h2>Leave the study for good?</h2><p></p><p>You cannot come back with your link.</p><p>' +
-      '<button data-key="close" autofocus>No, go on with the study</button> ' +
-      '<button data-key="withdraw">Yes, leave the study</button></p>';
+    dialog.setAttribute('aria-label', say('leave.title'));
+    dialog.innerHTML = '<h2>' + safe(say('leave.title')) + '</h2><p></p><p>' + safe(say('leave.link')) + '</p><p>' +
+      '<button data-key="close" autofocus>' + safe(say('leave.no')) + '</button> ' +
+      '<button data-key="withdraw">' + safe(say('leave.yes')) + '</button></p>';
     dialog.querySelector('p').textContent = text;
     dialog.showModal();
   };
@@ -290,9 +304,9 @@
     if (code === 'Escape') { drawDialog(''); return; }
     const taken = actionOf(code);
     if (!/^(Key[A-Z]|Arrow(Up|Down|Left|Right)|Enter|NumpadEnter|Space)$/.test(code))  // digits answer questions
-      drawDialog('This key cannot be used. Choose a letter, an arrow, Space or Enter.');
-    else if (taken && taken !== action) drawDialog('This key is already used for: ' + NAMES[taken] + '.');
-    else { state.own = { ...state.own, [action]: code }; drawDialog('Saved.'); tellKeys(); }
+      drawDialog(say('script.bad_key'));
+    else if (taken && taken !== action) drawDialog(say('script.taken_key', { action: nameOf(taken) }));
+    else { state.own = { ...state.own, [action]: code }; drawDialog(say('script.saved')); tellKeys(); }
     const back = dialog.querySelector('[data-key="' + action + '"]');
     if (back) back.focus();
   };

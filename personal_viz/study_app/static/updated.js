@@ -2,6 +2,8 @@
 // Was the study updated since, the gateway refuses the page's websocket; the page then says so in our words and is
 // loaded again. That loses nothing: the server rebuilds all of a page from what is stored.
 (() => {
+  const WORDS = PAGE_WORDS;
+  document.documentElement.lang = WORDS.language;
   const MINE = 'PAGE_VERSION', LOADED = 'personal-loaded-again';
   const BEGINS_WITHIN_MS = 8000, ASK_EVERY_MS = 3000, READ_MS = 8000, ONCE_WITHIN_MS = 60000;
   const dialog = document.createElement('dialog');
@@ -27,12 +29,14 @@
     dialog.setAttribute('style', 'width:min(34rem,92vw);padding:1.4rem 1.7rem;border:1px solid var(--personal-edge);' +
       'border-radius:var(--personal-radius-large);color:var(--personal-ink);background:var(--personal-paper);' +
       'font:var(--personal-size)/1.5 var(--personal-font)');
-    dialog.innerHTML = '<h2 id="personal-updated-title" style="margin:0 0 .3em;font-size:1.3em">' +
-      'The study\'s program was updated.</h2><div id="personal-updated-text"><p>Nothing that you did is lost.</p>' +
-      (isSoon ? '<p>This page is loaded again in a moment.</p>' : '') + '</div><p><button autofocus ' +
+    dialog.innerHTML = '<h2 id="personal-updated-title" style="margin:0 0 .3em;font-size:1.3em"></h2>' +
+      '<div id="personal-updated-text"><p></p>' + (isSoon ? '<p></p>' : '') + '</div><p><button autofocus ' +
       'style="padding:.6em 1.1em;border:0;border-radius:var(--personal-radius);background:var(--personal-blue);' +
       'color:var(--personal-on-fill);font:inherit;' +
-      'cursor:pointer">Load the page again</button></p>';
+      'cursor:pointer"></button></p>';
+    const texts = ['title', 'text', ...(isSoon ? ['soon'] : []), 'load'];
+    const places = dialog.querySelectorAll('h2, div p, button');
+    texts.forEach((name, at) => { places[at].textContent = WORDS['updated.' + name]; });
     dialog.querySelector('button').addEventListener('click', () => window.location.reload());
     document.body.append(dialog);
     dialog.showModal();

@@ -1,0 +1,74 @@
+"""The questions of `study init --wizard`: what only a person knows, each answer checked before the next question."""
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from human_study.design.study import StudyConfig
+from human_study.design.study_yaml import field_told, schema_of
+from human_study.texts.words import empty_fields
+from sim.errors import StudyError, line_from_validation_error
+
+ALWAYS = (
+    *("study", "task", "design.kind", "design.raters_per_episode", "design.trials_per_person"),
+    *("smallest_effect", "sample_size_reason", "recruit.kind", "ethics.language_model"),
+)
+"""Fields that are asked for besides those that the texts need."""
+
+
+def asked(config: StudyConfig) -> StudyConfig:
+    """The study with a person's answers, read from standard input; an empty answer keeps the value in brackets.
+
+    Raises:
+        StudyError: The input ended before the last question.
+    """
+    print("An empty answer keeps the value in brackets. Nothing is written before the last answer; Ctrl-C ends.")
+    schema = schema_of(StudyConfig)
+    places = (*ALWAYS, *(place for place in empty_fields(config) if place not in ALWAYS))
+    for number, place in enumerate(places, 1):
+        meaning, allowed = field_told(schema, place)
+        print(f"\n{number}/{len(places)} {place}: {meaning}\n  {allowed}")
+        config = _answered(config, place)
+    print()
+    return config
+
+
+def _answered(config: StudyConfig, place: str) -> StudyConfig:
+    """The study with one field as a person answers; asks again until the answer fits."""
+    values = config.model_dump(mode="json")
+    *parents, name = place.split(".")
+    inner = values
+    for parent in parents:
+        inner = inner[parent]
+    shown = json.dumps(inner[name], ensure_ascii=False)
+    while True:
+        try:
+            answer = input(f"  [{shown}] ").strip()
+        except (EOFError, UnicodeDecodeError):
+            raise StudyError(
+                f"--wizard: found no answer for {place}; expected one line per question. Nothing was written: give "
+                "all answers, or an empty line to keep a value."
+            ) from None
+        if not answer:
+            return config
+        problem = ""
+        for value in _readings(answer):
+            inner[name] = value
+            try:
+                return StudyConfig.model_validate_json(json.dumps(values, default=str), strict=True)
+            except ValidationError as error:
+                problem = problem or line_from_validation_error("answer", error, advice="Answer again.")
+        print(f"  {problem}")
+
+
+def _readings(answer: str) -> Iterator[Any]:
+    """The ways in which an answer can be read: as a value, as a list without brackets, and as plain text."""
+    for text in (answer, f"[{answer}]"):
+        try:
+            yield yaml.safe_load(text)
+        except (yaml.YAMLError, ValueError):  # ValueError: the 32nd of May
+            continue
+    yield answer
