@@ -52,9 +52,11 @@ Condition = PanCondition | PogCondition
 """A participant's view of the home besides the task itself. PAN: `none`, or before walking its `topdown` map or its 3-D
 model (`glb`). POG: pointing after a look at the home (`map_first`), with text and home side by side (`map_open`), or on
 the agents' own top-down map (`map_2d`)."""
+Pointing = Literal["free", "snap"]
+"""Where a mark goes: to the clicked point, or to the middle of the object there."""
 HomeView = Literal["browser", "server"]
 """Where the pictures of a 3-D home are made: in the browser, which then has its geometry, or on the server."""
-Language = Literal["en"]
+Language = Literal["en", "de"]
 """A language of `texts/languages`."""
 FlowStep = Literal["device", "consent", "instructions", "quiz"]
 SurveyTopic = Literal["age", "gender", "education", "language", "games", "expertise", "ai_tools", "other_help", "homes"]
@@ -136,6 +138,9 @@ class StudyPog(BaseModel):
     """Longest look at the home before the text, in `map_first`, seconds; None = no limit."""
     answer_max_s: Annotated[float, Field(gt=0)] | None = None
     """Longest time from the text to the confirmed mark, seconds; then the trial ends as `timeout`."""
+    pointing: Pointing = "free"
+    """`free`: the clicked point is the mark (the paper). `snap`: the mark goes to the middle of the clicked object,
+    which is outlined and named by its category."""
 
     @model_validator(mode="after")
     def _can_be_left(self) -> "StudyPog":

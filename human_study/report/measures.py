@@ -48,6 +48,7 @@ MEASURES: dict[str, Measure] = {
     "spl": Measure("SPL (%)", _PAN, claim="SPL", most=100, has_effect=True),
     "soft_spl": Measure("soft SPL (%)", _PAN, claim="SoftSPL", most=100),
     "dtg": Measure("DTG (m)", _PAN, claim="DTG", digits=2, has_spread=True),
+    "on_object": Measure("clicks on the object itself (%)", ("pog",), is_rate=True, most=100),
     "distance": Measure(
         "distance to the goal's centre (m)", ("pog",), digits=2, is_skewed=True, has_spread=True, has_effect=True
     ),
@@ -114,7 +115,9 @@ def _figures(task: TaskKind, plain: Mapping[str, Any]) -> dict[str, float | None
     """The report's measures from the plain figures of a run's trial or of an exported row."""
     hit = bool(plain["success"])
     if task == "pog":
-        return {"sr": 100.0 * hit, "distance": plain["planar_distance"]}
+        on_object = plain.get("on_object")
+        figures = {"sr": 100.0 * hit, "distance": plain["planar_distance"]}
+        return figures | {"on_object": None if on_object is None else 100.0 * on_object}
     steps = plain["n_steps"] or 0
     spl, soft_spl = (None if plain[name] is None else 100.0 * plain[name] for name in ("spl", "softspl"))
     figures = {"sr": 100.0 * hit, "spl": spl, "soft_spl": soft_spl, "dtg": plain["dtg"], "steps": float(steps)}

@@ -133,9 +133,9 @@ class Table {
     entry.keys[cell.dataset.key] = value;
     cell.dataset.value = value ?? "";
     cell.textContent = written(value, { digits: Number(head.dataset.digits), isSigned });
-    const good = value === null ? 0 : Math.sign(value) * (head.dataset.better === "less" ? -1 : 1);
-    cell.classList.toggle("better-people", isSigned && good > 0);
-    cell.classList.toggle("better-agents", isSigned && good < 0);
+    const isLead = head.dataset.key === "difference-sr"; // only a difference of success has a colour
+    cell.classList.toggle("better-people", isLead && value > 0);
+    cell.classList.toggle("better-agents", isLead && value < 0);
   }
 }
 

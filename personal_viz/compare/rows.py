@@ -28,14 +28,13 @@ class Figure:
     name: FigureName
     head: str
     digits: int
-    more_is_better: bool
 
 
-_SR = Figure("sr", "SR", 0, True)
-_TIME = Figure("time_s", "time", 1, False)
+_SR = Figure("sr", "SR", 0)
+_TIME = Figure("time_s", "time", 1)
 FIGURES: Mapping[TaskKind, tuple[Figure, ...]] = {
-    "pan": (_SR, Figure("spl", "SPL", 0, True), Figure("steps", "steps", 0, False), _TIME),
-    "pog": (_SR, Figure("distance_m", "off", 2, False), _TIME),
+    "pan": (_SR, Figure("spl", "SPL", 0), Figure("steps", "steps", 0), _TIME),
+    "pog": (_SR, Figure("distance_m", "off", 2), _TIME),
 }
 """The figures that are compared per episode."""
 UNITS: Mapping[TaskKind, str] = {

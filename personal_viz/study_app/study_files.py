@@ -27,6 +27,7 @@ from sim.errors import StudyError, line_from_validation_error
 from sim.files import bounded_json
 from sim.homes.kind import scene_kind
 from sim.homes.plan import HOMES_VERSION, plan_digest
+from sim.scans.hm3d import find_semantics
 from sim.tasks.provenance import program_release
 from sim.types import EpisodeKey
 
@@ -70,6 +71,7 @@ def plan_study(
         )
     keys = sample_episodes(config, [episode.key for episode in episodes.episodes()])
     scenes = [study_scene(config, episodes, name, scenes_dir) for name in sorted({key.scene for key in keys})]
+    _require_objects(folder, config, scenes, scenes_dir)
     made = make_plan(config, scenes, keys, practice=_practice(folder, config), is_pilot=pilot)
     made = made.model_copy(update={"texts": freeze_texts(folder, config, made)})
     save_plan(folder, made)
@@ -199,6 +201,26 @@ def require_texts(folder: Path, config: StudyConfig, made: StudyPlan) -> None:
             raise StudyError(
                 f"{path}: {', '.join(left)} to be filled in; expected a text that people can read. Fill in study.yaml "
                 "and make the plan again."
+            )
+
+
+def _require_objects(folder: Path, config: StudyConfig, scenes: Sequence[StudyScene], scenes_dir: Path | None) -> None:
+    """Refuses homes without what `pog` of the study file promises; homes made from a plan have it all.
+
+    Raises:
+        StudyError: A mark is to go to objects, and the files of a scan tell of none.
+    """
+    from sim.homes.open_home import find_scan
+
+    if "pog" not in config.task or scenes_dir is None or config.pog.pointing == "free":
+        return
+    for scene in scenes:
+        scan = find_scan(scene.name, scenes_dir)
+        if find_semantics(scan, scene.name) is None:
+            raise StudyError(
+                f"{folder / STUDY_FILE}: pog.pointing is 'snap', but no file tells of the objects of {scan}; expected "
+                f"{scene.name}.semantic.glb and .semantic.txt beside it. Take pog.pointing: free, or scans with "
+                "semantics."
             )
 
 

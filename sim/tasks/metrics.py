@@ -161,15 +161,30 @@ class PaperLine(NamedTuple):
 
 
 def paper_table(rows: Sequence[MetricRow]) -> PaperTable:
-    """The rows of one task as texts; `-` for a figure that a row does not have."""
+    """The rows of one task as texts; `-` for a figure that a row does not have.
+
+    Totals of different splits do not stand side by side: a row that lacks a split of the others has no total, and
+    `reading_notes` says so.
+    """
     splits = tuple(split for split in (*SPLITS, "total") if any(row.split == split for row in rows))
     is_pan = all(row.task == "pan" for row in rows)
     heads = ("SR", "k/n", "SPL", "DTG") if is_pan else ("SR", "k/n", "top-3")
     found = {(row.who, row.condition, row.split): _cells(row) for row in rows}
+    found |= {(*name, "total"): ("-",) * len(heads) for name in _without_total(rows)}
     names = dict.fromkeys((row.who, row.condition) for row in rows)
     blank = ("",) * len(heads)
     lines = (PaperLine(*name, tuple(found.get((*name, split), blank) for split in splits)) for name in names)
     return PaperTable(splits, heads, tuple(lines))
+
+
+def _without_total(rows: Iterable[MetricRow]) -> dict[tuple[str, str], list[str]]:
+    """Names of the rows that lack a split of the other rows, with the splits that they have."""
+    splits: dict[tuple[str, str], list[str]] = defaultdict(list)
+    for row in rows:
+        if row.split != "total":
+            splits[row.who, row.condition].append(row.split)
+    whole = {split for found in splits.values() for split in found}
+    return {name: found for name, found in splits.items() if set(found) != whole}
 
 
 def rule_warnings(rows: Iterable[MetricRow]) -> list[str]:
@@ -190,13 +205,19 @@ def made_for_warning(who: str, made_for: Sequence[str], *, rule: str) -> str:
 
 
 def reading_notes(rows: Sequence[MetricRow]) -> list[str]:
-    """Notes below a table: its rule, and for each row name the effect of our reading of the paper; none for POG."""
+    """Notes below a table: its rule, rows without a total, and in PAN the effect of our reading of the paper by row."""
     rules = dict.fromkeys(row.rule for row in rows)
     notes = [f"Rule {RULE_NOTES[rule]}." for rule in RULE_NOTES if rule in rules]
     if "reported" in rules:
         notes.append(
             f"Rows {REPORTED!r} hold figures that another program wrote, by its own rule and on its own homes."
         )
+    for task, kind in dict.fromkeys((row.task, row.scene_kind) for row in rows):
+        lacking = _without_total(row for row in rows if (row.task, row.scene_kind) == (task, kind))
+        notes += [
+            f"{PaperLine(*name, ()).name}: no total, because others did more than {' and '.join(splits)}."
+            for name, splits in lacking.items()
+        ]
     for row in rows:
         strict, far = row.paper_strict, row.far_from_view
         if row.split != "total" or strict is None or far is None:

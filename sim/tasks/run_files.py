@@ -238,6 +238,9 @@ class AnswerMeasures(BaseModel):
     distance_3d: Length | None
     planar_distances: tuple[Length | None, ...] | None = None
     """`planar_distance` of each of the first three candidates; None in files of versions that did not store them."""
+    on_object: bool | None = None
+    """Whether a person pointed at the target itself: the confirmed click met it. None for grounders, where it is not
+    known which object a click met, and in files of versions that did not store it."""
 
 
 class ClickRay(BaseModel):

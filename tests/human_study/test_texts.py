@@ -378,3 +378,15 @@ def test_our_own_texts_agree_with_every_study_file(rule: SuccessRule, tmp_path: 
         for each in task:
             pages = "\n".join(instruction_texts(config, each, config.conditions(each)))
             assert disagreements(pages, config, plan=plan(config), task=each) == []
+
+
+def test_people_whose_mark_goes_to_objects_are_told_to_click_the_object_and_not_its_middle() -> None:
+    snaps = paged_study(task=("pog",), pog={"conditions": ["map_open"], "pointing": "snap"})
+    free = paged_study(task=("pog",), pog={"conditions": ["map_open"]})
+    for config, is_told in ((snaps, True), (free, False)):
+        pages = "\n".join(instruction_texts(config, "pog", ("map_open",)))
+        assert ("your mark goes to it" in pages) == is_told
+        assert ("Click the middle of that object" in pages) == (not is_told)
+        assert ("the middle of that object" in welcome_text(config, "pog")) == (not is_told)
+        question = next(each for each in questions_for(config, "pog", ("map_open",)) if each.name == "middle")
+        assert (question.answers[0] == "Anywhere on the object") == is_told

@@ -52,6 +52,14 @@ def test_the_page_says_success_in_words_and_signs_not_by_colour_alone() -> None:
     assert "\u2717no success:" in tags.text
 
 
+def test_only_differences_of_success_have_a_colour() -> None:
+    html = page_html(page())  # the person succeeds in 10 steps, the agent fails in 1
+    cells = re.findall(r'<td class="num([^"]*)" data-key="([^"]*)"', html)
+    coloured = [(key, classes.split()[-1]) for classes, key in cells if "better" in classes]
+    assert coloured == [("difference-sr", "better-people")]
+    assert ("difference-steps", "") in [(key, classes.strip()) for classes, key in cells]
+
+
 def test_rows_beyond_the_first_hundred_wait_in_a_template_and_many_runs_are_folded_up_under_their_successes() -> None:
     html = page_html(page(num_rows=FIRST + 5))
     in_table, _, in_template = html.partition('<template class="rest">')

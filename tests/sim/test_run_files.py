@@ -6,7 +6,14 @@ from pathlib import Path
 import pytest
 
 from sim.errors import RunFileError
-from sim.tasks.metrics import metric_rows, reading_notes, require_comparable, rule_warnings
+from sim.tasks.metrics import (
+    MetricRow,
+    metric_rows,
+    paper_table,
+    reading_notes,
+    require_comparable,
+    rule_warnings,
+)
 from sim.tasks.run_files import (
     Answer,
     AnswerMeasures,
@@ -211,6 +218,27 @@ def test_rows_show_the_strict_rule_and_how_many_successes_end_far_from_every_vie
         "random: by paper-strict SR 50.0 (3/6); 2 of 4 successes by paper (50.0 %) end more than 1 m of walking from "
         "every view point."
     ]
+
+
+def test_totals_of_different_splits_do_not_stand_side_by_side() -> None:
+    names = {
+        "who": "whole",
+        "condition": "none",
+        "scene_kind": "scan",
+        "task": "pan",
+        "rule": "paper",
+        "edition": "own",
+    }
+    cells = [MetricRow(**names, split=split, n=1, k=1, sr=100.0) for split in ("easy", "hard", "total")]
+    part = [row.model_copy(update={"who": "part"}) for row in cells if row.split != "hard"]
+    table = paper_table([*cells, *part])
+    whole, lacking = table.lines
+    assert whole.cells[-1][:2] == ("100.0", "1/1")
+    assert lacking.cells[0][:2] == ("100.0", "1/1")
+    assert set(lacking.cells[-1]) == {"-"}
+    assert "part: no total, because others did more than easy." in reading_notes([*cells, *part])
+    assert paper_table(part).lines[0].cells[-1][:2] == ("100.0", "1/1")
+    assert not [note for note in reading_notes(part) if "no total" in note]
 
 
 def test_a_table_warns_of_runs_made_for_another_rule() -> None:

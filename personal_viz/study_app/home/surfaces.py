@@ -17,6 +17,7 @@ import viser
 from numpy.typing import NDArray
 
 from human_study.trial.commands import Click
+from human_study.trial.views import MarkedObject
 from sim.copies.browser_glb import browser_glb
 from sim.copies.cut import storey_cut
 from sim.mesh import Scene, SceneObject
@@ -28,6 +29,13 @@ MARK_COLOR = (214, 0, 110)
 VIEW_ANGLE = math.radians(55)
 """Elevation from which a storey is first shown."""
 JPEG_QUALITY = 90
+_BALL = 0.12
+"""Radius of a mark in the home (metres)."""
+_OUTLINE = 0.03
+"""Thickness of the lines around a marked object (metres)."""
+_CORNERS = [(x, y, z) for y in (-1, 1) for x, z in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+"""The corners of a box, the lower four first, and its edges as pairs of them."""
 _FIT = 1.04
 """A map's first view shows this many times the picture's size."""
 _ABOVE = 0.02
@@ -88,8 +96,6 @@ class StoreyCopies:
 class Surface(ABC):
     """A storey at a time in one browser, and a mark on it."""
 
-    advice: ClassVar[str]
-    """Advice for participants on looking around."""
     is_map: ClassVar[bool]
     """Whether it is a picture from above."""
 
@@ -106,28 +112,42 @@ class Surface(ABC):
     async def camera_moved(self, camera: viser.CameraHandle) -> None:  # noqa: B027 - only `PictureView` draws then
         """Hears of each move of the browser's camera."""
 
-    def show_mark(self, position: Vector3) -> None:
-        """Puts the participant's mark there, and takes an older one away."""
+    def show_mark(self, position: Vector3, label: str, item: MarkedObject | None = None) -> None:
+        """Puts the participant's mark there, and takes an older one away; an object under it is outlined and named."""
+        self.hide_mark()
+        self._mark = self._mark_at(position, label) if item is None else self._mark_on(position, label, item)
+        self._client.flush()
+
+    def hide_mark(self) -> None:
+        """Takes the mark away."""
         for node in self._mark:
             node.remove()
-        self._mark = self._mark_at(position)
-        self._client.flush()
+        self._mark = []
 
     def remove(self) -> None:
         """Takes everything out of the browser."""
-        for node in (*self._nodes, *self._mark):
+        self.hide_mark()
+        for node in self._nodes:
             node.remove()
-        self._nodes, self._mark = [], []
+        self._nodes = []
 
     @abstractmethod
-    def _mark_at(self, position: Vector3) -> list[Any]:
-        """The nodes of a mark."""
+    def _mark_at(self, position: Vector3, label: str) -> list[Any]:
+        """The nodes of a mark at a point."""
+
+    @abstractmethod
+    def _mark_on(self, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
+        """The nodes of a mark in the middle of an object, with the object's outline."""
+
+    def _outline(self, segments: NDArray[np.float64]) -> Any:
+        """Lines (N, 2, 3) of a mark's colour, world metres."""
+        lines = segments.astype(np.float32)
+        return self._client.scene.add_line_segments("/outline", lines, MARK_COLOR, thickness=_OUTLINE)
 
 
 class HomeSurface(Surface):
     """A home, with category names on homes that are no scans."""
 
-    advice = "Drag to turn, scroll to zoom, right-drag to move."
     is_map = False
 
     def __init__(self, client: viser.ClientHandle, copies: StoreyCopies) -> None:
@@ -149,10 +169,16 @@ class HomeSurface(Surface):
     def _show_home(self, index: int) -> None:
         """Shows the storey itself."""
 
-    def _mark_at(self, position: Vector3) -> list[Any]:
-        ball = add_ball(self._client, "/mark", 0.12, position)
-        self._client.scene.add_label("/mark/label", "your mark", position=(0.0, 0.3, 0.0))  # goes with its parent
+    def _mark_at(self, position: Vector3, label: str) -> list[Any]:
+        ball = add_ball(self._client, "/mark", _BALL, position)
+        self._client.scene.add_label("/mark/label", label, position=(0.0, 0.3, 0.0))  # goes with its parent
         return [ball]
+
+    def _mark_on(self, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
+        """The outline of the object's box; the ball stands on it, because in it nobody would see it."""
+        top_y = item.centre[1] + item.size[1] / 2
+        marked = self._mark_at((position[0], top_y + _BALL, position[2]), label)
+        return [self._outline(box_edges(item)), *marked]
 
     def _label_objects(self, index: int) -> None:
         """Adds category names over the objects of a storey; homes made of boxes cannot be read without them.
@@ -179,18 +205,18 @@ class SceneView(HomeSurface):
 class MapView(Surface):
     """The maps of a home."""
 
-    advice = "Scroll to zoom, right-drag to move."
     is_map = True
 
     def __init__(self, client: viser.ClientHandle, maps: tuple[TopView, ...]) -> None:
         """Shows nothing yet."""
         super().__init__(client)
-        self._maps = maps
+        self._maps, self._floor_y = maps, 0.0
 
     def show_storey(self, index: int) -> None:
         """Shows one storey's picture, without a mark, and looks straight down at all of it."""
         self.remove()
         view, rgb = self._maps[index], self._maps[index].rgb()
+        self._floor_y = view.floor_y
         width, height = (side * view.grid.cell for side in (rgb.shape[1], rgb.shape[0]))
         x, z = view.grid.origin_xz
         centre = (x + width / 2, view.floor_y, z + height / 2)
@@ -212,7 +238,7 @@ class MapView(Surface):
         place_camera(camera, centre, (0.0, distance, 0.0), up=(0.0, 0.0, -1.0))
         self._client.flush()
 
-    def _mark_at(self, position: Vector3) -> list[Any]:
+    def _mark_at(self, position: Vector3, label: str) -> list[Any]:
         """A ring with a dot, large enough to see, small enough to aim."""
         x, y, z = position
         ring = np.array([[math.cos(a), 0.0, math.sin(a)] for a in np.linspace(0, 2 * math.pi, 49)]) * 0.3
@@ -220,8 +246,25 @@ class MapView(Surface):
         return [
             self._client.scene.add_line_segments("/mark/ring", segments, MARK_COLOR, thickness=0.05),
             add_ball(self._client, "/mark/dot", 0.06, (x, y + _ABOVE, z)),
-            self._client.scene.add_label("/mark/label", "your mark", position=(x, y + 0.05, z - 0.45)),
+            self._client.scene.add_label("/mark/label", label, position=(x, y + 0.05, z - 0.45)),
         ]
+
+    def _mark_on(self, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
+        """The outline of the object from above, and a dot in its middle, on the floor."""
+        x, _, z = position
+        y = self._floor_y + _ABOVE
+        edges = box_edges(item)[:4] * np.array([1.0, 0.0, 1.0]) + np.array([0.0, y, 0.0])
+        return [
+            self._outline(edges),
+            add_ball(self._client, "/mark/dot", 0.06, (x, y, z)),
+            self._client.scene.add_label("/mark/label", label, position=(x, y + 0.05, z - item.size[2] / 2 - 0.15)),
+        ]
+
+
+def box_edges(item: MarkedObject) -> NDArray[np.float64]:
+    """The 12 edges (12, 2, 3) of an object's box, world metres; the first four are those of its bottom."""
+    corners = np.array(item.centre) + np.array(_CORNERS) * np.array(item.size) / 2
+    return corners[np.array(_EDGES)]
 
 
 def add_ball(client: viser.ClientHandle, name: str, radius: float, position: Vector3) -> Any:

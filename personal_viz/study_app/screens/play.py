@@ -110,7 +110,7 @@ class TrialPlay:
         if trial.condition in ("topdown", "map_2d"):
             _ = self._home.copies.maps  # before the clock starts: the first time takes some seconds
         if trial.task == "pog":
-            session = PogSession(**names)
+            session = PogSession(**names, objects=self._home.objects_for(episode))
         else:
             env = pan_env(episode, scene, self._home.renderer, config)
             session = PanSession(env, **names, looks_later=True)
@@ -191,7 +191,8 @@ class TrialPlay:
             case PogView():
                 is_map = self._trial.condition == "map_2d"
                 surface = MapView(page.client, home.copies.maps) if is_map else home.shown_in(page.client)
-                return PogScreen(page, view, send, surface=surface, caption=self._caption).show
+                snaps = self._config.pog.pointing == "snap"
+                return PogScreen(page, view, send, surface=surface, caption=self._caption, snaps=snaps).show
             case RateView():
                 page.card(rate_card(view, page.words), send)
                 return _nothing_changes
@@ -204,7 +205,8 @@ class TrialPlay:
             view = session.view(time.monotonic())
             if not isinstance(view, PogView):
                 return Tick()  # the time was up between the click and now
-            return click_of(content, view, self._home, is_map=self._trial.condition == "map_2d")
+            is_map, snaps = self._trial.condition == "map_2d", self._config.pog.pointing == "snap"
+            return click_of(content, view, self._home, is_map=is_map, snaps=snaps)
         assert isinstance(content, Command), content
         return content
 
