@@ -104,8 +104,6 @@ class StoreyCopies:
 class Surface(ABC):
     """A storey at a time in one browser, and a mark on it."""
 
-    advice: ClassVar[str]
-    """Advice for participants on looking around."""
     is_map: ClassVar[bool]
     """Whether it is a picture from above."""
 
@@ -186,7 +184,6 @@ class Surface(ABC):
 class HomeSurface(Surface):
     """A home, with category names on homes that are no scans."""
 
-    advice = "Drag to turn, scroll to zoom, right-drag to move."
     is_map = False
 
     def __init__(self, client: viser.ClientHandle, copies: StoreyCopies) -> None:
@@ -247,7 +244,6 @@ class SceneView(HomeSurface):
 class MapView(Surface):
     """The maps of a home."""
 
-    advice = "Scroll to zoom, right-drag to move."
     is_map = True
 
     def __init__(self, client: viser.ClientHandle, maps: tuple[TopView, ...]) -> None:

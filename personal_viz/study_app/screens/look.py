@@ -65,7 +65,9 @@ class LookScreen:
         if self._surface is not None:
             self._surface.show_storey(index)
         else:
-            self._picture.content = overlay_html(picture_html(self._home.copies.maps[index]))
+            maps = self._home.copies.maps
+            alt = self._page.words("camera.picture", number=index + 1, all=len(maps))
+            self._picture.content = overlay_html(picture_html(maps[index], alt))
             self._page.client.flush()
 
     def _draw_status(self) -> None:
@@ -89,10 +91,10 @@ class LookScreen:
 
 
 @functools.lru_cache(maxsize=16)
-def picture_html(view: TopView) -> str:
-    """A storey's picture as large as the screen allows."""
+def picture_html(view: TopView, alt: str) -> str:
+    """A storey's picture as large as the screen allows, with words for those who do not see it."""
     data = base64.b64encode(view.jpeg()).decode()
     return (
-        f'<img alt="The home from above, {html.escape(view.name.lower())}" src="data:image/jpeg;base64,{data}" '
+        f'<img alt="{html.escape(alt)}" src="data:image/jpeg;base64,{data}" '
         'style="max-width:100%;max-height:100vh;object-fit:contain">'
     )
