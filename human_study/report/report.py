@@ -218,7 +218,7 @@ def report_of(
         exclusions=tuple(exclusions),
         left_out=groups.left_out,
         left_out_runs=source.left_out,
-        checklist=tuple(_answers(records, rows, flow, exclusions, is_pilot=is_pilot)),
+        checklist=tuple(checklist(records, rows=rows, flow=flow, exclusions=exclusions, is_pilot=is_pilot)),
         outcomes=tuple(outcome for group in (*people, *groups.averaged) for outcome in _outcomes(group)),
         dataset_digest=runs[0].info.dataset_digest,
         edition=runs[0].info.edition,
@@ -235,21 +235,6 @@ def _aggregate_of(config: StudyConfig | None, split_sizes: Mapping[str, int] | N
         found = Aggregate(chosen.total, chosen.weight, split_sizes, chosen.intervals)
     found.require_sizes()
     return found
-
-
-def _answers(
-    records: StudyRecords,
-    rows: Sequence[ReportRow],
-    flow: Sequence[FlowCount],
-    exclusions: Sequence[ExclusionCount],
-    *,
-    is_pilot: bool,
-) -> list[ChecklistItem]:
-    """The questions of the checklist with their answers; none without a study file."""
-    config, changes = records.config, records.plan_changes
-    if config is None:
-        return []
-    return checklist(config, rows=rows, flow=flow, exclusions=exclusions, is_pilot=is_pilot, plan_changes=changes)
 
 
 def _with_labels(information: Sequence[str] | None, runs: Sequence[Run]) -> tuple[str, ...] | None:
