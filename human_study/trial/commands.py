@@ -94,6 +94,10 @@ class Click:
     """Point where the caller's ray met the shown storey; None = nothing was hit."""
     pixel: MapPixel | None = None
     """Place on the picture from above, whose `point` is the hit; None for the 3-D home."""
+    object_name: str | None = None
+    """Name in the scene of the object that is seen there; None = it is no object, or objects are not known."""
+    snapped: Vector3 | None = None
+    """Middle of that object, where the mark goes and which is the answer; None = the mark is at the hit."""
     t_cli_ms: float | None = None
 
 

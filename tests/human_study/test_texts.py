@@ -206,7 +206,7 @@ def test_keys_and_limits_of_a_trial_are_those_of_the_study_file(keys: str) -> No
 def test_each_participant_is_told_about_one_task_only(tmp_path: Path) -> None:
     config = paged_study(task=("pan", "pog"), success="habitat", **FILLED)
     names = freeze_texts(tmp_path, config, plan(config))
-    texts = {name: (tmp_path / name).read_text(encoding="utf-8") for name in names}
+    texts = {name: (tmp_path / name).read_text(encoding="utf-8") for name in names if name.endswith(".md")}
     walking, pointing = (
         told_text(texts, "consent.md", task) + told_text(texts, "instructions.md", task)
         + "".join(instruction_texts(config, task, config.conditions(task)))
@@ -249,7 +249,7 @@ def test_a_study_whose_file_is_not_filled_in_cannot_be_planned(tmp_path: Path) -
 def test_people_of_a_pilot_read_plain_words_where_the_file_is_empty(tmp_path: Path) -> None:
     names, _ = frozen(tmp_path, paged_study(), is_pilot=True)
     assert set(names) >= {"consent.md", told_name("consent.md", "pan"), told_name("instructions.md", "pog")}
-    for name in names:
+    for name in set(names) - {"languages/en"}:
         text = (tmp_path / name).read_text(encoding="utf-8")
         assert open_places(text) == ()
         assert "told" not in name or not set("{}<>") & set(text)
@@ -378,3 +378,15 @@ def test_our_own_texts_agree_with_every_study_file(rule: SuccessRule, tmp_path: 
         for each in task:
             pages = "\n".join(instruction_texts(config, each, config.conditions(each)))
             assert disagreements(pages, config, plan=plan(config), task=each) == []
+
+
+def test_people_whose_mark_goes_to_objects_are_told_to_click_the_object_and_not_its_middle() -> None:
+    snaps = paged_study(task=("pog",), pog={"conditions": ["map_open"], "pointing": "snap"})
+    free = paged_study(task=("pog",), pog={"conditions": ["map_open"]})
+    for config, is_told in ((snaps, True), (free, False)):
+        pages = "\n".join(instruction_texts(config, "pog", ("map_open",)))
+        assert ("your mark goes to it" in pages) == is_told
+        assert ("Click the middle of that object" in pages) == (not is_told)
+        assert ("the middle of that object" in welcome_text(config, "pog")) == (not is_told)
+        question = next(each for each in questions_for(config, "pog", ("map_open",)) if each.name == "middle")
+        assert (question.answers[0] == "Anywhere on the object") == is_told

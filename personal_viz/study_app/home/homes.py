@@ -15,6 +15,7 @@ from typing import Generic, Protocol, TypeVar
 import viser
 
 from human_study.design.study import HomeView, StudyConfig
+from human_study.trial.views import MarkedObject
 from sim.episodes.schema import Episode
 from sim.mesh import Scene
 from sim.render.renderer import Renderer
@@ -42,6 +43,8 @@ class Home:
     episodes: dict[EpisodeKey, Episode]
     storeys: list[tuple[float, float]]
     """(lowest, highest) floor of each storey, from the episodes."""
+    storey_labels: tuple[int, ...]
+    """Number of each storey that can be shown, from `sim.homes.storey_names.storey_labels`."""
     watches: Watches
     """Observers of the trials, for a researcher who watches."""
     threads: RenderThreads
@@ -54,6 +57,15 @@ class Home:
         if self.view == "browser":
             return SceneView(client, self.copies)
         return PictureView(client, self.copies, self.pog_scene, self.threads)
+
+    def objects_for(self, episode: Episode) -> dict[str, MarkedObject] | None:
+        """The objects at which one can point, by name; None where the targets of the episode are not among them."""
+        found = {
+            item.name: MarkedObject(item.category, item.centre, item.size)
+            for item in self.scene.objects
+            if item.instance_id
+        }
+        return found if all(target.object_name in found for target in episode.targets) else None
 
     def close(self) -> None:
         """Ends the observers; called when nobody is in the home any more."""
