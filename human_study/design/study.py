@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from sim import files
 from sim.episodes.schema import Episode
 from sim.errors import StudyError, line_from_validation_error
+from sim.homes.storey_names import StoreyNaming
 from sim.types import (
     CAMERA_HEIGHT,
     MAX_STEPS,
@@ -249,6 +250,44 @@ class StudySurvey(BaseModel):
     """Asked after the last search, before the completion code."""
 
 
+class StudyReporting(BaseModel):
+    """Facts for the report's checklist that only researchers know. Participants do not read them."""
+
+    model_config = _MODEL
+    population: str = ""
+    """The people for whom the results are to hold, such as `adults in Italy who read English well`."""
+    sampling: str = ""
+    """How people are found: crowdworkers, people at hand, a random or a stratified sample."""
+    eligibility: str = ""
+    """Who may take part and who may not, and how that is found out."""
+    expertise: str = ""
+    """Experience that people have or need, such as with robots or 3-D games."""
+    team: str = ""
+    """Whether authors or members of the team take part."""
+    exposure: str = ""
+    """How people who know the homes or the episodes are kept out."""
+    tools: str = ""
+    """Tools that people may use, AI programs with their versions included, and how this is watched."""
+    parity: str = ""
+    """Why the tasks favour neither people nor agents, and what agents get that people do not."""
+    pretest: str = ""
+    """Pretests and pilots, and what was changed after them."""
+    item_checks: str = ""
+    """How the episodes were checked for errors before people did them."""
+    invited: Annotated[int, Field(ge=1)] | None = None
+    """Number of invited people; None = each personal link is an invitation (`recruit.kind: local`), or not known."""
+    incentive: str = ""
+    """A bonus and what it depends on, and whether everybody is paid alike."""
+    place: str = ""
+    """Where people take part, such as `a room of the university` or `at home`."""
+    preregistration: str = ""
+    """Address of the registration."""
+    published: str = ""
+    """Where data, materials and the code of the analysis are published, or why they are not."""
+    failures: str = ""
+    """Where the failures of people and agents are described."""
+
+
 class StudyCamera(BaseModel):
     """The robot's camera for people."""
 
@@ -295,6 +334,9 @@ class StudyConfig(BaseModel):
     pog: StudyPog = StudyPog()
     pog_view: HomeView | Literal["auto"] = "auto"
     """Where pictures of a 3-D home are made. `auto`: on the server for scans that are served beyond this machine."""
+    storey_names: StoreyNaming = "numbers"
+    """Names of storeys where participants see a home: storey 1 of 2 (`numbers`), ground floor and first floor
+    (`british`), first floor and second floor (`american`), or as each home's own descriptions say (`texts`)."""
     flow: tuple[FlowStep, ...] = ("device", "consent", "instructions", "quiz")
     """Pages before practice, in this order."""
     practice: StudyPractice = StudyPractice()
@@ -332,6 +374,7 @@ class StudyConfig(BaseModel):
     recruit: StudyRecruit = StudyRecruit()
     ethics: StudyEthics = StudyEthics()
     survey: StudySurvey = StudySurvey()
+    reporting: StudyReporting = StudyReporting()
 
     @model_validator(mode="after")
     def _each_once(self) -> "StudyConfig":
