@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from sim import files
 from sim.episodes.schema import Episode
 from sim.errors import StudyError, line_from_validation_error
+from sim.homes.storey_names import StoreyNaming
 from sim.types import (
     CAMERA_HEIGHT,
     MAX_STEPS,
@@ -333,6 +334,9 @@ class StudyConfig(BaseModel):
     pog: StudyPog = StudyPog()
     pog_view: HomeView | Literal["auto"] = "auto"
     """Where pictures of a 3-D home are made. `auto`: on the server for scans that are served beyond this machine."""
+    storey_names: StoreyNaming = "numbers"
+    """Names of storeys where participants see a home: storey 1 of 2 (`numbers`), ground floor and first floor
+    (`british`), first floor and second floor (`american`), or as each home's own descriptions say (`texts`)."""
     flow: tuple[FlowStep, ...] = ("device", "consent", "instructions", "quiz")
     """Pages before practice, in this order."""
     practice: StudyPractice = StudyPractice()

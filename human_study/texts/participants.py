@@ -44,7 +44,10 @@ def write_texts(folder: Path, language: Language) -> None:
 
 
 def freeze_texts(folder: Path, config: StudyConfig, plan: StudyPlan) -> dict[str, str]:
-    """Fills in the study's texts for the participants of each task; returns the sha256 of all files by name.
+    """Fills in the study's texts for the participants of each task.
+
+    Returns:
+        The sha256 of all files by name, and of the program's own texts by the name of their language.
 
     Raises:
         StudyError: A text for people has a place that is not filled in, or contradicts the study file.
@@ -67,7 +70,15 @@ def freeze_texts(folder: Path, config: StudyConfig, plan: StudyPlan) -> dict[str
         )
     for name, text in told.items():
         write_whole(folder / name, text)
-    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in (*TEXT_FILES, *told)}
+    frozen = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in (*TEXT_FILES, *told)}
+    language = catalogue_of(config.language)
+    return {**frozen, language.name: language.digest()}
+
+
+def has_other_words(config: StudyConfig, plan: StudyPlan) -> bool:
+    """Whether the program's own texts differ from those of the plan; plans of earlier versions do not know theirs."""
+    language = catalogue_of(config.language)
+    return plan.texts.get(language.name, language.digest()) != language.digest()
 
 
 def told_name(name: str, task: TaskKind) -> str:

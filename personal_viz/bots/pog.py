@@ -124,7 +124,7 @@ class PogBot(Bot):
         """Whether the storey of a place is shown; asks for it otherwise."""
         if self._storey == aim.storey:
             return True
-        button = self._page.button(rf"^show storey {aim.storey + 1} of")
+        button = self._page.storey_button(aim.storey)
         if button is None:  # there is only one
             self._storey = aim.storey
             return True

@@ -21,6 +21,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, StudyError
 from sim.homes.open_home import open_scene
 from sim.homes.renderers import renderer_of
+from sim.homes.storey_names import storey_labels
 from sim.render.raycast import Raycaster
 from sim.tasks.pog import PogScene
 from sim.tasks.rules import scene_storeys
@@ -112,6 +113,7 @@ def open_home(
         copies=copies,
         episodes={episode.key: episode for episode in dataset.episodes(scenes=(name,))},
         storeys=scene_storeys(dataset.goals(name).values()),
+        storey_labels=storey_labels(scene.navigation.storey_heights, dataset.goals(name).values()),
         watches=Watches(observers, make_env=lambda episode: pan_env(episode, scene, renderer, config)),
         threads=threads,
         view=view,

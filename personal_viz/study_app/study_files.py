@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -20,7 +21,8 @@ from human_study.design.study import (
 from human_study.export.manifest import Manifest
 from human_study.private_files import write_private
 from human_study.store.records import DATABASE_FILE
-from human_study.texts.participants import TEXT_FILES, freeze_texts
+from human_study.texts.catalogue import catalogue_of
+from human_study.texts.participants import TEXT_FILES, freeze_texts, has_other_words
 from human_study.texts.words import open_places
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError, line_from_validation_error
@@ -183,12 +185,19 @@ def require_same_homes(
 def require_texts(folder: Path, config: StudyConfig, made: StudyPlan) -> None:
     """Refuses texts that were changed after the plan, and texts with places to fill in that an earlier version allowed.
 
-    A study that has begun keeps its texts.
+    A study that has begun keeps its texts. Where the program's own texts are others now, a line says so.
 
     Raises:
         StudyError: A text was changed or is not filled in; the message names the file.
     """
-    for name, expected in made.texts.items():
+    if has_other_words(config, made):
+        print(
+            f"The program's own texts for participants ({config.language}) differ from those of {made.made_by}, with "
+            "which the study was planned: people read the new ones. Serve it with that version to keep the old ones.",
+            file=sys.stderr,
+        )
+    for name in sorted(made.texts.keys() - {catalogue_of(config.language).name}):
+        expected = made.texts[name]
         path = folder / name
         found = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else "nothing"
         if found != expected:

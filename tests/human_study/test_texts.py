@@ -206,7 +206,7 @@ def test_keys_and_limits_of_a_trial_are_those_of_the_study_file(keys: str) -> No
 def test_each_participant_is_told_about_one_task_only(tmp_path: Path) -> None:
     config = paged_study(task=("pan", "pog"), success="habitat", **FILLED)
     names = freeze_texts(tmp_path, config, plan(config))
-    texts = {name: (tmp_path / name).read_text(encoding="utf-8") for name in names}
+    texts = {name: (tmp_path / name).read_text(encoding="utf-8") for name in names if name.endswith(".md")}
     walking, pointing = (
         told_text(texts, "consent.md", task) + told_text(texts, "instructions.md", task)
         + "".join(instruction_texts(config, task, config.conditions(task)))
@@ -249,7 +249,7 @@ def test_a_study_whose_file_is_not_filled_in_cannot_be_planned(tmp_path: Path) -
 def test_people_of_a_pilot_read_plain_words_where_the_file_is_empty(tmp_path: Path) -> None:
     names, _ = frozen(tmp_path, paged_study(), is_pilot=True)
     assert set(names) >= {"consent.md", told_name("consent.md", "pan"), told_name("instructions.md", "pog")}
-    for name in names:
+    for name in set(names) - {"languages/en"}:
         text = (tmp_path / name).read_text(encoding="utf-8")
         assert open_places(text) == ()
         assert "told" not in name or not set("{}<>") & set(text)

@@ -268,6 +268,7 @@ def meshless_home() -> Home:
         renderer=Frames(PoseColours(), RenderThreads(1)),
         episodes={episode(name).key: episode(name) for name in ("0", "1", "2")},
         storeys=[(0.0, 0.0), (3.0, 3.0)],
+        storey_labels=(0, 1),
     )
 
 
@@ -280,6 +281,7 @@ def fake_home(watches: Watches, **changes: Any) -> Home:
         "copies": _Copies(),
         "episodes": {episode().key: episode()},
         "storeys": [(0.0, 0.0)],
+        "storey_labels": (0,),
         "watches": watches,
         "threads": RenderThreads(1),
     }

@@ -85,7 +85,7 @@ def test_a_pog_trial_with_real_clicks(quick_study: PlannedStudy, browser: Browse
     page = browser.new_page()
     start(page, quick_study.links[code])
     expect(page.get_by_text(episode.record.query[0])).to_be_visible()
-    page.get_by_role("button", name=f"Show storey {storey + 1}").click()
+    page.get_by_role("button", name=re.compile(rf"storey {storey + 1} of", re.IGNORECASE)).click()
     cam = resting_camera(page, lambda: events(quick_study, code, 1), rests_s=2.0)
     box = page.locator("canvas").last.bounding_box()
     page.mouse.click(*pixel_of(target.position, cam, box))

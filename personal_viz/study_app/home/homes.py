@@ -43,6 +43,8 @@ class Home:
     episodes: dict[EpisodeKey, Episode]
     storeys: list[tuple[float, float]]
     """(lowest, highest) floor of each storey, from the episodes."""
+    storey_labels: tuple[int, ...]
+    """Number of each storey that can be shown, from `sim.homes.storey_names.storey_labels`."""
     watches: Watches
     """Observers of the trials, for a researcher who watches."""
     threads: RenderThreads

@@ -3,6 +3,7 @@
 import base64
 import functools
 import html
+from collections.abc import Sequence
 
 from human_study.trial.commands import CloseMap
 from human_study.trial.views import LookView
@@ -10,14 +11,16 @@ from human_study.trial.views import LookView
 from ..home.homes import Home
 from ..home.surfaces import HomeSurface
 from ..home.top_view import TopView
-from .camera import add_camera_buttons, add_storey_buttons, sample_camera
+from .camera import StoreyButtons, add_camera_buttons, sample_camera
 from .page import Page, Send, overlay_html, roomy_html
 
 
 class LookScreen:
     """Draws a look at a home on a page and turns presses into commands."""
 
-    def __init__(self, page: Page, view: LookView, send: Send, *, home: Home, caption: str) -> None:
+    def __init__(
+        self, page: Page, view: LookView, send: Send, *, home: Home, caption: str, storeys: Sequence[str]
+    ) -> None:
         """Builds the screen.
 
         Args:
@@ -26,6 +29,7 @@ class LookScreen:
             send: Receives the commands.
             home: The home.
             caption: HTML with the trial's name and the kind of home, without the home's name.
+            storeys: Name of each storey, the lowest first.
         """
         self._page, self._home, self._shown, self._caption = page, home, view, caption
         page.clear()
@@ -38,7 +42,7 @@ class LookScreen:
             page.add(surface)
             sample_camera(page, send)
             page.listen_to_camera(surface.camera_moved)
-        add_storey_buttons(page, len(view.storeys), send)
+        self._storeys = StoreyButtons(page, storeys, send)
         if self._surface is not None:
             add_camera_buttons(page, is_map=False)
         begin, close = page.words(f"look.{view.what}_begin"), functools.partial(send, CloseMap())
@@ -57,6 +61,7 @@ class LookScreen:
             self._draw_status()
 
     def _show_storey(self, index: int) -> None:
+        self._storeys.show(index)
         if self._surface is not None:
             self._surface.show_storey(index)
         else:

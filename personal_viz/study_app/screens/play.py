@@ -29,6 +29,7 @@ from ..home.homes import Home, pan_env
 from ..home.surfaces import MapView
 from ..store_link import StoreLink
 from ..watch import TrialWatch
+from .camera import storey_names
 from .cards import rate_card
 from .look import LookScreen
 from .page import GoneError, Page
@@ -181,9 +182,10 @@ class TrialPlay:
     def _new_screen(self, view: View) -> Callable[[Any], None]:
         """Puts a screen for the view on the page, whose old one ends; returns the function that draws changes."""
         page, send, home = self._page, self._page.new_screen(), self._home
+        storeys = storey_names(page.words, self._config.storey_names, home.storey_labels)
         match view:
             case LookView():
-                return LookScreen(page, view, send, home=home, caption=self._caption).show
+                return LookScreen(page, view, send, home=home, caption=self._caption, storeys=storeys).show
             case PanView():
                 config = self._config
                 scale, encode = config.display_scale, home.renderer.jpeg
@@ -192,7 +194,8 @@ class TrialPlay:
                 is_map = self._trial.condition == "map_2d"
                 surface = MapView(page.client, home.copies.maps) if is_map else home.shown_in(page.client)
                 snaps = self._config.pog.pointing == "snap"
-                return PogScreen(page, view, send, surface=surface, caption=self._caption, snaps=snaps).show
+                options = {"caption": self._caption, "storeys": storeys, "snaps": snaps}
+                return PogScreen(page, view, send, surface=surface, **options).show
             case RateView():
                 page.card(rate_card(view, page.words), send)
                 return _nothing_changes

@@ -5,6 +5,7 @@
 
 import html
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -19,7 +20,7 @@ from sim.tasks.run_files import ClickRay, Vector3
 
 from ..home.homes import Home
 from ..home.surfaces import Surface, map_click
-from .camera import SIDES, add_camera_buttons, add_group, add_storey_buttons, four, sample_camera, three
+from .camera import SIDES, StoreyButtons, add_camera_buttons, add_group, four, sample_camera, three
 from .page import Page, Send, roomy_html, show_giving_up
 
 NUDGE_M = 0.1
@@ -43,7 +44,15 @@ class PogScreen:
     """Draws one POG trial on a page and turns clicks into rays and commands."""
 
     def __init__(
-        self, page: Page, view: PogView, send: Send, *, surface: Surface, caption: str, snaps: bool = False
+        self,
+        page: Page,
+        view: PogView,
+        send: Send,
+        *,
+        surface: Surface,
+        caption: str,
+        storeys: Sequence[str],
+        snaps: bool = False,
     ) -> None:
         """Builds the screen.
 
@@ -53,6 +62,7 @@ class PogScreen:
             send: Receives commands, rays of clicks, and moves of the mark.
             surface: The home, or its map.
             caption: HTML with the trial's name and the kind of home, without the home's name.
+            storeys: Name of each storey, the lowest first.
             snaps: Whether the mark goes to the middle of the clicked object.
         """
         self._page, self._send, self._surface, self._caption, self._snaps = page, send, surface, caption, snaps
@@ -63,7 +73,7 @@ class PogScreen:
             page.query(view.task)
         self._status = page.add(page.client.gui.add_html(""))
         page.description(view.task)
-        add_storey_buttons(page, len(view.storeys), send)
+        self._storeys = StoreyButtons(page, storeys, send)
         add_camera_buttons(page, is_map=surface.is_map)
         self._add_nudges()
         with page.always_visible("bottom"):
@@ -108,8 +118,9 @@ class PogScreen:
             await self._send(Nudge(*(float(NUDGE_M * along[axis] / length) for axis in (0, 2))))
 
     def _draw_mark(self) -> None:
-        """Draws the mark where it is on the shown storey, and nowhere while another storey is shown."""
+        """Draws the mark where it is on the shown storey; while another is shown, its storey's button tells of it."""
         mark, words = self._shown.mark, self._page.words
+        self._storeys.show(self._shown.storey, mark.storey if mark is not None else None)
         if mark is not None and mark.storey == self._shown.storey:
             thing = mark.item.category if mark.item is not None else ""
             label = words("pog.your_mark_on", thing=thing) if thing else words("pog.your_mark")
