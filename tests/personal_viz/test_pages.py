@@ -11,11 +11,14 @@ import pytest
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
+from human_study.export.study_export import export_study
 from human_study.journey import Stage
+from human_study.report.source import read_survey
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore
 from human_study.store.writer import StoreFullError
 from human_study.texts.quiz import questions_for
+from human_study.texts.survey import SURVEY
 from personal_viz.bots.forms import LastPage, Reply, Session, answer_pages, right_answers
 from personal_viz.study_app.gateway.admission import Tickets
 from personal_viz.study_app.gateway.app import Gateway
@@ -444,10 +447,8 @@ def test_the_parts_of_the_study_stand_above_each_page(taking: Callable[..., Taki
     assert '<li class="now" aria-current="step">Check</li>' in shown
 
 
-def test_a_bot_answers_all_pages_and_stops_at_the_last(
-    taking: Callable[..., Taking], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    who = taking()
+def through_the_client(who: Taking, monkeypatch: pytest.MonkeyPatch) -> Session:
+    """A bot's session that asks the participant's client instead of a network."""
 
     def ask(origin: str, path: str, *, cookie: str, body: str | None) -> Reply:
         headers = {"origin": origin, "content-type": "application/x-www-form-urlencoded"}
@@ -456,12 +457,34 @@ def test_a_bot_answers_all_pages_and_stops_at_the_last(
         return Reply(reply.status_code, reply.headers.get("location", ""), reply.text, "")
 
     monkeypatch.setattr("personal_viz.bots.forms.ask", ask)
-    session = Session(ORIGIN, "", who.address, "")
+    return Session(ORIGIN, "", who.address, "")
+
+
+def test_a_bot_answers_all_pages_and_stops_at_the_last(
+    taking: Callable[..., Taking], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    who = taking()
+    session = through_the_client(who, monkeypatch)
     assert answer_pages(session, right_answers(who.store.config)) is None
     assert who.stages() == ["arrived", "device_ok", "consented", "instructed", "quiz_passed"]
     for _ in range(3):
         do_next(who.store, CODE)
     assert answer_pages(session) == LastPage("finished", "ABCD1234")
+
+
+def test_a_bot_confirms_the_points_and_answers_the_survey(
+    taking: Callable[..., Taking], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    who = taking(flow=("consent",), survey={"eligibility": ("I read English.",), "questions": tuple(SURVEY)})
+    session = through_the_client(who, monkeypatch)
+    assert answer_pages(session) is None
+    assert who.stages() == ["arrived", "consented"]
+    while do_next(who.store, CODE) is not None:
+        pass
+    assert answer_pages(session) == LastPage("finished", "ABCD1234")
+    export_study(who.store.folder, tmp_path / "out")
+    rows = read_survey(tmp_path / "out")
+    assert [(row.topic, row.answer) for row in rows] == [(topic, "prefer_not_to_say") for topic in SURVEY]
 
 
 ASKED = {"questions": ("homes", "age")}
