@@ -202,8 +202,16 @@ class Recorder:
 
 
 _NOT_SHOWN = {
-    *("red", "green", "gray", "top", "bottom"),  # viser's colours; names of folders, whose heads are hidden
-    *("W", "A", "D", "R", "F", "enter", "arrowup", "arrowdown", "arrowleft", "arrowright"),  # keys
+    *(
+        "red",
+        "green",
+        "gray",
+        "blue",
+        "dark",
+        "top",
+        "bottom",
+    ),  # viser's colours; names of folders, whose heads are hidden
+    *("W", "A", "D", "R", "F", "enter", "arrowup", "arrowdown", "arrowleft", "arrowright", "pageup", "pagedown"),
 }
 _IN_THE_CLOSED_PALETTE = re.compile(r"[a-z_]+ \(\w+\)|move the mark \w+")
 """Labels of viser's commands; the palette that would list them never opens."""
