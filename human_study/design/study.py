@@ -344,6 +344,8 @@ class StudyConfig(BaseModel):
     breaks: StudyBreaks = StudyBreaks()
     confidence: bool = False
     """Whether participants rate after each trial, with one key, how sure they are."""
+    comments: bool = False
+    """Whether participants may write a comment at the end; it is stored encrypted and exported to a file of its own."""
     resume_within_s: Seconds = 600.0
     """Seconds of absence after which the trial has ended as `abandoned`."""
     hidden_max_s: Seconds | None = 60.0

@@ -22,7 +22,7 @@ from human_study.export.manifest import Manifest
 from human_study.private_files import write_private
 from human_study.store.records import DATABASE_FILE
 from human_study.texts.catalogue import catalogue_of
-from human_study.texts.participants import TEXT_FILES, freeze_texts, has_other_words
+from human_study.texts.participants import DEBRIEFING_FILE, TEXT_FILES, freeze_texts, has_other_words
 from human_study.texts.words import open_places
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError, line_from_validation_error
@@ -190,6 +190,11 @@ def require_texts(folder: Path, config: StudyConfig, made: StudyPlan) -> None:
     Raises:
         StudyError: A text was changed or is not filled in; the message names the file.
     """
+    if made.texts and DEBRIEFING_FILE not in made.texts and (folder / DEBRIEFING_FILE).exists():
+        raise StudyError(
+            f"{folder / DEBRIEFING_FILE}: was written after the plan; expected the texts that were planned. Move it "
+            "away, or make the plan again before anybody takes part."
+        )
     if has_other_words(config, made):
         print(
             f"The program's own texts for participants ({config.language}) differ from those of {made.made_by}, with "
