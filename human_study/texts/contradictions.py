@@ -135,6 +135,7 @@ def _told(config: StudyConfig) -> list[tuple[str, str]]:
     """(word that a consent form must use, field that makes it necessary)."""
     words = catalogue_of(config.language)
     told = [(words("told.language_model"), "ethics.language_model")] if config.ethics.language_model else []
+    told += [(words("told.comment"), "comments")] if config.comments else []
     return told + ([(words("told.survey"), "survey.questions")] if config.survey.questions else [])
 
 

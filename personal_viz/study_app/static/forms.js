@@ -28,6 +28,21 @@
   });
   window.addEventListener("pageshow", () => { isSent = false; });
 
+  // --- the code of the last page, copied with one press --------------------------------------------------------------
+  for (const button of all("[data-copies]")) {
+    button.hidden = false;
+    button.addEventListener("click", async () => {
+      const code = document.querySelector(".code"), told = document.querySelector("[data-copied]");
+      try {  // not everywhere: browsers allow it over TLS and on this computer only
+        await navigator.clipboard.writeText(code.textContent);
+        told.textContent = button.dataset.done;
+      } catch {
+        window.getSelection().selectAllChildren(code);
+        told.textContent = button.dataset.yourself;
+      }
+    });
+  }
+
   // --- while this page is open its participant is here, and keeps the place in the study ---------------------------
   const stayHere = () => {
     const socket = new WebSocket(location.origin.replace(/^http/, "ws") + base + "here");
