@@ -370,6 +370,9 @@ def test_a_consent_form_must_say_what_the_survey_asks(tmp_path: Path) -> None:
     (tmp_path / "ours" / "consent.md").write_text("There is no survey.")
     with pytest.raises(StudyError, match=r"says 'no survey', but survey\.questions is set"):
         frozen(tmp_path / "ours", config)
+    (tmp_path / "ours" / "consent.md").write_text("After a survey. We never ask questions about yourself.")
+    with pytest.raises(StudyError, match=r"says 'never ask questions about you', but survey\.questions is set"):
+        frozen(tmp_path / "ours", config)
     (tmp_path / "ours" / "consent.md").write_text("Take part.")
     with pytest.raises(StudyError, match="does not name the survey"):
         frozen(tmp_path / "ours", config)
