@@ -313,6 +313,86 @@ def test_a_person_who_has_done_everything_gets_a_code(taking: Callable[..., Taki
     assert who.client.get(f"{who.address}leave", follow_redirects=False).status_code == 303
 
 
+def finish(who: Taking) -> Taking:
+    """The same person after all searches."""
+    for _ in range(3):
+        assert who.page() == ""
+        do_next(who.store, CODE)
+    return who
+
+
+def stored_comment(who: Taking) -> str | None:
+    """The participant's comment in the records; None = there is none."""
+    with read_study(who.store.folder) as reader:
+        return reader.answers("comment").get(CODE)
+
+
+def test_the_last_page_has_a_button_to_copy_the_code_and_says_what_the_study_is_about(
+    taking: Callable[..., Taking], tmp_path: Path
+) -> None:
+    shown = finish(taking(flow=())).page()
+    assert "<h2>What this study is about</h2>" in shown
+    assert "Nobody is judged as a person." in shown
+    assert ">Copy the code</button>" in shown
+    assert 'data-done="The code is copied."' in shown
+    assert "<textarea" not in shown
+
+
+def test_without_a_code_there_is_nothing_to_copy(taking: Callable[..., Taking]) -> None:
+    assert "Copy the code" not in finish(taking(end=EndCode(None), flow=())).page()
+
+
+def test_a_study_has_its_own_text_at_the_end(taking: Callable[..., Taking], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(TEXTS, "told/debriefing-pan.md", "# Why we asked\n\nTo learn about **mugs**.")
+    shown = finish(taking(flow=())).page()
+    assert "<h2>Why we asked</h2>" in shown
+    assert "<strong>mugs</strong>" in shown
+    assert "What this study is about" not in shown
+
+
+def test_a_comment_is_stored_once_as_plain_text(taking: Callable[..., Taking]) -> None:
+    who = finish(taking(flow=(), comments=True))
+    shown = who.page()
+    assert '<textarea id="comment" name="comment" maxlength="2000" rows="4" required></textarea>' in shown
+    who.send(choice="comment", comment=" \r\n\t ")
+    assert stored_comment(who) is None
+    who.send(choice="comment", comment="=1+1 <b>\r\nThe \x1b[31mmug\u202e was\x00 hidden 😀 ")
+    assert stored_comment(who) == "=1+1 <b>\nThe  [31mmug  was  hidden 😀"
+    shown = who.page()
+    assert "Your comment is stored." in shown
+    assert "<textarea" not in shown
+    assert "mug" not in shown
+    assert who.stages()[-1] == "finished"
+
+
+def test_a_comment_of_any_letters_fits_and_the_rest_of_a_longer_one_is_cut(taking: Callable[..., Taking]) -> None:
+    who = finish(taking(flow=(), comments=True))
+    who.send(choice="comment", comment="😀" * 2001)
+    assert stored_comment(who) == "😀" * 2000
+
+
+@pytest.mark.parametrize("comments", [False, True])
+def test_no_comment_is_taken_where_nobody_asked_for_it(taking: Callable[..., Taking], comments: bool) -> None:
+    who = taking(flow=(), comments=comments)
+    who.post({"at": "trial-1-0", "choice": "comment", "comment": "too early"})
+    assert stored_comment(who) is None
+    if not comments:
+        finish(who).page()
+        who.post({"at": "finished-2-0", "choice": "comment", "comment": "not asked"})
+        assert stored_comment(who) is None
+
+
+def test_a_withdrawal_takes_the_comment_along(taking: Callable[..., Taking]) -> None:
+    who = finish(taking(flow=(), comments=True))
+    who.send(choice="comment", comment="I am Wilhelmina")
+    who.store.withdraw(CODE)
+    shown = who.page()
+    assert "You have left the study" in shown
+    assert "Your comment is stored" not in shown
+    assert "<h2>What this study is about</h2>" in shown
+    assert stored_comment(who) is None
+
+
 def test_leaving_asks_once_more_and_is_for_good(taking: Callable[..., Taking]) -> None:
     who = taking(end=EndCode())
     assert "Leave the study" in who.page()
