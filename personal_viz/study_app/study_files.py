@@ -222,18 +222,27 @@ def _require_objects(folder: Path, config: StudyConfig, scenes: Sequence[StudySc
     """Refuses homes without what `pog` of the study file promises; homes made from a plan have it all.
 
     Raises:
-        StudyError: A mark is to go to objects, and the files of a scan tell of none.
+        StudyError: Objects are to be marked or named and the files of a scan tell of none, or rooms of a scan are.
     """
     from sim.homes.open_home import find_scan
 
-    if "pog" not in config.task or scenes_dir is None or config.pog.pointing == "free":
+    pog = config.pog
+    if "pog" not in config.task or scenes_dir is None:
         return
     for scene in scenes:
-        scan = find_scan(scene.name, scenes_dir)
-        if find_semantics(scan, scene.name) is None:
+        if pog.room_names != "off" and scene.kind == "scan":
             raise StudyError(
-                f"{folder / STUDY_FILE}: pog.pointing is 'snap', but no file tells of the objects of {scan}; expected "
-                f"{scene.name}.semantic.glb and .semantic.txt beside it. Take pog.pointing: free, or scans with "
+                f"{folder / STUDY_FILE}: pog.room_names is {pog.room_names!r}, but {scene.name} is a scan, which does "
+                "not name its rooms; expected off. Take pog.room_names: off."
+            )
+        named = {"pog.pointing": pog.pointing == "snap", "pog.object_names": pog.object_names in ("on", "demand")}
+        field = next((field for field, is_asked in named.items() if is_asked), None)
+        scan = find_scan(scene.name, scenes_dir)
+        if field is not None and find_semantics(scan, scene.name) is None:
+            value, other = (pog.pointing, "free") if field == "pog.pointing" else (pog.object_names, "off")
+            raise StudyError(
+                f"{folder / STUDY_FILE}: {field} is {value!r}, but no file tells of the objects of {scan}; expected "
+                f"{scene.name}.semantic.glb and .semantic.txt beside it. Take {field}: {other}, or scans with "
                 "semantics."
             )
 
