@@ -16,10 +16,13 @@ unexport PYTHONDONTWRITEBYTECODE
 PYTEST = $(BIN)/python -m pytest --dist loadfile -n $(WORKERS)
 QUICK = not release and not bench and not gpu
 
-.PHONY: demo test release check lint fast bench screenshots gallery figures docs locked tag clean
+.PHONY: demo install test release check lint fast bench screenshots gallery figures docs locked tag clean
 
 demo: $(VENV)/.demo
 	@exec $(BIN)/personal-viz demo
+
+# The program without the tests' packages: docs/deploy/.
+install: $(VENV)/.demo
 
 test: $(VENV)/.test
 	@$(PYTHON) .ci/check_machine.py --tests

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from sim import files
 from sim.episodes.schema import Episode
 from sim.errors import StudyError, line_from_validation_error
+from sim.homes.storey_names import StoreyNaming
 from sim.types import (
     CAMERA_HEIGHT,
     MAX_STEPS,
@@ -52,9 +53,13 @@ Condition = PanCondition | PogCondition
 """A participant's view of the home besides the task itself. PAN: `none`, or before walking its `topdown` map or its 3-D
 model (`glb`). POG: pointing after a look at the home (`map_first`), with text and home side by side (`map_open`), or on
 the agents' own top-down map (`map_2d`)."""
+NamesShown = Literal["off", "on", "demand"]
+"""Names in a home: not at all, always, or as long as the participant wants them (a button)."""
+Pointing = Literal["free", "snap"]
+"""Where a mark goes: to the clicked point, or to the middle of the object there."""
 HomeView = Literal["browser", "server"]
 """Where the pictures of a 3-D home are made: in the browser, which then has its geometry, or on the server."""
-Language = Literal["en"]
+Language = Literal["en", "de"]
 """A language of `texts/languages`."""
 FlowStep = Literal["device", "consent", "instructions", "quiz"]
 SurveyTopic = Literal["age", "gender", "education", "language", "games", "expertise", "ai_tools", "other_help", "homes"]
@@ -136,6 +141,19 @@ class StudyPog(BaseModel):
     """Longest look at the home before the text, in `map_first`, seconds; None = no limit."""
     answer_max_s: Annotated[float, Field(gt=0)] | None = None
     """Longest time from the text to the confirmed mark, seconds; then the trial ends as `timeout`."""
+    pointing: Pointing = "free"
+    """`free`: the clicked point is the mark (the paper). `snap`: the mark goes to the middle of the clicked object,
+    which is outlined and named by its category."""
+    room_names: NamesShown = "off"
+    """Names of rooms in the 3-D home; scans have none."""
+    object_names: NamesShown | Literal["auto"] = "auto"
+    """Categories of objects in the 3-D home. `auto`: off in scans and on in other homes, whose plain shapes are hard to
+    tell apart. They give away what is what: the text then only has to be matched with words."""
+
+    @property
+    def has_names_on_demand(self) -> bool:
+        """Whether participants have a button for names."""
+        return "demand" in (self.room_names, self.object_names)
 
     @model_validator(mode="after")
     def _can_be_left(self) -> "StudyPog":
@@ -244,6 +262,44 @@ class StudySurvey(BaseModel):
     """Asked after the last search, before the completion code."""
 
 
+class StudyReporting(BaseModel):
+    """Facts for the report's checklist that only researchers know. Participants do not read them."""
+
+    model_config = _MODEL
+    population: str = ""
+    """The people for whom the results are to hold, such as `adults in Italy who read English well`."""
+    sampling: str = ""
+    """How people are found: crowdworkers, people at hand, a random or a stratified sample."""
+    eligibility: str = ""
+    """Who may take part and who may not, and how that is found out."""
+    expertise: str = ""
+    """Experience that people have or need, such as with robots or 3-D games."""
+    team: str = ""
+    """Whether authors or members of the team take part."""
+    exposure: str = ""
+    """How people who know the homes or the episodes are kept out."""
+    tools: str = ""
+    """Tools that people may use, AI programs with their versions included, and how this is watched."""
+    parity: str = ""
+    """Why the tasks favour neither people nor agents, and what agents get that people do not."""
+    pretest: str = ""
+    """Pretests and pilots, and what was changed after them."""
+    item_checks: str = ""
+    """How the episodes were checked for errors before people did them."""
+    invited: Annotated[int, Field(ge=1)] | None = None
+    """Number of invited people; None = each personal link is an invitation (`recruit.kind: local`), or not known."""
+    incentive: str = ""
+    """A bonus and what it depends on, and whether everybody is paid alike."""
+    place: str = ""
+    """Where people take part, such as `a room of the university` or `at home`."""
+    preregistration: str = ""
+    """Address of the registration."""
+    published: str = ""
+    """Where data, materials and the code of the analysis are published, or why they are not."""
+    failures: str = ""
+    """Where the failures of people and agents are described."""
+
+
 class StudyCamera(BaseModel):
     """The robot's camera for people."""
 
@@ -290,6 +346,9 @@ class StudyConfig(BaseModel):
     pog: StudyPog = StudyPog()
     pog_view: HomeView | Literal["auto"] = "auto"
     """Where pictures of a 3-D home are made. `auto`: on the server for scans that are served beyond this machine."""
+    storey_names: StoreyNaming = "numbers"
+    """Names of storeys where participants see a home: storey 1 of 2 (`numbers`), ground floor and first floor
+    (`british`), first floor and second floor (`american`), or as each home's own descriptions say (`texts`)."""
     flow: tuple[FlowStep, ...] = ("device", "consent", "instructions", "quiz")
     """Pages before practice, in this order."""
     practice: StudyPractice = StudyPractice()
@@ -297,6 +356,8 @@ class StudyConfig(BaseModel):
     breaks: StudyBreaks = StudyBreaks()
     confidence: bool = False
     """Whether participants rate after each trial, with one key, how sure they are."""
+    comments: bool = False
+    """Whether participants may write a comment at the end; it is stored encrypted and exported to a file of its own."""
     resume_within_s: Seconds = 600.0
     """Seconds of absence after which the trial has ended as `abandoned`."""
     hidden_max_s: Seconds | None = 60.0
@@ -327,6 +388,7 @@ class StudyConfig(BaseModel):
     recruit: StudyRecruit = StudyRecruit()
     ethics: StudyEthics = StudyEthics()
     survey: StudySurvey = StudySurvey()
+    reporting: StudyReporting = StudyReporting()
 
     @model_validator(mode="after")
     def _each_once(self) -> "StudyConfig":

@@ -53,6 +53,9 @@ class TrialFigures(BaseModel):
     """From the trial's start to the robot's first picture; PAN only."""
     confidence: int | None
     """The participant's confidence: 1 (guessed) to 5 (certain); empty when not asked or not given."""
+    on_object: bool | None = None
+    """Whether the confirmed click met the target itself; no answer met none. POG only, empty where it is not known
+    which object a click met, as in exports of older programs."""
 
 
 class AttemptName(BaseModel):
@@ -182,7 +185,8 @@ def measured(outcome: Outcome | None, rule: SuccessRule) -> dict[str, float | No
     if outcome is None or outcome.measures is None:
         return {}
     if not isinstance(outcome, EpisodeEnd):
-        return {"success": outcome.measures.success, "planar_distance": outcome.measures.planar_distance}
+        found = outcome.measures
+        return {"success": found.success, "planar_distance": found.planar_distance, "on_object": found.on_object}
     measures, ruled = outcome.measures, outcome.measures.rules[rule]
     by_rule = (
         {}

@@ -8,14 +8,16 @@ from sim.episodes.schema import Episode
 from sim.errors import StudyError, TaskStateError
 from sim.frames import wrap_angle
 from sim.tasks.pan import PanEnv
-from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, Vector3
+from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun
 from sim.types import EpisodeKey
 from sim.walk.navigation_map import NavigationMap
 
 from ..store.records import VerificationStatus
 from ..trial.events import Act, Error, Event
 from ..trial.outcome import (
+    ObjectAt,
     Outcome,
+    PointAt,
     end_reason,
     episode_run,
     has_begun,
@@ -44,9 +46,10 @@ class TrialHome:
     """(lowest, highest) floor of each storey, from `sim.tasks.rules.scene_storeys`."""
     episode: Callable[[EpisodeKey], Episode]
     """An episode of this home, with its targets; raises DatasetError for an unknown one."""
-    cast: Callable[[float, Vector3, Vector3], Vector3 | None] | None = None
-    """(storey's floor height, ray's origin, direction) -> where a click meets the home; None = rays are not cast again,
-    and the stored points are believed."""
+    cast: PointAt | None = None
+    """Where a click meets the home; None = rays are not cast again, and the stored points are believed."""
+    object_at: ObjectAt | None = None
+    """The object that a click meets; None = the stored names of objects are believed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +91,7 @@ def verify_trial(
             env = PanEnv(episode.start, home.navigation, renderer=None, max_steps=opened.max_steps)
             error, bad_step = replayed(events, env)
         elif home.cast is not None:
-            error = min(largest_click_error(events, home.cast), FAR_OFF)
+            error = min(largest_click_error(events, home.cast, home.object_at), FAR_OFF)
     except (StudyError, TaskStateError) as problem:
         return Verification("failed", 0.0, None, None, str(problem))
     if bad_step is not None:

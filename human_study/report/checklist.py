@@ -1,70 +1,144 @@
-"""Questions that reviewers ask about human baselines, answered from the study file where it holds the answer.
+"""Questions that reviewers ask about human baselines, answered from the study file, the records and the survey.
 
 `templates/checklist.md.j2` holds the questions, their sources and the answers.
 """
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
-from ..design.study import StudyConfig
-from ..texts.catalogue import ENGLISH, catalogue_of
+from sim.words.english import how_many
+
+from ..design.study import StudyConfig, SurveyTopic
+from ..export.survey import LEAST_IN_A_CELL, SurveyRow, survey_counts
+from ..export.trial_table import TrialRow
 from ..texts.words import words_of
 from .counts import ExclusionCount, FlowCount
 from .measures import WITHIN
 from .page import filled
 from .rows import TOTAL, ReportRow
+from .source import StudyRecords
 from .trials import ReportValue
 
-NOT_IN_FILE = "not in the study file"
+NOT_ANSWERED = "not answered"
 
 
 class ChecklistItem(ReportValue):
     """A question and its answer."""
 
     source: str
+    """The checklist that asks it."""
     part: str
     question: str
+    """Begins with the question's number in the checklist, where it has one."""
     answer: str
-    """The answer; `not in the study file` where only the researcher knows it."""
+    """The answer; `not answered` where neither the study file nor the records have one."""
+    answered_from: str
+    """Fields of the study file, `records`, `survey`, `runs` or `program` (true of every study that it serves)."""
 
 
 def checklist(
-    config: StudyConfig,
+    records: StudyRecords,
     *,
     rows: Sequence[ReportRow],
     flow: Sequence[FlowCount],
     exclusions: Sequence[ExclusionCount],
     is_pilot: bool,
-    plan_changes: Sequence[str] = (),
 ) -> list[ChecklistItem]:
-    """All questions of both lists."""
+    """All questions of both lists; none without a study file."""
+    config = records.config
+    if config is None:
+        return []
     measures = {row.measure for row in rows if row.measure not in WITHIN and row.split == TOTAL}
+    reached = {count.point: count.n for count in flow}
     text = filled(
         "checklist.md.j2",
         study=config,
-        words=words_of(config, catalogue=catalogue_of(ENGLISH)),
-        not_in_file=NOT_IN_FILE,
-        agents=sorted({row.who for row in rows if row.kind == "agent"}),
+        words=words_of(config),
+        agents=_agents(rows),
         measures=sorted(measures),
         limits=_limits(config),
         conditions=[name for task in config.task for name in config.conditions(task)],
         has_several_conditions=any(len(config.conditions(task)) > 1 for task in config.task),
-        flow={count.point: count.n for count in flow},
+        flow=reached,
         exclusions=exclusions,
         is_pilot=is_pilot,
-        plan_changes=plan_changes,
+        plan_changes=records.plan_changes,
+        dates=records.dates,
+        counts=_counts(records.rows),
+        survey=survey_words(records.survey),
+        response=_response(config, reached),
     )
     return [item for part in f"\n{text}".split("\n# ")[1:] for item in _items(part)]
+
+
+def survey_words(rows: Sequence[SurveyRow]) -> dict[SurveyTopic, str]:
+    """The number of people who gave each answer, by topic; small numbers are hidden (k-anonymity)."""
+    return {
+        topic: ", ".join(
+            f"{answer} {num if num >= LEAST_IN_A_CELL else f'under {LEAST_IN_A_CELL}'}"
+            for answer, num in sorted(counts.items())
+        )
+        for topic, counts in survey_counts(rows).items()
+    }
 
 
 def _items(part: str) -> list[ChecklistItem]:
     """The questions of one part of the filled template."""
     title, *questions = part.split("\n## ")
     source, _, name = title.strip().partition(": ")
-    pairs = [question.partition("\n") for question in questions]
-    return [
-        ChecklistItem(source=source, part=name, question=question, answer=" ".join(answer.split()))
-        for question, _, answer in pairs
-    ]
+    found = []
+    for question in questions:
+        head, _, answer = question.partition("\n")
+        asked, _, origin = head.partition(" | ")
+        found.append(
+            ChecklistItem(
+                source=source,
+                part=name,
+                question=asked,
+                answer=" ".join(answer.split()) or NOT_ANSWERED,
+                answered_from=origin,
+            )
+        )
+    return found
+
+
+def _agents(rows: Sequence[ReportRow]) -> list[str]:
+    """Each agent with the number of its episodes."""
+    sizes: dict[str, int] = {}
+    for row in rows:
+        if row.kind == "agent" and row.split == TOTAL:
+            sizes[row.who] = max(sizes.get(row.who, 0), row.num_episodes)
+    return [f"{who} {how_many(size, 'episode')}, several runs averaged" for who, size in sorted(sizes.items())]
+
+
+def _counts(rows: Sequence[TrialRow]) -> dict[str, Any]:
+    """Numbers of people, episodes and counted trials with a result."""
+    results = [row for row in rows if row.is_result]
+    episodes = Counter((row.task, row.split, row.scene, row.episode_id) for row in results)
+    people = Counter(row.participant for row in results)
+    return {
+        "trials": len(results),
+        "people": len(people),
+        "episodes": len(episodes),
+        "per_episode": _range(episodes.values()),
+        "per_person": _range(people.values()),
+    }
+
+
+def _range(values: Collection[int]) -> str:
+    least, most = min(values, default=0), max(values, default=0)
+    return f"{most}" if least == most else f"{least} to {most}"
+
+
+def _response(config: StudyConfig, reached: Mapping[str, int]) -> dict[str, Any]:
+    """The number of people who were invited, and the share of them who finished."""
+    invited = config.reporting.invited
+    if invited is None and config.recruit.kind == "local":
+        invited = reached.get("places in the plan")  # each place is one personal link
+    finished = reached.get("finished", 0)
+    rate = f"{100 * finished / invited:.0f} % of the invited finished" if invited else ""
+    return {"invited": invited, "rate": rate}
 
 
 def _limits(config: StudyConfig) -> list[str]:

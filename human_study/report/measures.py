@@ -43,11 +43,18 @@ class Measure:
 
 WITHIN = {f"sr_within_{limit}": Measure("", _PAN, is_rate=True, most=100) for limit in STEP_LIMITS}
 """The anytime success rate, by name."""
+WAYS = {
+    "dtw": Measure("DTW to the shortest path (m per place)", _PAN, digits=2),
+    "ndtw": Measure("nDTW with the shortest path (%)", _PAN, most=100),
+    "end_apart": Measure("end to the end of the shortest path (m)", _PAN, digits=2),
+}
+"""How far a trial's way is from the shortest path, by name; `ways` fills them in where the homes are at hand."""
 MEASURES: dict[str, Measure] = {
     "sr": Measure("SR (%)", claim="SR", is_rate=True, most=100, has_effect=True),
     "spl": Measure("SPL (%)", _PAN, claim="SPL", most=100, has_effect=True),
     "soft_spl": Measure("soft SPL (%)", _PAN, claim="SoftSPL", most=100),
     "dtg": Measure("DTG (m)", _PAN, claim="DTG", digits=2, has_spread=True),
+    "on_object": Measure("clicks on the object itself (%)", ("pog",), is_rate=True, most=100),
     "distance": Measure(
         "distance to the goal's centre (m)", ("pog",), digits=2, is_skewed=True, has_spread=True, has_effect=True
     ),
@@ -55,6 +62,7 @@ MEASURES: dict[str, Measure] = {
         "steps to decision", _PAN, claim="steps", most=MAX_STEPS, is_skewed=True, has_spread=True, has_effect=True
     ),
     "path_m": Measure("path (m)", _PAN, digits=2, is_skewed=True, has_spread=True),
+    **WAYS,
     "t_s": Measure("time to decision (s)", claim="time", is_skewed=True, has_spread=True, has_effect=True),
     **WITHIN,
     STRICT: Measure("SR by rule paper-strict (%)", _PAN, is_rate=True, most=100),
@@ -114,7 +122,9 @@ def _figures(task: TaskKind, plain: Mapping[str, Any]) -> dict[str, float | None
     """The report's measures from the plain figures of a run's trial or of an exported row."""
     hit = bool(plain["success"])
     if task == "pog":
-        return {"sr": 100.0 * hit, "distance": plain["planar_distance"]}
+        on_object = plain.get("on_object")
+        figures = {"sr": 100.0 * hit, "distance": plain["planar_distance"]}
+        return figures | {"on_object": None if on_object is None else 100.0 * on_object}
     steps = plain["n_steps"] or 0
     spl, soft_spl = (None if plain[name] is None else 100.0 * plain[name] for name in ("spl", "softspl"))
     figures = {"sr": 100.0 * hit, "spl": spl, "soft_spl": soft_spl, "dtg": plain["dtg"], "steps": float(steps)}

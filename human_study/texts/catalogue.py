@@ -6,6 +6,7 @@ fills them in). English is complete; every other language has the same keys and 
 
 import datetime
 import functools
+import hashlib
 import math
 import string
 import tomllib
@@ -31,6 +32,18 @@ class Catalogue:
     """Folder of `words.toml` and the Markdown."""
     texts: Mapping[str, str]
     """Short texts by key, such as `rest.title`, with unfilled places."""
+
+    @property
+    def name(self) -> str:
+        """Name of the language among the texts that a plan freezes."""
+        return f"{LANGUAGES.name}/{self.language}"
+
+    def digest(self) -> str:
+        """sha256 of all texts of the language, 64 hex digits."""
+        hashed = hashlib.sha256()
+        for path in sorted(self.folder.iterdir()):
+            hashed.update(f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n".encode())
+        return hashed.hexdigest()
 
     def __call__(self, key: str, **places: object) -> str:
         """The short text with this key, with its places filled in; plain text, not HTML."""

@@ -78,6 +78,13 @@ class ShowStorey:
 
 
 @dataclass(frozen=True, slots=True)
+class ShowNames:
+    """Show the names in the home that are shown on demand, or take them away."""
+
+    is_shown: bool
+
+
+@dataclass(frozen=True, slots=True)
 class LookFrom:
     """The camera in the 3-D home moved."""
 
@@ -94,6 +101,10 @@ class Click:
     """Point where the caller's ray met the shown storey; None = nothing was hit."""
     pixel: MapPixel | None = None
     """Place on the picture from above, whose `point` is the hit; None for the 3-D home."""
+    object_name: str | None = None
+    """Name in the scene of the object that is seen there; None = it is no object, or objects are not known."""
+    snapped: Vector3 | None = None
+    """Middle of that object, where the mark goes and which is the answer; None = the mark is at the hit."""
     t_cli_ms: float | None = None
 
 
@@ -139,7 +150,7 @@ class Measure:
 
 RATINGS = (1, 2, 3, 4, 5)
 PageCommand = PageChanged | Resize | Measure
-TrialCommand = Start | Resume | Tick | CloseMap | ShowStorey | LookFrom | GiveUp | Fail | Rate | PageCommand
+TrialCommand = Start | Resume | Tick | CloseMap | ShowStorey | ShowNames | LookFrom | GiveUp | Fail | Rate | PageCommand
 """Commands that every trial takes."""
 PanCommand = TrialCommand | Move | PressStop
 PogCommand = TrialCommand | Click | Confirm

@@ -22,6 +22,8 @@ MapKind = Literal["topdown", "glb", "home"]
 PageChange = Literal["focus", "blur", "hidden", "visible", "context_lost"]
 """The page got or lost the keyboard (`focus`, `blur`), left or came back on screen (`hidden`, `visible`: another tab, a
 minimised window), or can no longer show 3-D scenes, because the browser lost its WebGL context."""
+ABOVE_MAP = 10.0
+"""Height over the floor from which a place on a map is looked at, metres: over all of a cut storey."""
 MAX_SIDE = 100_000
 """Largest side of a page that is stored, pixels; larger sides are stored as this number."""
 
@@ -55,6 +57,8 @@ class Open(TrialEvent):
     """PAN: start of the robot, world metres."""
     yaw: Finite | None = None
     """PAN: yaw at the start, radians."""
+    knows_objects: bool = False
+    """POG: whether clicks tell the object that they met; older records never do."""
 
     @property
     def key(self) -> EpisodeKey:
@@ -70,10 +74,15 @@ class Open(TrialEvent):
 class Moment(TrialEvent):
     """Something that its kind says completely."""
 
-    kind: Literal["stop_armed", "stop", "confirm", "giveup_armed", "giveup", "looking", "superseded"] | PageChange
+    kind: (
+        Literal["stop_armed", "stop", "confirm", "giveup_armed", "giveup", "looking", "superseded"]
+        | Literal["names_on", "names_off"]
+        | PageChange
+    )
     """`stop_armed`, `stop`: first press of STOP, and the second one in time: the trial is over. `confirm`: the marked
     point is the answer: the trial is over. `giveup_armed`, `giveup`: first press of giving up, and the second one: the
     trial is over. `looking`: the map is still shown; repeated now and then, so that an interrupted look keeps its time.
+    `names_on`, `names_off`: names in the home were asked for, and taken away.
     `superseded`: the participant took the trial over from another tab that was still open."""
 
 
@@ -177,8 +186,22 @@ class Clicked(TrialEvent):
     """Point where the server's ray met the shown storey, world metres; None = it met nothing."""
     pixel: MapPixel | None = None
     """Place on the picture from above; None for clicks on the 3-D home."""
+    object_name: str | None = None
+    """Name in the scene of the object that is seen there; None = it is no object, or the trial does not tell."""
+    snapped: Vector3 | None = None
+    """Middle of that object, where the mark went (`pog.pointing: snap`), world metres; None = the mark is at `hit`."""
     provisional: bool = True
     """Whether the mark can still be changed before `confirm`."""
+
+    @property
+    def mark(self) -> Vector3 | None:
+        """The point that is the answer once it is confirmed; None = the click met nothing."""
+        return self.snapped if self.snapped is not None else self.hit
+
+    @property
+    def object_ray(self) -> tuple[Vector3, Vector3]:
+        """Origin and direction of the ray that meets the object: the click's own, or straight down on the map."""
+        return object_ray(self.ray, self.hit, self.pixel)
 
 
 class TimedOut(TrialEvent):
@@ -279,6 +302,17 @@ Event = (
     | Error
 )
 _ADAPTER: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator="kind")])
+
+
+def object_ray(ray: ClickRay, hit: Vector3 | None, pixel: MapPixel | None) -> tuple[Vector3, Vector3]:
+    """Origin and direction of the ray by which a click meets an object.
+
+    A click on the picture from above means what lies under its pixel, however the browser's camera stood.
+    """
+    if pixel is None or hit is None:
+        return ray.origin, ray.direction
+    x, y, z = hit
+    return (x, y + ABOVE_MAP, z), (0.0, -1.0, 0.0)
 
 
 def event_to_json(event: Event) -> str:

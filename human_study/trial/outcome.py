@@ -130,7 +130,7 @@ def pog_outcome(
         assert isinstance(outcome, Answer)
         return outcome
     marked = last_marked(events) if reason == "click" else None
-    candidates = (marked.hit,) if marked is not None and marked.hit is not None else ()
+    candidates = (marked.mark,) if marked is not None and marked.mark is not None else ()
     end = trial_end(events)
     ended_s = end[0].t_s if end is not None else None
     return Answer(
@@ -142,7 +142,9 @@ def pog_outcome(
         ray=marked.ray if marked is not None else None,
         t_s=None if ended_s is None else ended_s - task_began_s(events),
         reason=reason,
-        measures=score_answer(episode, candidates, storeys=storeys),
+        measures=score_answer(episode, candidates, storeys=storeys).model_copy(
+            update={"on_object": _is_on_target(marked, episode) if opened.knows_objects else None}
+        ),
     )
 
 
@@ -198,19 +200,39 @@ def walked_steps(events: Sequence[Event]) -> tuple[Step, ...]:
     return tuple(step.model_copy(update={"t_s": max(0.0, step.t_s - began_s)}) for step in steps)
 
 
-def largest_click_error(events: Sequence[Event], cast: Callable[[float, Vector3, Vector3], Vector3 | None]) -> float:
-    """Largest distance of the stored points of clicks on the 3-D home from the points of their rays, metres.
+PointAt = Callable[[float, Vector3, Vector3], Vector3 | None]
+"""(storey's floor height, ray's origin, direction) -> world point that the ray meets, or None."""
+ObjectAt = Callable[[float, Vector3, Vector3], tuple[str, Vector3] | None]
+"""The same -> name of the object that the ray meets, and the middle to which a mark goes; None = it meets no object."""
 
-    `cast` gives the world point of (storey's floor height, ray's origin, direction), or None. The result is inf where
-    only one of the two points exists, and 0 without such clicks.
+
+def largest_click_error(events: Sequence[Event], cast: PointAt, object_at: ObjectAt | None = None) -> float:
+    """Largest distance of the stored points of clicks from those that their rays give, metres.
+
+    Clicks on the 3-D home have the point that the ray meets, and all clicks may have the middle of an object. The
+    result is inf where only one of the two points exists or the ray meets another object, and 0 without clicks.
     """
     errors = [0.0]
     for event in events:
         if isinstance(event, Clicked) and event.pixel is None:
-            found = cast(event.ray.storey_y, event.ray.origin, event.ray.direction)
-            is_same = found is None and event.hit is None
-            errors.append(math.dist(found, event.hit) if found and event.hit else 0.0 if is_same else math.inf)
+            errors.append(_apart(cast(event.ray.storey_y, event.ray.origin, event.ray.direction), event.hit))
+        if isinstance(event, Clicked) and object_at is not None and opening(events).knows_objects:
+            name, middle = object_at(event.ray.storey_y, *event.object_ray) or (None, None)
+            errors.append(0.0 if name == event.object_name else math.inf)
+            errors.append(_apart(middle, event.snapped) if event.snapped is not None else 0.0)
     return max(errors)
+
+
+def _apart(found: Vector3 | None, stored: Vector3 | None) -> float:
+    """Distance of two points, metres; inf where only one exists, 0 where none does."""
+    if found is None or stored is None:
+        return 0.0 if found is stored else math.inf
+    return math.dist(found, stored)
+
+
+def _is_on_target(marked: Clicked | None, episode: Episode) -> bool:
+    """Whether the confirmed click met a target; no answer met none."""
+    return marked is not None and marked.object_name in {target.object_name for target in episode.targets}
 
 
 def last_marked(events: Sequence[Event]) -> Clicked | None:

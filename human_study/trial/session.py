@@ -2,12 +2,11 @@
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from sim.tasks.pan import PanEnv
-from sim.tasks.run_files import Vector3
 from sim.types import Action, EpisodeKey, Observation, Pose, Task
 
 from .commands import Click, Command, Confirm, Move, PressStop, Resume
@@ -15,7 +14,7 @@ from .events import Act, Clicked, Dropped, DropReason, Event, Key, Moment, Open,
 from .outcome import last_marked, walked_steps
 from .terms import STOP_WITHIN_S, TrialTerms
 from .trial_session import JUST_AFTER_S, TrialSession
-from .views import PanView, PogView, SessionUpdate
+from .views import Mark, MarkedObject, PanView, PogView, SessionUpdate
 
 _NO_TERMS = TrialTerms()
 
@@ -164,13 +163,20 @@ class PogSession(TrialSession[PogView]):
         storeys: tuple[float, ...],
         scene_digest: str,
         terms: TrialTerms = _NO_TERMS,
+        objects: Mapping[str, MarkedObject] | None = None,
     ) -> None:
-        """Shows nothing before `Start`; the arguments are those of TrialSession."""
+        """Shows nothing before `Start`; the other arguments are those of TrialSession.
+
+        Args:
+            objects: The home's objects by name; None = clicks do not tell which object they met.
+        """
         super().__init__(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms)
-        self._marker: Vector3 | None = None
+        self._objects = objects
+        self._marked: Clicked | None = None
+        """The click that set the present mark."""
 
     def _open_event(self, t_s: float) -> Open:
-        return self._opened().model_copy(update={"t_s": t_s})
+        return self._opened().model_copy(update={"t_s": t_s, "knows_objects": self._objects is not None})
 
     def _show_task(self, t_s: float, *, again: bool = False) -> tuple[Event, ...]:
         if not again:
@@ -182,11 +188,19 @@ class PogSession(TrialSession[PogView]):
             task=self._task,
             storeys=self._storeys,
             storey=self._storey,
-            marker=self._marker,
+            mark=self._mark(),
             is_over=self.is_over,
             is_giving_up=self._is_giving_up(t_s),
             left_s=self._left_s(t_s),
+            has_names=self._has_names,
         )
+
+    def _mark(self) -> Mark | None:
+        marked = self._marked
+        if marked is None or marked.hit is None or marked.mark is None:
+            return None
+        item = (self._objects or {}).get(marked.object_name or "") if marked.snapped is not None else None
+        return Mark(marked.mark, marked.hit, self._storeys.index(marked.ray.storey_y), item)
 
     def _on_task(self, command: Command, t_s: float, *, busy: bool) -> tuple[Event, ...]:
         if self.phase != "task":
@@ -194,7 +208,7 @@ class PogSession(TrialSession[PogView]):
         match command:
             case Click():
                 return self._click(command, t_s)
-            case Confirm() if self._marker is None:
+            case Confirm() if self._marked is None:
                 return (Dropped(t_s=t_s, reason="nothing_marked"),)
             case Confirm():
                 return self._end("click", Moment(kind="confirm", t_s=t_s))
@@ -205,10 +219,18 @@ class PogSession(TrialSession[PogView]):
         if self._clock.too_soon(t_s):
             return (Dropped(t_s=t_s, reason="rate"),)
         self._clock.accept(t_s)
-        self._marker = command.hit if command.hit is not None else self._marker
-        return (Clicked(t_s=t_s, t_cli_ms=command.t_cli_ms, ray=command.ray, hit=command.hit, pixel=command.pixel),)
+        clicked = Clicked(
+            t_s=t_s,
+            t_cli_ms=command.t_cli_ms,
+            ray=command.ray,
+            hit=command.hit,
+            pixel=command.pixel,
+            object_name=command.object_name if self._objects is not None else None,
+            snapped=command.snapped,
+        )
+        self._marked = clicked if clicked.hit is not None else self._marked
+        return (clicked,)
 
     def _rebuild(self, events: Sequence[Event]) -> None:
         super()._rebuild(events)
-        marked = last_marked(events)
-        self._marker = marked.hit if marked is not None else None
+        self._marked = last_marked(events)

@@ -25,6 +25,8 @@ class LookView:
     """Whole seconds until the participant may leave it; 0 = now."""
     left_s: int | None
     """Whole seconds until it closes by itself; None = no limit."""
+    has_names: bool = False
+    """Whether names that are shown on demand are wanted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +50,31 @@ class PanView:
 
 
 @dataclass(frozen=True, slots=True)
+class MarkedObject:
+    """An object of a home as its outline: no name, which would lead to the public files."""
+
+    category: str
+    centre: Vector3
+    """Middle of its box, world metres."""
+    size: Vector3
+    """Extents of its box along x, y, z, metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A participant's mark; world metres."""
+
+    point: Vector3
+    """The answer once it is confirmed: `hit`, or the middle of `item`."""
+    hit: Vector3
+    """Where the click met the home."""
+    storey: int
+    """Index of the storey that was shown then."""
+    item: MarkedObject | None = None
+    """The object to which the mark went."""
+
+
+@dataclass(frozen=True, slots=True)
 class PogView:
     """The view of a pointing POG participant; holds no ground truth and never says whether a point is right."""
 
@@ -56,13 +83,14 @@ class PogView:
     """Floor height of each storey that can be shown, metres, ascending."""
     storey: int
     """Index of the shown one."""
-    marker: Vector3 | None
-    """The marked point, world metres."""
+    mark: Mark | None
     is_over: bool
     is_giving_up: bool = False
     """Whether another press of giving up now ends the trial."""
     left_s: int | None = None
     """Seconds until the time is up, in coarse steps; None = there is no limit."""
+    has_names: bool = False
+    """Whether names that are shown on demand are wanted."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -128,6 +128,16 @@ class BotPage:
                 return element
         return None
 
+    def storey_button(self, index: int) -> Element | None:
+        """The button of a storey, counted from the lowest, whatever its name; None where there is only one storey.
+
+        The buttons of storeys are the first ones of the screens on which one sees a home.
+        """
+        buttons = list(self.of_kind("GuiButtonMessage"))
+        ends = re.compile(f"{_END_LOOK}|{_CONFIRM}", re.IGNORECASE)
+        count = next((place for place, button in enumerate(buttons) if ends.search(button.label)), 0)
+        return buttons[index] if index < count else None
+
     @property
     def text(self) -> str:
         """All HTML texts of the page without tags and pictures."""

@@ -60,7 +60,8 @@ class PogBot(Bot):
         if page.mark is not None and page.num_marks != self._num_marks:
             self._num_marks = page.num_marks
             points = [sent for sent in self._on_way if isinstance(sent, Pointed) and sent.shown_s is None]
-            if found := next((pointed for pointed in points if pointed.is_marked_by(page.mark)), None):
+            snaps = self._homes.config.pog.pointing == "snap"  # then the mark may be far from the clicked place
+            if found := next((pointed for pointed in points if snaps or pointed.is_marked_by(page.mark)), None):
                 self._answered(found, now_s)
         if page.is_pointing:
             return
@@ -123,7 +124,7 @@ class PogBot(Bot):
         """Whether the storey of a place is shown; asks for it otherwise."""
         if self._storey == aim.storey:
             return True
-        button = self._page.button(rf"^show storey {aim.storey + 1} of")
+        button = self._page.storey_button(aim.storey)
         if button is None:  # there is only one
             self._storey = aim.storey
             return True

@@ -4,6 +4,7 @@ Bots take part in a small study through the real gateway; agents do the same epi
 and report, and Rerun's web viewer lie beside one page. Every address is relative; nothing is fetched from elsewhere.
 """
 
+import re
 import shutil
 import sys
 import tempfile
@@ -43,6 +44,7 @@ _HOME = f"Invented{_SEED}"
 _SCHEMATIC = "TEEsavR23oF"
 _WIDTH = 1400
 """Width of the contact sheet of a home, pixels."""
+_BY_BOTS = "By bots and agents, on invented homes: no person took part."
 _MARK = "made-by-make-gallery"
 """File that tells a gallery, which may be replaced, from any other folder."""
 
@@ -97,6 +99,8 @@ def make_gallery(out: Path, size: GallerySize | None = None) -> Path:
         study = _study(aside, size)
         _work("study", "report", str(study), "--out", str(made / "report"), "--dataset", str(aside / "dataset"))
         _work("compare", str(study), "--out", str(made / "compare"))
+        for page in (made / "report" / "report.html", made / "compare" / "index.html"):
+            _label(page)
         recordings = _compared(made)
         if size.explored_steps:
             (made / "recordings").mkdir()
@@ -136,6 +140,14 @@ def _study(folder: Path, size: GallerySize) -> Path:
     for agent in size.agents:
         _work("run", "--agent", agent, "--study", str(study))
     return study
+
+
+def _label(page: Path) -> None:
+    """Says at the top of a page who made it, for readers who come from elsewhere."""
+    text = page.read_text(encoding="utf-8")
+    write_whole(
+        page, re.sub(r"<body[^>]*>", lambda found: f"{found[0]}\n<p><strong>{_BY_BOTS}</strong></p>", text, count=1)
+    )
 
 
 def _compared(made: Path) -> list[_Recording]:

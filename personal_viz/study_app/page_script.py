@@ -153,7 +153,7 @@ class PageMessages:
 def page_html(words: Catalogue) -> str:
     """HTML that puts the style sheets and the script, in a language, into a page, once for each connection."""
     script, *styles = ((STATIC / name).read_text(encoding="utf-8") for name in PAGE_FILES[:3])
-    script = script.replace(_WORDS_PLACE, _json(words.under("script", "key", "leave")))
+    script = script.replace(_WORDS_PLACE, _json(words.under("script", "key", "leave", "study")))
     return f"<style>{tokens_css()}{''.join(styles)}</style>{_runs(script)}"
 
 
@@ -195,7 +195,7 @@ def page_of(served: str, words: Catalogue) -> bytes:
             head,
             begin,
             f"{style}<script>{script}</script>".encode(),
-            rest.replace(VISER_TITLE, b"<title>PersONAL study</title>", 1),
+            rest.replace(VISER_TITLE, f"<title>{html.escape(words('study.title'))}</title>".encode(), 1),
         )
     )
 

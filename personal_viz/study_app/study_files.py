@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -20,13 +21,15 @@ from human_study.design.study import (
 from human_study.export.manifest import Manifest
 from human_study.private_files import write_private
 from human_study.store.records import DATABASE_FILE
-from human_study.texts.participants import TEXT_FILES, freeze_texts
+from human_study.texts.catalogue import catalogue_of
+from human_study.texts.participants import DEBRIEFING_FILE, TEXT_FILES, freeze_texts, has_other_words
 from human_study.texts.words import open_places
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError, line_from_validation_error
 from sim.files import bounded_json
 from sim.homes.kind import scene_kind
 from sim.homes.plan import HOMES_VERSION, plan_digest
+from sim.scans.hm3d import find_semantics
 from sim.tasks.provenance import program_release
 from sim.types import EpisodeKey
 
@@ -70,6 +73,7 @@ def plan_study(
         )
     keys = sample_episodes(config, [episode.key for episode in episodes.episodes()])
     scenes = [study_scene(config, episodes, name, scenes_dir) for name in sorted({key.scene for key in keys})]
+    _require_objects(folder, config, scenes, scenes_dir)
     made = make_plan(config, scenes, keys, practice=_practice(folder, config), is_pilot=pilot)
     made = made.model_copy(update={"texts": freeze_texts(folder, config, made)})
     save_plan(folder, made)
@@ -181,12 +185,24 @@ def require_same_homes(
 def require_texts(folder: Path, config: StudyConfig, made: StudyPlan) -> None:
     """Refuses texts that were changed after the plan, and texts with places to fill in that an earlier version allowed.
 
-    A study that has begun keeps its texts.
+    A study that has begun keeps its texts. Where the program's own texts are others now, a line says so.
 
     Raises:
         StudyError: A text was changed or is not filled in; the message names the file.
     """
-    for name, expected in made.texts.items():
+    if made.texts and DEBRIEFING_FILE not in made.texts and (folder / DEBRIEFING_FILE).exists():
+        raise StudyError(
+            f"{folder / DEBRIEFING_FILE}: was written after the plan; expected the texts that were planned. Move it "
+            "away, or make the plan again before anybody takes part."
+        )
+    if has_other_words(config, made):
+        print(
+            f"The program's own texts for participants ({config.language}) differ from those of {made.made_by}, with "
+            "which the study was planned: people read the new ones. Serve it with that version to keep the old ones.",
+            file=sys.stderr,
+        )
+    for name in sorted(made.texts.keys() - {catalogue_of(config.language).name}):
+        expected = made.texts[name]
         path = folder / name
         found = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else "nothing"
         if found != expected:
@@ -199,6 +215,35 @@ def require_texts(folder: Path, config: StudyConfig, made: StudyPlan) -> None:
             raise StudyError(
                 f"{path}: {', '.join(left)} to be filled in; expected a text that people can read. Fill in study.yaml "
                 "and make the plan again."
+            )
+
+
+def _require_objects(folder: Path, config: StudyConfig, scenes: Sequence[StudyScene], scenes_dir: Path | None) -> None:
+    """Refuses homes without what `pog` of the study file promises; homes made from a plan have it all.
+
+    Raises:
+        StudyError: Objects are to be marked or named and the files of a scan tell of none, or rooms of a scan are.
+    """
+    from sim.homes.open_home import find_scan
+
+    pog = config.pog
+    if "pog" not in config.task or scenes_dir is None:
+        return
+    for scene in scenes:
+        if pog.room_names != "off" and scene.kind == "scan":
+            raise StudyError(
+                f"{folder / STUDY_FILE}: pog.room_names is {pog.room_names!r}, but {scene.name} is a scan, which does "
+                "not name its rooms; expected off. Take pog.room_names: off."
+            )
+        named = {"pog.pointing": pog.pointing == "snap", "pog.object_names": pog.object_names in ("on", "demand")}
+        field = next((field for field, is_asked in named.items() if is_asked), None)
+        scan = find_scan(scene.name, scenes_dir)
+        if field is not None and find_semantics(scan, scene.name) is None:
+            value, other = (pog.pointing, "free") if field == "pog.pointing" else (pog.object_names, "off")
+            raise StudyError(
+                f"{folder / STUDY_FILE}: {field} is {value!r}, but no file tells of the objects of {scan}; expected "
+                f"{scene.name}.semantic.glb and .semantic.txt beside it. Take {field}: {other}, or scans with "
+                "semantics."
             )
 
 

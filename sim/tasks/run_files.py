@@ -226,6 +226,11 @@ class EpisodeRun(BaseModel):
         """Start pose and the pose after each step; len(steps) + 1."""
         return (Pose(self.start.position, self.start.yaw), *(step.pose for step in self.steps))
 
+    @property
+    def decisions(self) -> tuple[tuple[Action | None, Pose], ...]:
+        """The start without an action, then each action with the pose after it; len(steps) + 1."""
+        return tuple(zip((None, *(step.action for step in self.steps)), self.poses, strict=True))
+
 
 class AnswerMeasures(BaseModel):
     """Distances of a POG answer from the target (rule: DESIGN.md, planar distance on the target's storey)."""
@@ -238,6 +243,9 @@ class AnswerMeasures(BaseModel):
     distance_3d: Length | None
     planar_distances: tuple[Length | None, ...] | None = None
     """`planar_distance` of each of the first three candidates; None in files of versions that did not store them."""
+    on_object: bool | None = None
+    """Whether a person pointed at the target itself: the confirmed click met it. None for grounders, where it is not
+    known which object a click met, and in files of versions that did not store it."""
 
 
 class ClickRay(BaseModel):

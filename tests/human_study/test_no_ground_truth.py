@@ -11,7 +11,7 @@ from human_study.trial.commands import Click, CloseMap, Confirm, GiveUp, Move, P
 from human_study.trial.events import MapKind, event_to_json
 from human_study.trial.session import PanSession, PogSession
 from human_study.trial.terms import Look, TrialTerms
-from human_study.trial.views import LookView, PanView, PogView, RateView
+from human_study.trial.views import LookView, Mark, MarkedObject, PanView, PogView, RateView
 from sim.episodes.schema import Episode, Goal
 from sim.tasks.run_files import Measures, RuleMeasures
 from sim.types import Action, Task, TaskKind
@@ -20,6 +20,8 @@ from .small_world import CANARY, episode
 from .trials import FORWARD, LEFT, RAY, begun, new_session
 
 View = LookView | PanView | PogView | RateView
+Shape = Mark | MarkedObject
+GOAL, OUTLINE = episode().targets[0].object_name, MarkedObject("lamp", (-2.0, 0.5, 0.0), (1.0, 1.0, 1.0))
 FORBIDDEN_NAMES = {"goal", "goals", "targets", "success", "captions", "extracted_summary", "owner", "measures", "dtg"}
 FORBIDDEN_TYPES = (Episode, Goal, Measures, RuleMeasures, PanSession, PogSession)
 
@@ -48,7 +50,7 @@ def assert_clean(value: object) -> None:
         assert not FORBIDDEN_NAMES & set(path.split(".")), path
         assert not isinstance(item, FORBIDDEN_TYPES), path
         assert not (isinstance(item, str) and CANARY in item), path
-        is_known = isinstance(item, str | int | float | tuple | np.ndarray | Task | View | None)
+        is_known = isinstance(item, str | int | float | tuple | np.ndarray | Task | View | Shape | None)
         assert is_known, f"{path} is a {type(item).__name__}"
 
 
@@ -63,11 +65,12 @@ def test_the_walk_finds_ground_truth_wherever_it_hides() -> None:
     [
         ("pan", [Start(), *[LEFT] * 3, *[FORWARD] * 5, *[PressStop()] * 2]),
         ("pog", [Start(), ShowStorey(0), Click(RAY, (-2.0, 0.5, 0.0)), Confirm()]),
+        ("pog", [Start(), Click(RAY, (-2.4, 0.1, 0.0), object_name=GOAL, snapped=(-2.0, 0.5, 0.0)), Confirm()]),
     ],
-    ids=["a successful walk", "a right answer"],
+    ids=["a successful walk", "a right answer", "a mark on the target"],
 )
 def test_no_view_of_a_right_trial_holds_ground_truth(kind: TaskKind, commands: list) -> None:
-    session = new_session(kind)
+    session = new_session(kind, **({"objects": {GOAL: OUTLINE}} if kind == "pog" else {}))
     views = [session.handle(command, float(number)).view for number, command in enumerate(commands)]
     assert [view.is_over for view in views] == [False] * (len(commands) - 1) + [True]
     for view in views:
@@ -96,7 +99,7 @@ def test_a_right_and_a_wrong_answer_look_the_same_but_for_the_mark() -> None:
     for hit in ((-2.0, 0.5, 0.0), (2.5, 0.0, 2.5)):
         session = begun("pog")
         session.handle(Click(RAY, hit), 1.0)
-        ends.append(dataclasses.replace(session.handle(Confirm(), 2.0).view, marker=None))
+        ends.append(dataclasses.replace(session.handle(Confirm(), 2.0).view, mark=None))
     assert ends[0] == ends[1]
 
 

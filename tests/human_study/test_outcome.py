@@ -4,8 +4,9 @@ import math
 
 import pytest
 
+from human_study.export.trial_table import trial_figures
 from human_study.export.verify import verify_trial
-from human_study.trial.commands import Click, Confirm, ShowStorey, Start
+from human_study.trial.commands import Click, Confirm, GiveUp, ShowStorey, Start
 from human_study.trial.events import Abandoned, Clicked, Error, Event, MapPixel, Moment
 from human_study.trial.outcome import (
     largest_click_error,
@@ -16,6 +17,7 @@ from human_study.trial.outcome import (
     walked_steps,
 )
 from human_study.trial.terms import TrialTerms
+from human_study.trial.views import MarkedObject
 from sim.errors import StudyError
 from sim.types import TaskKind
 
@@ -72,6 +74,42 @@ def test_technical_failures_and_people_who_never_came_back_have_no_measures(kind
         assert (found.measures is not None) == is_scored, end
         verified = verify_trial(events, found, episode().key, home=room(), participant="p01")
         assert (verified.status, verified.detail) == ("verified", "")
+
+
+GOAL, OTHER = episode().targets[0].object_name, "chair_3"
+OBJECTS = {name: MarkedObject("thing", (-2.0, 0.5, 0.0), (1.0, 1.0, 1.0)) for name in (GOAL, OTHER)}
+
+
+@pytest.mark.parametrize(
+    ("name", "objects", "on_object"),
+    [(GOAL, OBJECTS, True), (OTHER, OBJECTS, False), (None, OBJECTS, False), (GOAL, None, None)],
+)
+def test_a_click_is_on_the_object_if_it_met_the_target_however_far_from_its_middle(
+    name: str | None, objects: dict[str, MarkedObject] | None, on_object: bool | None
+) -> None:
+    session = new_session("pog", objects=objects)
+    answer = answer_of(
+        driven(session, [(Start(), 0.0), (Click(RAY, (0.5, 0.0, 0.0), object_name=name), 1.0), (Confirm(), 2.0)])
+    )
+    assert (answer.measures.on_object, answer.measures.success) == (on_object, False)
+    assert trial_figures((), answer, rule="paper").on_object == on_object
+
+
+def test_an_answer_that_was_given_up_is_on_no_object() -> None:
+    click = Click(RAY, (-2.0, 0.5, 0.0), object_name=GOAL)
+    session = new_session("pog", objects=OBJECTS)
+    events = driven(session, [(Start(), 0.0), (click, 1.0), (GiveUp(), 2.0), (GiveUp(), 4.0)])
+    assert answer_of(events).measures.on_object is False
+
+
+def test_the_object_of_a_click_is_found_again_or_is_an_error_without_end() -> None:
+    middle, hit = (-2.0, 0.5, 0.0), (-2.3, 0.0, 0.1)
+    session = new_session("pog", objects=OBJECTS)
+    events = driven(session, [(Start(), 0.0), (Click(RAY, hit, object_name=GOAL, snapped=middle), 1.0)])
+    for found, error in (((GOAL, middle), 0.0), ((GOAL, (-2.0, 0.5, 0.2)), 0.2), ((OTHER, middle), math.inf)):
+        assert largest_click_error(events, lambda *_: hit, lambda *_, it=found: it) == pytest.approx(error)
+    assert largest_click_error(events, lambda *_: hit, lambda *_: None) == math.inf
+    assert largest_click_error(events, lambda *_: hit) == 0.0
 
 
 def test_without_a_look_the_task_begins_with_the_trial_and_its_first_end_counts() -> None:

@@ -201,6 +201,19 @@ def test_conditions_of_pointing_are_rows_of_their_own_and_compared_within_people
     assert first.spread_median == pytest.approx((2 / 3 + 2 / 3 + 4 / 3) / 3)  # x: 0, 0, 2
 
 
+def test_clicks_on_the_object_stand_beside_the_papers_measure_where_they_are_known() -> None:
+    known = []
+    for code, hit, on_object in (("p01", True, True), ("p02", False, True), ("p03", False, False)):
+        run = answers(code, (2.0, 3.0), success=hit)
+        measures = run.answers[0].measures.model_copy(update={"on_object": on_object})
+        known.append(run.model_copy(update={"answers": (run.answers[0].model_copy(update={"measures": measures}),)}))
+    rows = {(row.measure, row.split): row for row in study_report(known).rows}
+    assert (rows["sr", "total"].k, rows["on_object", "total"].k, rows["on_object", "total"].n) == (1, 2, 3)
+    assert "clicks on the object itself (%)" in markdown(study_report(known))
+    older = study_report([answers("p01", (2.0, 3.0), success=True)])
+    assert not [row for row in older.rows if row.measure == "on_object"]
+
+
 def test_people_who_agree_on_a_wrong_place_make_an_episode_suspect() -> None:
     near = [("p01", (2.0, 3.0)), ("p02", (2.4, 3.0)), ("p03", (2.0, 3.5)), ("p04", (2.1, 2.8))]
     wrong = [answers(code, xz, success=False) for code, xz in near]

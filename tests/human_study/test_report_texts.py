@@ -3,13 +3,16 @@
 import csv
 import io
 import re
+from collections.abc import Sequence
 from types import SimpleNamespace
 
 import pytest
 
-from human_study.design.study import StudyEthics
+from human_study.design.study import StudyEthics, StudyReporting
+from human_study.export.survey import SurveyRow
 from human_study.export.text_tables import csv_lines
-from human_study.report.checklist import NOT_IN_FILE, checklist
+from human_study.report.checklist import NOT_ANSWERED, ChecklistItem, checklist
+from human_study.report.counts import FlowCount
 from human_study.report.effects import memory_effects
 from human_study.report.glmm import glmm_csv, glmm_script
 from human_study.report.hypotheses import hypothesis_rows
@@ -17,12 +20,14 @@ from human_study.report.page import html_page, interval_text
 from human_study.report.report import report_groups
 from human_study.report.rows import Aggregate
 from human_study.report.source import ReportSource, StudyRecords
+from human_study.store.records import StudyDates
 
 from .report_examples import agent_run, example_rows, people_runs, study_config
 
 CONFIG = study_config()
 ROWS = example_rows()
 RUNS = (*people_runs(ROWS, CONFIG), agent_run("walker", 0, CONFIG, rate=0.4), agent_run("seer", 0, CONFIG, rate=0.3))
+FLOW = {"places in the plan": 20, "came": 15, "device refused": 1, "consented": 12, "screened out": 1, "finished": 10}
 GROUPS = report_groups(ReportSource(RUNS, StudyRecords(CONFIG, tuple(ROWS))), rule="paper")
 
 
@@ -75,13 +80,75 @@ def test_a_hypothesis_that_cannot_be_tested_says_why_and_still_counts_in_holm() 
     assert one.p_holm == pytest.approx(min(1, 3 * one.p))
 
 
+def answers_of(records: StudyRecords, *, flow: Sequence[FlowCount] = ()) -> dict[str, ChecklistItem]:
+    found = checklist(records, rows=(), flow=flow, exclusions=(), is_pilot=False)
+    return {item.question: item for item in found}
+
+
 def test_the_checklist_answers_what_the_study_file_says() -> None:
-    config = study_config(ethics=StudyEthics(irb="2026-17"))
-    answers = {i.question: i.answer for i in checklist(config, rows=(), flow=(), exclusions=(), is_pilot=False)}
-    assert answers["Ethics approval?"] == "2026-17"
-    assert answers["Pay?"] == NOT_IN_FILE
-    assert answers["Hypotheses fixed before data?"] == "human_minus_walker_SR, memory_effect_SR"
-    assert answers["Same items for people and agents?"] == "no agent is in this report"
+    items = answers_of(StudyRecords(config=study_config(ethics=StudyEthics(irb="2026-17"))))
+    assert items["1.9 Ethics review?"].answer == "2026-17"
+    assert items["2.7 Pay?"].answer == NOT_ANSWERED
+    assert "human_minus_walker_SR, memory_effect_SR" in items["Fixed before the first trial?"].answer
+    assert items["0.9-0.10 How many items did AI do, and how often?"].answer == "no agent is in this report"
+    assert all(item.answered_from and item.answer and "|" not in item.question for item in items.values())
+
+
+def test_each_number_of_the_list_of_wei_et_al_has_its_question() -> None:
+    named = [
+        item.question.split()[0]
+        for item in answers_of(StudyRecords(config=study_config())).values()
+        if item.question[0].isdigit()
+    ]
+    have = set()
+    for number in named:
+        first, _, last = number.partition("-")
+        part, least = first.split(".")
+        have |= {f"{part}.{each}" for each in range(int(least), int((last or first).split(".")[1]) + 1)}
+    sizes = {"1": 10, "2": 7, "3": 6, "4": 6, "5": 4}  # 0.1 to 0.4 name the paper itself
+    assert have == {f"0.{at}" for at in range(5, 11)} | {
+        f"{part}.{at}" for part, size in sizes.items() for at in range(1, size + 1)
+    }
+
+
+def test_each_reporting_field_answers_a_question() -> None:
+    empty = answers_of(StudyRecords(config=study_config()))
+    for name in StudyReporting.model_fields:
+        if name == "invited":
+            continue
+        told = answers_of(
+            StudyRecords(config=study_config(reporting=StudyReporting.model_validate({name: "Told here."})))
+        )
+        changed = [item for question, item in told.items() if item != empty[question]]
+        assert changed, name
+        for item in changed:
+            assert empty[item.question].answer == NOT_ANSWERED, name
+            assert "Told here." in item.answer
+            assert f"reporting.{name}" in item.answered_from
+
+
+def test_the_checklist_counts_answers_to_the_survey_and_hides_small_numbers() -> None:
+    rows = [SurveyRow(participant=f"p{at:02}", topic="age", answer="25_34") for at in range(5)]
+    rows += [SurveyRow(participant="p06", topic="age", answer="65_or_older")]
+    rows += [SurveyRow(participant="p06", topic="ai_tools", answer="no")]
+    items = answers_of(StudyRecords(config=study_config(), survey=tuple(rows)))
+    assert items["5.1 Demographics of the people?"].answer == "age: 25_34 5, 65_or_older under 5"
+    assert items["3.5 Which tools were allowed, AI included, and who watched?"].answer == "ai_tools: no under 5"
+
+
+def test_the_checklist_gives_the_response_rate_and_the_days() -> None:
+    flow = [FlowCount(point=point, n=n, is_aside=False) for point, n in FLOW.items()]
+    dates = StudyDates("2027-01-10", "2027-03-01", 40, "2027-01-12", "2027-02-03")
+    told = StudyReporting(place="A room of the university.")
+    items = answers_of(StudyRecords(config=study_config(reporting=told), dates=dates), flow=flow)
+    response = items["5.1 Response rate: invited, consented, finished?"].answer
+    assert response == "20 invited, 15 came, 12 consented, 10 finished (50 % of the invited finished)"
+    assert "from 2027-01-12 to 2027-02-03" in items["When and where?"].answer
+    assert "since 2027-01-10, first counted trial on 2027-01-12" in items["Fixed before the first trial?"].answer
+    linked = study_config(recruit={"kind": "link"})
+    assert answers_of(StudyRecords(config=linked), flow=flow)[
+        "5.1 Response rate: invited, consented, finished?"
+    ].answer.startswith("15 came")
 
 
 def test_markdown_becomes_one_safe_page() -> None:

@@ -245,7 +245,7 @@ def test_the_last_point_before_confirm_is_the_answer() -> None:
     clicks = [Click(RAY, hit) for hit in ((2.0, 0.1, 2.0), (-1.5, 0.1, 0.0), None)]
     events = driven(session, [(command, float(at)) for at, command in enumerate([Start(), ShowStorey(1), *clicks])])
     view = session.view(4.0)
-    assert (view.marker, view.storey) == ((-1.5, 0.1, 0.0), 1)
+    assert (view.mark.point, view.storey) == ((-1.5, 0.1, 0.0), 1)
     events += session.handle(Confirm(), 5.0).events
     answer = answer_of(events)
     assert kinds(events) == ["open", "storey", "click", "click", "click", "confirm"]

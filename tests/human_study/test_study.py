@@ -254,6 +254,12 @@ def test_ids_are_26_safe_characters_in_order_of_time(monkeypatch: pytest.MonkeyP
     assert first < new_id()
 
 
+def test_choices_of_pointing_do_not_change_a_study_that_leaves_them_as_they_were() -> None:
+    assert "pointing" not in study(pog={"pointing": "free"}).canonical_json()
+    assert study(pog={"pointing": "free"}).study_version == study(pog={}).study_version
+    assert study(pog={"pointing": "snap"}).study_version != study(pog={}).study_version
+
+
 def test_a_survey_needs_a_page_that_asks_for_consent() -> None:
     survey = {"questions": ["age"]}
     assert study(flow=("consent",), survey=survey).survey.questions == ("age",)

@@ -1,6 +1,7 @@
 """Sessions in the small world under given terms."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from human_study.trial.commands import Command, Move, Resume, Start
 from human_study.trial.events import Event
@@ -31,14 +32,14 @@ RAY = ray_down(0.0, 2.0, 0.0)
 
 
 def new_session(
-    kind: TaskKind, terms: TrialTerms = NO_TERMS, *, max_steps: int = 500, **choices: bool
+    kind: TaskKind, terms: TrialTerms = NO_TERMS, *, max_steps: int = 500, **choices: Any
 ) -> PanSession | PogSession:
-    """A session that nobody has started."""
+    """A session that nobody has started; `choices` are further arguments of its class."""
     task = study(steps=max_steps).task_for(episode(), kind)
     names = {"key": episode().key, "task": task, "storeys": STOREYS, "scene_digest": SCENE_DIGEST, "terms": terms}
     if kind == "pan":
         return PanSession(env(max_steps=max_steps, with_pictures=True), **names, **choices)
-    return PogSession(**names)
+    return PogSession(**names, **choices)
 
 
 def begun(kind: TaskKind, terms: TrialTerms = NO_TERMS, **choices: bool) -> PanSession | PogSession:

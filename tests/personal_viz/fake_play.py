@@ -14,7 +14,7 @@ from human_study.store.store import SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.texts.catalogue import catalogue_of
 from human_study.trial.events import Event, event_from_json, event_to_json
-from human_study.trial.views import LookView, PanView, PogView, RateView
+from human_study.trial.views import LookView, MarkedObject, PanView, PogView, RateView
 from personal_viz.study_app.home import homes as homes_module
 from personal_viz.study_app.home.frames import Frames, RenderThreads
 from personal_viz.study_app.home.homes import Home
@@ -26,6 +26,7 @@ from personal_viz.study_app.screens.play import TrialPlay
 from personal_viz.study_app.watch import Watches
 from sim.copies.cut import StoreyCut
 from sim.episodes.schema import Episode
+from sim.mesh import SceneObject
 from sim.render.renderer import Hits
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Vector3
@@ -40,6 +41,8 @@ EVERY_S = 1.0
 """Time between two commands of a script, seconds."""
 RAY = ray_down(0.0, 3.0, 0.0)
 HIT = (-1.5, 0.0, 0.0)
+LAMP = SceneObject(7, episode().targets[0].object_name, "lamp", (-2.0, 0.5, 0.0), (1.2, 1.0, 0.4))
+"""The target, which every ray meets."""
 View = LookView | PanView | PogView | RateView
 
 
@@ -177,6 +180,12 @@ class Pointed:
     def hit(self, storey: int, origin: object, direction: object) -> Vector3:
         return HIT
 
+    def object_at(self, storey: int, origin: object, direction: object) -> SceneObject:
+        return LAMP
+
+    def middle_of(self, storey: int, item: SceneObject) -> Vector3:
+        return item.centre
+
 
 @dataclasses.dataclass
 class FakeScene:
@@ -186,6 +195,7 @@ class FakeScene:
     kind = "invented"
     digest = "d" * 64
     navigation = SquareRoom()
+    objects = (LAMP,)
 
 
 @dataclasses.dataclass
@@ -228,7 +238,7 @@ def fake_screens(monkeypatch: pytest.MonkeyPatch) -> tuple[list[View], list[str]
     for name in ("LookScreen", "PanScreen", "PogScreen"):
         monkeypatch.setattr(play_module, name, screen_named(name))
     for module, name in ((homes_module, "SceneView"), (play_module, "MapView")):
-        monkeypatch.setattr(module, name, lambda client, things, name=name: screens.append(name))
+        monkeypatch.setattr(module, name, lambda client, *_, name=name: screens.append(name))
     return shown, screens
 
 
@@ -247,7 +257,7 @@ class EmptySurface(SceneView):
 
     def show_storey(self, index: int) -> None: ...
 
-    def show_mark(self, position: Vector3) -> None: ...
+    def show_mark(self, position: Vector3, label: str, item: MarkedObject | None = None) -> None: ...
 
 
 def meshless_home() -> Home:
@@ -258,6 +268,7 @@ def meshless_home() -> Home:
         renderer=Frames(PoseColours(), RenderThreads(1)),
         episodes={episode(name).key: episode(name) for name in ("0", "1", "2")},
         storeys=[(0.0, 0.0), (3.0, 3.0)],
+        storey_labels=(0, 1),
     )
 
 
@@ -270,6 +281,7 @@ def fake_home(watches: Watches, **changes: Any) -> Home:
         "copies": _Copies(),
         "episodes": {episode().key: episode()},
         "storeys": [(0.0, 0.0)],
+        "storey_labels": (0,),
         "watches": watches,
         "threads": RenderThreads(1),
     }

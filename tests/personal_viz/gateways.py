@@ -124,7 +124,7 @@ class NoPages:
 
     def message(self, name: str) -> str:
         """Names the page, and the script of the entry page."""
-        return f"{name}.js"
+        return f"/static/{name}.js"
 
     def answer(self, code: str, form: dict[str, str]) -> None:
         """Nothing was asked."""

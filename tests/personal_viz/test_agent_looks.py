@@ -28,7 +28,7 @@ def test_an_agent_gets_the_pixels_that_the_page_shows(tmp_path: Path, monkeypatc
     scene = room(kind="invented")
     look = StudyLook("topdown", CAMERA, tmp_path, 0)(scene, Pose((0.0, 0.0, 0.0), 0.0))
     (view,), (picture,) = top_views(scene), look.pictures
-    shown = picture_html(view).partition("base64,")[2].partition('"')[0]
+    shown = picture_html(view, "From above").partition("base64,")[2].partition('"')[0]
     page = np.asarray(Image.open(io.BytesIO(base64.b64decode(shown))).convert("RGB"))
     assert np.array_equal(picture.rgb, page)
     assert picture.metres_per_pixel == view.grid.cell

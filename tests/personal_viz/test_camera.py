@@ -1,13 +1,28 @@
 """Looking around without a mouse: what each press does to the camera."""
 
+import asyncio
 import contextlib
 import math
+from collections.abc import Awaitable, Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from personal_viz.study_app.screens.camera import ELEVATIONS, TURN, ZOOM, orbit, shift, zoom
+from human_study.texts.catalogue import catalogue_of
+from human_study.trial.commands import ShowStorey
+from personal_viz.study_app.home.surfaces import VIEW_ANGLE, framing_distance
+from personal_viz.study_app.screens.camera import (
+    ELEVATIONS,
+    TURN,
+    ZOOM,
+    StoreyButtons,
+    orbit,
+    shift,
+    storey_names,
+    zoom,
+)
 
 
 class Camera:
@@ -67,3 +82,97 @@ def test_a_map_moves_with_north_up(side: str, moved: tuple[float, float]) -> Non
     shift(camera, side)
     assert camera.position == pytest.approx((2.0 + moved[0], 13.0, 4.0 + moved[1]))
     assert camera.look_at == pytest.approx((2.0 + moved[0], 3.0, 4.0 + moved[1]))
+
+
+WORDS = catalogue_of("en")
+
+
+class ButtonPage:
+    """A page that keeps its buttons and keys."""
+
+    words = WORDS
+
+    def __init__(self) -> None:
+        self.buttons: list[Any] = []
+        self.keys: dict[str, Callable[[], Awaitable[None]]] = {}
+
+    def button(self, label: str, press: Callable[[], Awaitable[None]]) -> Any:
+        self.buttons.append(SimpleNamespace(label=label, color="blue", press=press))
+        return self.buttons[-1]
+
+    def hotkey(self, key: str, label: str, press: Callable[[], Awaitable[None]]) -> None:
+        self.keys[key] = press
+
+
+def storey_buttons(*names: str) -> tuple[StoreyButtons, ButtonPage, list[Any]]:
+    """Buttons of storeys, their page, and the commands that they send."""
+    sent: list[Any] = []
+
+    async def send(command: Any) -> None:
+        sent.append(command)
+
+    page: Any = ButtonPage()
+    return StoreyButtons(page, names, send), page, sent
+
+
+def test_the_shown_storey_is_marked_in_words_and_the_one_with_the_mark_tells_of_it() -> None:
+    buttons, page, _ = storey_buttons("basement", "ground floor", "first floor")
+    buttons.show(1)
+    labels = ["Show basement", "Ground floor: shown now", "Show first floor"]
+    assert [button.label for button in page.buttons] == labels
+    assert [button.color for button in page.buttons] == ["blue", "dark", "blue"]
+    buttons.show(1, 2)
+    assert page.buttons[2].label == "Show first floor: your mark is there"
+    buttons.show(2, 2)
+    assert [page.buttons[index].label for index in (1, 2)] == ["Show ground floor", "First floor: shown now"]
+
+
+def test_pages_up_and_down_go_one_storey_and_stop_at_the_ends() -> None:
+    buttons, page, sent = storey_buttons("ground floor", "first floor")
+    buttons.show(0)
+    asyncio.run(page.keys["pagedown"]())
+    assert not sent
+    asyncio.run(page.keys["pageup"]())
+    assert sent == [ShowStorey(1)]
+    buttons.show(1)
+    asyncio.run(page.keys["pageup"]())
+    asyncio.run(page.keys["pagedown"]())
+    assert sent == [ShowStorey(1), ShowStorey(0)]
+
+
+def test_a_home_with_one_storey_has_neither_buttons_nor_keys_of_storeys() -> None:
+    buttons, page, _ = storey_buttons("ground floor")
+    buttons.show(0)
+    assert (page.buttons, page.keys) == ([], {})
+
+
+def test_storeys_are_named_in_the_studys_habit() -> None:
+    assert storey_names(WORDS, "numbers", (1, 2)) == ["storey 1 of 2", "storey 2 of 2"]
+    assert storey_names(WORDS, "british", (1, 2)) == ["ground floor", "first floor"]
+    assert storey_names(WORDS, "texts", (1, 2)) == ["first floor", "second floor"]
+    assert storey_names(WORDS, "american", (-1, 0, 4)) == ["basement", "first floor", "floor 5"]
+
+
+@pytest.mark.parametrize("size", [(10.0, 2.0, 6.0), (4.0, 2.0, 20.0), (30.0, 0.0, 1.0)])
+@pytest.mark.parametrize("aspect", [0.6, 1.0, 2.4])
+def test_the_first_camera_has_the_whole_home_in_its_window_and_is_no_further_away(
+    size: tuple[float, float, float], aspect: float
+) -> None:
+    fov = math.radians(75)
+    distance = framing_distance(size, fov=fov, aspect=aspect)
+    camera = np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)]) * distance
+    forward = -camera / distance
+    up = np.array([0.0, -forward[2], forward[1]])
+    places = []
+    for signs in np.ndindex(2, 2, 2):
+        seen = (np.array(signs) - 0.5) * size - camera
+        depth = seen @ forward
+        places.append([seen[0] / depth / aspect, seen @ up / depth])
+    furthest = np.abs(np.array(places)).max() / math.tan(fov / 2)  # 1 = on the window's edge
+    assert 0.9 < furthest < 1
+
+
+def test_a_flat_square_straight_in_front_is_framed_by_hand() -> None:
+    # 2 m wide and without depth: its ends are 45 degrees apart at 1 / tan(22.5) m, and the view shows 4 % more
+    distance = framing_distance((2.0, 0.0, 0.0), fov=math.radians(45), aspect=1.0)
+    assert distance == pytest.approx(1.04 / math.tan(math.radians(22.5)))

@@ -1,4 +1,4 @@
-"""The proxy settings of docs/deploy.md work: nginx and Caddy read them where they are installed; needed lines stay."""
+"""The proxy settings of docs/deploy.md and docs/deploy work: nginx and Caddy read them where they are installed."""
 
 import os
 import re
@@ -23,10 +23,11 @@ from .gateways import running, wait_until
 from .tls_proxy import self_signed
 
 DEPLOY = Path(__file__).parents[2] / "docs" / "deploy.md"
+CADDYFILE = DEPLOY.with_suffix("") / "Caddyfile"
 NGINX, CADDY = shutil.which("nginx"), shutil.which("caddy")
 Proxy = Callable[..., AbstractContextManager[None]]
 needs_nginx = pytest.mark.skipif(NGINX is None, reason="found no nginx; install it to check the text of docs/deploy.md")
-needs_caddy = pytest.mark.skipif(CADDY is None, reason="found no caddy; install it to check the text of docs/deploy.md")
+needs_caddy = pytest.mark.skipif(CADDY is None, reason="found no caddy; install it to check docs/deploy/Caddyfile")
 
 
 def text_of(language: str) -> str:
@@ -75,18 +76,18 @@ def nginx(folder: Path, ports: dict[str, int], behind: int, *, changed: tuple[st
 
 @contextmanager
 def caddy(folder: Path, ports: dict[str, int], behind: int, *, changed: tuple[str, str] = ("", "")) -> Iterator[None]:
-    """The document's Caddy, likewise; its own files stay in the folder."""
+    """The Caddyfile, likewise; its own files stay in the folder."""
     certificate, key = self_signed(folder)
     places = {
-        "study.example.org {": f"localhost {{\n    tls {certificate} {key}",
+        "{$STUDY_HOST:study.example.org} {": f"{{$STUDY_HOST:study.example.org}} {{\n    tls {certificate} {key}",
         "127.0.0.1:8080": f"127.0.0.1:{behind}",
     }
-    text = replaced(text_of("caddyfile"), places, changed)
+    text = replaced(CADDYFILE.read_text(encoding="utf-8"), places, changed)
     own = f"admin off\nhttp_port {ports['http']}\nhttps_port {ports['tls']}\ndefault_bind 127.0.0.1\n"
     (folder / "Caddyfile").write_text(text.replace("{\n", "{\n" + own, 1))
     assert CADDY is not None
     command = [CADDY, "run", "--config", str(folder / "Caddyfile"), "--adapter", "caddyfile"]
-    homes = {name: str(folder) for name in ("HOME", "XDG_DATA_HOME", "XDG_CONFIG_HOME")}
+    homes = {name: str(folder) for name in ("HOME", "XDG_DATA_HOME", "XDG_CONFIG_HOME")} | {"STUDY_HOST": "localhost"}
     with (folder / "caddy.log").open("w") as log:
         process = subprocess.Popen(command, stdout=log, stderr=log, env=os.environ | homes)
         yield from until_ended(process, ports, folder / "caddy.log")
@@ -201,5 +202,6 @@ def test_the_document_names_files_that_never_leave_and_flags_that_exist() -> Non
     for name in ("secrets.json", "keys.json", "sessions.json", "secrets.toml", "pay.db"):
         assert f"`{name}`" in text
     known = {"--" + name.replace("_", "-") for name in ServeOptions.__dataclass_fields__} - {"--hosts"}
-    known |= {"--host", "--dataset", "--url", "--link", "--insecure-ca"}
-    assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", text)) <= known
+    known |= {"--host", "--dataset", "--url", "--link", "--insecure-ca", "--scenes-dir"}
+    of_others = {"--system", "--group", "--home", "--env-file", "--detach", "--build", "--now"}
+    assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", text)) - of_others <= known

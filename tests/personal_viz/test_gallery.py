@@ -63,6 +63,8 @@ def test_a_static_host_serves_the_gallery_and_every_address_leads_somewhere(
             text = read(here).decode()
             if here == home:
                 assert "made by bots and agents, on homes that are invented or schematic" in text
+            elif "/viewer/" not in here:
+                assert "By bots and agents, on invented homes: no person took part." in text
             if "/viewer/" in here:
                 continue  # the viewer's own page, whose links to other hosts its policy makes useless
             tags = Tags(text).found

@@ -10,14 +10,14 @@ from human_study.store.store import SupersededError
 from human_study.store.writer import StoreFullError
 from human_study.trial.commands import CloseMap, Confirm, GiveUp, Move, PageChanged, PressStop, ShowStorey
 from human_study.trial.events import Clicked, Confidence, Event, Shown
-from human_study.trial.views import LookView, PanView, PogView
+from human_study.trial.views import LookView, Mark, MarkedObject, PanView, PogView
 from personal_viz.study_app.screens.page import GoneError, WithdrawnError
-from sim.tasks.run_files import Answer, EpisodeEnd
+from sim.tasks.run_files import Answer, EpisodeEnd, Vector3
 from sim.types import Action, Camera, Pose
 
 from ..human_study.finished import room
 from ..human_study.small_world import episode
-from .fake_play import HIT, PASS, RAY, MemoryLink, Played, RenderedHere, played
+from .fake_play import HIT, LAMP, PASS, RAY, FakeScene, MemoryLink, Played, RenderedHere, played
 from .fake_play import fake_screens as fake_screens
 
 FORWARD, LEFT = Move(Action.FORWARD, code="KeyW"), Move(Action.LEFT, code="KeyA")
@@ -103,6 +103,33 @@ def test_the_texts_come_after_the_home(fake_screens: Fakes) -> None:
     assert trial.link.outcome.candidates == (HIT,)
 
 
+@pytest.mark.parametrize(("pointing", "answer"), [("free", HIT), ("snap", LAMP.centre)])
+def test_the_object_that_a_click_met_is_stored_and_is_the_answer_only_where_marks_snap(
+    fake_screens: Fakes, pointing: str, answer: Vector3
+) -> None:
+    choices = {"pog": {"conditions": ["map_open"], "pointing": pointing}}
+    trial = played(fake_screens, MemoryLink("pog"), RAY, Confirm(), **choices)
+    assert trial.link.outcome.candidates == (answer,)
+    assert trial.link.outcome.measures.on_object
+    (clicked,) = [event for event in trial.link.events() if isinstance(event, Clicked)]
+    assert (clicked.ray, clicked.hit, clicked.object_name) == (RAY, HIT, LAMP.name)
+    item = MarkedObject("lamp", LAMP.centre, LAMP.size) if pointing == "snap" else None
+    assert [view.mark for view in trial.shown][1] == Mark(answer, HIT, 0, item)
+    link = MemoryLink("pog")
+    played(fake_screens, link, RAY, **choices)
+    again = played(fake_screens, link, Confirm(), away_s=5.0, **choices)
+    assert again.shown[0].mark == Mark(answer, HIT, 0, item)
+
+
+def test_homes_whose_objects_do_not_hold_the_target_do_not_say_what_a_click_met(fake_screens: Fakes) -> None:
+    other = dataclasses.replace(LAMP, name="another lamp_8")
+    scene = dataclasses.make_dataclass("Scene", [], bases=(FakeScene,), namespace={"objects": (other,)})()
+    link = played(fake_screens, MemoryLink("pog"), RAY, Confirm(), home_options={"scene": scene}).link
+    assert link.outcome.measures.on_object is None
+    (clicked,) = [event for event in link.events() if isinstance(event, Clicked)]
+    assert clicked.object_name is None
+
+
 def test_the_time_runs_out_without_the_browser_and_a_later_click_does_not_count(fake_screens: Fakes) -> None:
     walked = played(fake_screens, MemoryLink("pan"), FORWARD, *[PASS] * 9, pan_max_s=6)
     pointed = played(fake_screens, MemoryLink("pog", "map_first"), CloseMap(), RAY, *[PASS] * 9, **HOME_FIRST)
@@ -135,7 +162,7 @@ def test_a_page_that_is_closed_before_the_answer_leaves_the_trial_open(fake_scre
     assert again.screens == ["SceneView", "PogScreen"]
     view = again.shown[0]
     assert isinstance(view, PogView)
-    assert view.marker == HIT
+    assert view.mark.point == HIT
     assert link.outcome.candidates == (HIT,)
 
 

@@ -10,11 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from human_study.trial.outcome import HIT_TOLERANCE
-from human_study.trial.views import PogView
+from human_study.trial.views import Mark, PogView
 from personal_viz.study_app.home.surfaces import map_click
 from personal_viz.study_app.home.top_view import TopView
 from personal_viz.study_app.screens.pog import Nudge, click_of
 from sim.copies.cut import StoreyCut
+from sim.mesh import SceneObject
 from sim.tasks.run_files import ClickRay, Vector3
 from sim.types import GridSpec
 
@@ -36,9 +37,13 @@ def ray_to(point: Vector3, eye: Vector3, *, storey_y: float) -> ClickRay:
     )
 
 
-def view(*, storey: int = 0, marker: Vector3 | None = None) -> PogView:
+LAMP = SceneObject(7, "lamp_7", "lamp", (1.4, 0.5, 0.9), (1.0, 1.0, 1.0))
+
+
+def view(*, storey: int = 0, mark: Vector3 | None = None, point: Vector3 | None = None) -> PogView:
+    """A view with a mark on the ground floor, at the click's place or at another point."""
     task = study().task_for(episode(), "pog")
-    return PogView(task, (0.0, 3.0), storey, marker, is_over=False)
+    return PogView(task, (0.0, 3.0), storey, mark and Mark(point or mark, mark, storey=0), is_over=False)
 
 
 class Home:
@@ -54,6 +59,13 @@ class Home:
     def hit(self, storey: int, origin: Vector3, direction: Vector3) -> Vector3 | None:
         self.asked.append((storey, tuple(origin), tuple(direction)))
         return (origin[0], (0.0, 3.0)[storey], origin[2])
+
+    def object_at(self, storey: int, origin: Vector3, direction: Vector3) -> SceneObject | None:
+        """A lamp stands in one quarter of the lower storey."""
+        return LAMP if storey == 0 and origin[0] > 0.9 and origin[2] > 0.4 else None
+
+    def middle_of(self, storey: int, item: SceneObject) -> Vector3:
+        return item.centre
 
 
 @given(
@@ -93,7 +105,7 @@ def test_a_ray_counts_on_the_storey_that_the_browser_showed_when_it_was_sent() -
 @pytest.mark.parametrize("is_map", [True, False])
 def test_a_mark_is_moved_over_the_ground(is_map: bool) -> None:
     home: Any = Home()
-    click = click_of(Nudge(0.1, -0.2), view(marker=(1.0, 0.7, 1.0)), home, is_map=is_map)
+    click = click_of(Nudge(0.1, -0.2), view(mark=(1.0, 0.7, 1.0)), home, is_map=is_map)
     assert click.hit == pytest.approx((1.1, 0.0, 0.8))
     assert (click.pixel is not None) == is_map
     assert click.ray.direction == (0.0, -1.0, 0.0)
@@ -101,16 +113,43 @@ def test_a_mark_is_moved_over_the_ground(is_map: bool) -> None:
         assert home.asked[0][1] == pytest.approx((1.1, 1.89, 0.8))  # from just under the cut: over all that is shown
 
 
-@pytest.mark.parametrize("marker", [None, (2.0, 0.5, 2.0)])
+@pytest.mark.parametrize("mark", [None, (2.0, 0.5, 2.0)])
 @pytest.mark.parametrize("is_map", [True, False])
-def test_a_storey_without_a_mark_gets_it_in_its_middle(marker: Vector3 | None, is_map: bool) -> None:
+def test_a_storey_without_a_mark_gets_it_in_its_middle(mark: Vector3 | None, is_map: bool) -> None:
     home: Any = Home()
-    click = click_of(Nudge(0.1, 0.0), view(storey=1, marker=marker), home, is_map=is_map)
+    click = click_of(Nudge(0.1, 0.0), view(storey=1, mark=mark), home, is_map=is_map)
     assert click.hit == pytest.approx((0.5, 3.0, 0.25))
     assert click.ray.storey_y == 3.0
 
 
 def test_a_mark_cannot_be_moved_off_the_map() -> None:
     home: Any = Home()
-    click = click_of(Nudge(0.1, 0.0), view(marker=(3.95, 0.0, 0.0)), home, is_map=True)
+    click = click_of(Nudge(0.1, 0.0), view(mark=(3.95, 0.0, 0.0)), home, is_map=True)
     assert click.hit is None
+
+
+@pytest.mark.parametrize("is_map", [True, False])
+def test_a_mark_goes_to_the_middle_of_the_clicked_object_only_where_the_study_says_so(is_map: bool) -> None:
+    home: Any = Home()
+    on_lamp, beside = (ray_to((x, 0.0, 1.0), (x, 9.0, 1.0), storey_y=0.0) for x in (1.2, 0.2))
+    snapped = click_of(on_lamp, view(), home, is_map=is_map, snaps=True)
+    assert (snapped.object_name, snapped.snapped) == ("lamp_7", LAMP.centre)
+    assert snapped.hit == pytest.approx((1.2, 0.0, 1.0))  # the raw place is kept
+    free = click_of(on_lamp, view(), home, is_map=is_map)
+    assert (free.object_name, free.snapped, free.hit) == ("lamp_7", None, snapped.hit)
+    missed = click_of(beside, view(), home, is_map=is_map, snaps=True)
+    assert (missed.object_name, missed.snapped) == (None, None)
+
+
+def test_a_place_on_the_map_is_the_object_under_it_however_the_browsers_camera_stands() -> None:
+    home: Any = Home()
+    slanted = ray_to((1.2, 0.0, 1.0), (-3.0, 9.0, -3.0), storey_y=0.0)
+    assert click_of(slanted, view(), home, is_map=True).object_name == "lamp_7"
+
+
+def test_a_mark_on_an_object_is_moved_from_the_clicked_place_so_that_it_can_leave() -> None:
+    home: Any = Home()
+    shown = view(mark=(1.0, 0.7, 1.0), point=LAMP.centre)
+    moved = click_of(Nudge(-0.15, 0.0), shown, home, is_map=False, snaps=True)
+    assert moved.hit == pytest.approx((0.85, 0.0, 1.0))
+    assert moved.snapped is None

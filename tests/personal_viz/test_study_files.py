@@ -4,6 +4,7 @@ import datetime
 import hashlib
 import io
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -70,7 +71,8 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
     told = json.loads(capsys.readouterr().out)
     assert told["per_person"] == {"easy": [0, 1], "medium": [0, 1], "hard": [0, 1]}
     assert (told["people"], told["trials"], told["changes"]) == (15, 15, list(made.changes))
-    assert set(made.texts) == {"consent.md", "instructions.md", "told/consent-pan.md", "told/instructions-pan.md"}
+    files = {"consent.md", "instructions.md", "told/consent-pan.md", "told/instructions-pan.md"}
+    assert set(made.texts) == {*files, "languages/en"}
     told = study / "told" / "consent-pan.md"
     assert "The University of Anywhere invites you" in told.read_text(encoding="utf-8")
     for path in (told, study / "instructions.md"):
@@ -80,6 +82,30 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
         with pytest.raises(StudyError, match="the text that was planned"):
             require_texts(study, load_study(study), made)
         path.write_text(before, encoding="utf-8")
+    assert capsys.readouterr().err == ""
+    of_earlier = made.model_copy(update={"texts": {name: made.texts[name] for name in files}})
+    other = made.model_copy(update={"texts": {**made.texts, "languages/en": "0" * 64}})
+    require_texts(study, load_study(study), of_earlier)
+    assert capsys.readouterr().err == ""
+    require_texts(study, load_study(study), other)
+    assert "texts for participants (en) differ from those of" in capsys.readouterr().err
+    (study / "debriefing.md").write_text("Thanks.", encoding="utf-8")
+    with pytest.raises(StudyError, match=r"debriefing\.md: was written after the plan; expected"):
+        require_texts(study, load_study(study), made)
+
+
+def test_marks_go_to_objects_only_where_the_files_of_a_scan_tell_of_objects(tmp_path: Path, demo_root: Path) -> None:
+    study, scans = tmp_path / "study", tmp_path / "scans"
+    StudyInit(study=study, dataset=demo_root, per_split=1, task=("pog",)).run()
+    file = (study / STUDY_FILE).read_text(encoding="utf-8")
+    assert "pointing: free" in file
+    (study / STUDY_FILE).write_text(file.replace("pointing: free", "pointing: snap"), encoding="utf-8")
+    scans.mkdir()
+    shutil.copy(demo_root / "scenes" / "Demo.glb", scans)
+    with pytest.raises(StudyError, match=r"pog\.pointing is 'snap', but no file tells .* expected Demo\.semantic\.glb"):
+        StudyPlanVerb(study=study, dataset=demo_root, scenes_dir=scans, pilot=True).run()
+    assert not (study / PLAN_FILE).exists()
+    assert StudyPlanVerb(study=study, dataset=demo_root, pilot=True).run() == 0  # the plan tells of its objects
 
 
 def test_marks_that_an_earlier_version_planned_are_not_shown_to_anybody_new(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sim.copies.cut import storey_cut, storey_mesh
 from sim.episodes.dataset import PersonalDataset
 from sim.frames import T_world_camera
 from sim.homes.open_home import open_scene
@@ -62,3 +63,36 @@ def test_a_click_from_above_hits_the_floor_below_the_cut_and_a_click_on_the_sky_
         assert (hit[0], hit[2]) == pytest.approx((x, z), abs=1e-4)
         assert y - 0.05 <= hit[1] <= floor_y + CUT_HEIGHT + 0.05
     assert pog_scene.hit(0, (0.0, 30.0, 0.0), (0.0, 1.0, 0.0)) is None
+
+
+def test_the_object_under_a_ray_is_that_of_the_face_that_the_ray_meets(scene: Scene) -> None:
+    pog_scene = PogScene(scene, make_renderer=Raycaster)
+    names = {item.instance_id: item.name for item in scene.objects}
+    rng = np.random.default_rng(5)
+    found = set[str | None]()
+    for storey, floor_y in enumerate(pog_scene.storeys):
+        mesh = storey_mesh(scene, floor_y)
+        for item in scene.objects:
+            origin = np.array(item.centre) + rng.uniform((-3.0, 2.0, -3.0), (3.0, 6.0, 3.0))
+            direction = 0.3 * (np.array(item.centre) - origin)
+            face = int(Raycaster(mesh).cast(origin[None], direction[None]).face_ids[0])
+            expected = names.get(int(mesh.face_instance[face])) if face >= 0 else None
+            met = pog_scene.object_at(storey, origin.tolist(), direction.tolist())
+            assert (met.name if met is not None else None) == expected
+            found.add(expected)
+    assert None in found
+    assert len(found) > 10
+
+
+def test_no_ray_and_a_ray_that_is_no_number_meet_no_object(scene: Scene) -> None:
+    pog_scene = PogScene(scene, make_renderer=Raycaster)
+    for direction in ((0.0, 0.0, 0.0), (float("nan"), 1.0, 0.0), (float("inf"), 1.0, 0.0)):
+        assert pog_scene.object_at(0, (0.0, 5.0, 0.0), direction) is None
+
+
+def test_the_middle_of_an_object_is_no_higher_than_its_storey_is_shown(scene: Scene) -> None:
+    pog_scene = PogScene(scene, make_renderer=Raycaster)
+    low = scene.objects[0]
+    assert pog_scene.middle_of(0, low) == low.centre
+    x, _, z = low.centre
+    assert pog_scene.middle_of(0, replace(low, centre=(x, 9.0, z))) == (x, storey_cut(scene, 0.0).top_y, z)

@@ -17,19 +17,30 @@ import viser
 from numpy.typing import NDArray
 
 from human_study.trial.commands import Click
+from human_study.trial.views import MarkedObject
 from sim.copies.browser_glb import browser_glb
 from sim.copies.cut import storey_cut
 from sim.mesh import Scene, SceneObject
 from sim.tasks.run_files import ClickRay, Vector3
 
-from .top_view import TopView, top_views
+from .names import HomeNames, Name, NamesOf, no_names
+from .top_view import MARGIN, STRIP, TopView, top_views
 
 MARK_COLOR = (214, 0, 110)
 VIEW_ANGLE = math.radians(55)
 """Elevation from which a storey is first shown."""
+_FROM_ABOVE = np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)])
+"""Direction from a storey to its first camera."""
 JPEG_QUALITY = 90
+_BALL = 0.12
+"""Radius of a mark in the home (metres)."""
+_OUTLINE = 0.03
+"""Thickness of the lines around a marked object (metres)."""
+_CORNERS = [(x, y, z) for y in (-1, 1) for x, z in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+"""The corners of a box, the lower four first, and its edges as pairs of them."""
 _FIT = 1.04
-"""A map's first view shows this many times the picture's size."""
+"""The first view shows this many times the size of the home or its map."""
 _ABOVE = 0.02
 """Height of the mark over the map (metres)."""
 _QUAT_WXYZ_LYING = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
@@ -78,6 +89,12 @@ class StoreyCopies:
         free, grid, _ = self.scene.navigation.top_down(self.storeys[index])
         return grid.xz_from_rc(np.argwhere(free))
 
+    @functools.cached_property
+    def extent_xz(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """World (x, z) of the lowest and highest corner around the walkable places of all storeys, with a margin."""
+        xz = np.concatenate([self.walkable_xz(index) for index in range(len(self.storeys))])
+        return xz.min(axis=0) - MARGIN, xz.max(axis=0) + MARGIN
+
     def middle(self, index: int) -> tuple[float, float]:
         """World (x, z) of the walkable place of a storey that is nearest to the mean of them all."""
         xz = self.walkable_xz(index)
@@ -88,8 +105,6 @@ class StoreyCopies:
 class Surface(ABC):
     """A storey at a time in one browser, and a mark on it."""
 
-    advice: ClassVar[str]
-    """Advice for participants on looking around."""
     is_map: ClassVar[bool]
     """Whether it is a picture from above."""
 
@@ -98,75 +113,139 @@ class Surface(ABC):
         self._client = client
         self._nodes: list[Any] = []
         self._mark: list[Any] = []
+        self._floor_y: float | None = None
+        """Floor height of the shown storey; None before the first one."""
+
+    def show_storey(self, index: int) -> None:
+        """Shows one storey, without a mark.
+
+        At first the camera looks at the whole home from above; afterwards it goes up or down with the storeys.
+        """
+        self.remove()
+        floor_y, before = self._floor(index), self._floor_y
+        self._floor_y = floor_y
+        camera = self._client.camera
+        if before is None:
+            self._look_at_home(index)
+        elif before != floor_y:
+            target = np.asarray(camera.look_at, float)
+            offset = np.asarray(camera.position, float) - target
+            place_camera(camera, target + np.array([0.0, floor_y - before, 0.0]), offset)
+        self._show(index)
+        self._client.flush()
 
     @abstractmethod
-    def show_storey(self, index: int) -> None:
-        """Shows one storey, without a mark, and looks at all of it from above."""
+    def _floor(self, index: int) -> float:
+        """Floor height of a storey, metres."""
+
+    @abstractmethod
+    def _look_at_home(self, index: int) -> None:
+        """Looks at all of a storey, from so far that no other storey reaches out of the window."""
+
+    @abstractmethod
+    def _show(self, index: int) -> None:
+        """Shows a storey."""
 
     async def camera_moved(self, camera: viser.CameraHandle) -> None:  # noqa: B027 - only `PictureView` draws then
         """Hears of each move of the browser's camera."""
 
-    def show_mark(self, position: Vector3) -> None:
-        """Puts the participant's mark there, and takes an older one away."""
+    def show_mark(self, position: Vector3, label: str, item: MarkedObject | None = None) -> None:
+        """Puts the participant's mark there, and takes an older one away; an object under it is outlined and named."""
+        self.hide_mark()
+        self._mark = self._mark_at(position, label) if item is None else self._mark_on(position, label, item)
+        self._client.flush()
+
+    def hide_mark(self) -> None:
+        """Takes the mark away."""
         for node in self._mark:
             node.remove()
-        self._mark = self._mark_at(position)
-        self._client.flush()
+        self._mark = []
 
     def remove(self) -> None:
         """Takes everything out of the browser."""
-        for node in (*self._nodes, *self._mark):
+        self.hide_mark()
+        for node in self._nodes:
             node.remove()
-        self._nodes, self._mark = [], []
+        self._nodes = []
 
     @abstractmethod
-    def _mark_at(self, position: Vector3) -> list[Any]:
-        """The nodes of a mark."""
+    def _mark_at(self, position: Vector3, label: str) -> list[Any]:
+        """The nodes of a mark at a point."""
+
+    @abstractmethod
+    def _mark_on(self, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
+        """The nodes of a mark in the middle of an object, with the object's outline."""
+
+    def _outline(self, segments: NDArray[np.float64]) -> Any:
+        """Lines (N, 2, 3) of a mark's colour, world metres."""
+        lines = segments.astype(np.float32)
+        return self._client.scene.add_line_segments("/outline", lines, MARK_COLOR, thickness=_OUTLINE)
 
 
 class HomeSurface(Surface):
-    """A home, with category names on homes that are no scans."""
+    """A home with the names of its things and rooms, as far as the study shows them."""
 
-    advice = "Drag to turn, scroll to zoom, right-drag to move."
     is_map = False
 
-    def __init__(self, client: viser.ClientHandle, copies: StoreyCopies) -> None:
+    def __init__(self, client: viser.ClientHandle, copies: StoreyCopies, names_of: NamesOf = no_names) -> None:
         """Shows nothing yet; light is off because the homes carry theirs."""
         super().__init__(client)
-        self._copies = copies
+        self._copies, self._names_of = copies, names_of
+        self._names, self._asks_names, self._storey = HomeNames(client), False, 0
         client.scene.configure_default_lights(True, cast_shadow=False)
 
-    def show_storey(self, index: int) -> None:
-        """Shows one storey, without a mark, and looks at all of it from above."""
-        self.remove()
-        if self._copies.scene.kind != "scan":
-            self._label_objects(index)
-        self._look_at_storey(index)
+    async def camera_moved(self, camera: viser.CameraHandle) -> None:
+        """Lays out the names anew."""
+        await self._names.camera_moved()
+
+    def ask_names(self, *, is_asked: bool) -> None:
+        """Shows the names that are shown on demand, or takes them away."""
+        if is_asked != self._asks_names:
+            self._asks_names = is_asked
+            self._names.show(self._names_of(self._storey, is_asked))
+
+    def remove(self) -> None:
+        """Takes everything out of the browser."""
+        super().remove()
+        self._names.remove()
+
+    def hide_mark(self) -> None:
+        """Takes the mark away."""
+        super().hide_mark()
+        self._names.keep_free(None)
+
+    def _show(self, index: int) -> None:
+        self._storey = index
         self._show_home(index)
-        self._client.flush()
+        self._names.show(self._names_of(index, self._asks_names))
 
     @abstractmethod
     def _show_home(self, index: int) -> None:
         """Shows the storey itself."""
 
-    def _mark_at(self, position: Vector3) -> list[Any]:
-        ball = add_ball(self._client, "/mark", 0.12, position)
-        self._client.scene.add_label("/mark/label", "your mark", position=(0.0, 0.3, 0.0))  # goes with its parent
+    def _mark_at(self, position: Vector3, label: str) -> list[Any]:
+        ball, above = add_ball(self._client, "/mark", _BALL, position), (0.0, 0.3, 0.0)
+        add_label = self._client.scene.add_label
+        add_label("/mark/label", label, position=above, anchor="center-center")  # goes with its parent
+        self._names.keep_free(Name(label, (position[0], position[1] + above[1], position[2])))
         return [ball]
 
-    def _label_objects(self, index: int) -> None:
-        """Adds category names over the objects of a storey; homes made of boxes cannot be read without them.
+    def _mark_on(self, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
+        """The outline of the object's box; the ball stands on it, because in it nobody would see it."""
+        top_y = item.centre[1] + item.size[1] / 2
+        marked = self._mark_at((position[0], top_y + _BALL, position[2]), label)
+        return [self._outline(box_edges(item)), *marked]
 
-        Nodes are numbered from one end of the home to the other, because instance numbers would identify the objects.
-        """
-        for number, item in enumerate(sorted(self._copies.objects(index), key=lambda item: item.centre)):
-            x, y, z = item.centre
-            above = (x, y + item.size[1] / 2 + 0.1, z)
-            self._nodes.append(self._client.scene.add_label(f"/labels/{number}", item.category, position=above))
+    def _floor(self, index: int) -> float:
+        return self._copies.storeys[index]
 
-    def _look_at_storey(self, index: int) -> None:
-        xz = self._copies.walkable_xz(index)
-        look_from_above(self._client.camera, xz.min(axis=0), xz.max(axis=0), self._copies.storeys[index])
+    def _look_at_home(self, index: int) -> None:
+        low_xz, high_xz = self._copies.extent_xz
+        floor_y, top_y = self._copies.storeys[index], self._copies.cuts[index].top_y
+        low, high = np.insert(low_xz, 1, floor_y), np.insert(high_xz, 1, top_y)
+        camera = self._client.camera
+        distance = framing_distance(high - low, fov=camera.fov, aspect=camera.aspect)
+        place_camera(camera, (low + high) / 2, distance * _FROM_ABOVE, up=(0.0, 1.0, 0.0))
 
 
 class SceneView(HomeSurface):
@@ -179,7 +258,6 @@ class SceneView(HomeSurface):
 class MapView(Surface):
     """The maps of a home."""
 
-    advice = "Scroll to zoom, right-drag to move."
     is_map = True
 
     def __init__(self, client: viser.ClientHandle, maps: tuple[TopView, ...]) -> None:
@@ -187,18 +265,30 @@ class MapView(Surface):
         super().__init__(client)
         self._maps = maps
 
-    def show_storey(self, index: int) -> None:
-        """Shows one storey's picture, without a mark, and looks straight down at all of it."""
-        self.remove()
-        view, rgb = self._maps[index], self._maps[index].rgb()
-        width, height = (side * view.grid.cell for side in (rgb.shape[1], rgb.shape[0]))
+    def _floor(self, index: int) -> float:
+        return self._maps[index].floor_y
+
+    def _look_at_home(self, index: int) -> None:
+        """Looks straight down; the pictures of all storeys have the same ground."""
+        centre, (width, height) = self._ground(index)
+        camera = self._client.camera
+        distance = _FIT * max(height, width / max(camera.aspect, 0.1)) / 2 / math.tan(camera.fov / 2)
+        place_camera(camera, centre, (0.0, distance, 0.0), up=(0.0, 0.0, -1.0))
+
+    def _ground(self, index: int) -> tuple[Vector3, tuple[float, float]]:
+        """Middle of a storey's picture, strip included, and its sides along x and z, world metres."""
+        view = self._maps[index]
+        rows, cols = view.grid.shape
+        width, height = cols * view.grid.cell, (rows + STRIP) * view.grid.cell
         x, z = view.grid.origin_xz
-        centre = (x + width / 2, view.floor_y, z + height / 2)
+        return (x + width / 2, view.floor_y, z + height / 2), (width, height)
+
+    def _show(self, index: int) -> None:
+        centre, sides = self._ground(index)
         picture = self._client.scene.add_image(
             "/map",
-            rgb,
-            width,
-            height,
+            self._maps[index].rgb(),
+            *sides,
             format="jpeg",
             jpeg_quality=JPEG_QUALITY,
             cast_shadow=False,
@@ -207,12 +297,8 @@ class MapView(Surface):
             position=centre,
         )
         self._nodes.append(picture)
-        camera = self._client.camera
-        distance = _FIT * max(height, width / max(camera.aspect, 0.1)) / 2 / math.tan(camera.fov / 2)
-        place_camera(camera, centre, (0.0, distance, 0.0), up=(0.0, 0.0, -1.0))
-        self._client.flush()
 
-    def _mark_at(self, position: Vector3) -> list[Any]:
+    def _mark_at(self, position: Vector3, label: str) -> list[Any]:
         """A ring with a dot, large enough to see, small enough to aim."""
         x, y, z = position
         ring = np.array([[math.cos(a), 0.0, math.sin(a)] for a in np.linspace(0, 2 * math.pi, 49)]) * 0.3
@@ -220,8 +306,25 @@ class MapView(Surface):
         return [
             self._client.scene.add_line_segments("/mark/ring", segments, MARK_COLOR, thickness=0.05),
             add_ball(self._client, "/mark/dot", 0.06, (x, y + _ABOVE, z)),
-            self._client.scene.add_label("/mark/label", "your mark", position=(x, y + 0.05, z - 0.45)),
+            self._client.scene.add_label("/mark/label", label, position=(x, y + 0.05, z - 0.45)),
         ]
+
+    def _mark_on(self, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
+        """The outline of the object from above, and a dot in its middle, on the floor."""
+        x, _, z = position
+        y = (self._floor_y or 0.0) + _ABOVE
+        edges = box_edges(item)[:4] * np.array([1.0, 0.0, 1.0]) + np.array([0.0, y, 0.0])
+        return [
+            self._outline(edges),
+            add_ball(self._client, "/mark/dot", 0.06, (x, y, z)),
+            self._client.scene.add_label("/mark/label", label, position=(x, y + 0.05, z - item.size[2] / 2 - 0.15)),
+        ]
+
+
+def box_edges(item: MarkedObject) -> NDArray[np.float64]:
+    """The 12 edges (12, 2, 3) of an object's box, world metres; the first four are those of its bottom."""
+    corners = np.array(item.centre) + np.array(_CORNERS) * np.array(item.size) / 2
+    return corners[np.array(_EDGES)]
 
 
 def add_ball(client: viser.ClientHandle, name: str, radius: float, position: Vector3) -> Any:
@@ -229,6 +332,21 @@ def add_ball(client: viser.ClientHandle, name: str, radius: float, position: Vec
     return client.scene.add_icosphere(
         name, radius, MARK_COLOR, material="toon5", cast_shadow=False, receive_shadow=False, position=position
     )
+
+
+def framing_distance(size: Sequence[float] | NDArray[np.float64], *, fov: float, aspect: float) -> float:
+    """Least distance from the middle of a box at which a camera VIEW_ANGLE above it has the whole box in its window.
+
+    Args:
+        size: Sides of the box along x, y, z, metres; the camera looks along -z and down.
+        fov: The window's vertical field of view, radians.
+        aspect: The window's width over its height.
+    """
+    corners = np.array(_CORNERS) * np.asarray(size, float) / 2
+    up = np.array([0.0, _FROM_ABOVE[2], -_FROM_ABOVE[1]])
+    vertical = math.tan(fov / 2)
+    beside = np.maximum(np.abs(corners[:, 0]) / (vertical * max(aspect, 0.1)), np.abs(corners @ up) / vertical)
+    return float(_FIT * (corners @ _FROM_ABOVE + beside).max())
 
 
 def look_from_above(
@@ -241,8 +359,7 @@ def look_from_above(
     low, high = np.array(low_xz), np.array(high_xz)
     x, z = (low + high) / 2
     distance = 0.62 * float(np.linalg.norm(high - low)) + 2.0
-    offset = distance * np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)])
-    place_camera(camera, (x, floor_y, z), offset, up=(0.0, 1.0, 0.0))
+    place_camera(camera, (x, floor_y, z), distance * _FROM_ABOVE, up=(0.0, 1.0, 0.0))
 
 
 def place_camera(

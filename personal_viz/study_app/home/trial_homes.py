@@ -7,9 +7,9 @@ from pathlib import Path
 
 from human_study.design.plan import StudyScene
 from human_study.export.verify import TrialHome
+from human_study.trial.outcome import ObjectAt, PointAt
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.open_home import open_scene
-from sim.mesh import Scene
 from sim.render.raycast import Raycaster
 from sim.tasks.pan import SIMULATOR_VERSION
 from sim.tasks.pog import PogScene
@@ -30,12 +30,14 @@ def open_trial_home(dataset: PersonalDataset, study_scene: StudyScene, scenes_di
         DatasetError, SceneError: The home or its episodes cannot be read.
     """
     scene = open_scene(dataset, study_scene.name, scenes_dir=scenes_dir, clutter=study_scene.clutter)
+    cut_scene = functools.cache(lambda: PogScene(scene, make_renderer=Raycaster))  # cut at the first click
     return TrialHome(
         navigation=scene.navigation,
         scene_digest=scene.digest,
         storeys=scene_storeys(dataset.goals(scene.name).values()),
         episode=dataset.episode,
-        cast=_caster(scene),
+        cast=_cast(cut_scene),
+        object_at=_object_at(cut_scene),
     )
 
 
@@ -44,15 +46,21 @@ def sim_hash(home: TrialHome) -> str:
     return hashlib.sha256(f"{SIMULATOR_VERSION}/{home.scene_digest}".encode()).hexdigest()
 
 
-def _caster(scene: Scene) -> Callable[[float, Vector3, Vector3], Vector3 | None]:
-    """A function that casts clicks into the shown storey; the storeys are cut at the first click."""
+def _cast(cut_scene: Callable[[], PogScene]) -> PointAt:
+    """A function that casts clicks into the shown storey."""
+    return lambda storey_y, origin, direction: cut_scene().hit(_storey(cut_scene(), storey_y), origin, direction)
 
-    @functools.cache
-    def pog_scene() -> PogScene:
-        return PogScene(scene, make_renderer=Raycaster)
 
-    def cast(storey_y: float, origin: Vector3, direction: Vector3) -> Vector3 | None:
-        storey = int(nearest_storey(storey_y, pog_scene().storeys))
-        return pog_scene().hit(storey, origin, direction)
+def _object_at(cut_scene: Callable[[], PogScene]) -> ObjectAt:
+    """A function that finds the object that a click meets."""
 
-    return cast
+    def found(storey_y: float, origin: Vector3, direction: Vector3) -> tuple[str, Vector3] | None:
+        storey = _storey(cut_scene(), storey_y)
+        item = cut_scene().object_at(storey, origin, direction)
+        return None if item is None else (item.name, cut_scene().middle_of(storey, item))
+
+    return found
+
+
+def _storey(cut_scene: PogScene, storey_y: float) -> int:
+    return int(nearest_storey(storey_y, cut_scene.storeys))

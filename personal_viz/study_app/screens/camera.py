@@ -11,11 +11,13 @@ from functools import partial
 import numpy as np
 import viser
 
-from human_study.trial.commands import LookFrom, ShowStorey
+from human_study.texts.catalogue import Catalogue
+from human_study.trial.commands import LookFrom, ShowNames, ShowStorey
 from human_study.trial.trial_session import CAMERA_EVERY_S
+from sim.homes.storey_names import StoreyNaming, floors_above_ground
 
-from ..home.surfaces import place_camera
-from .page import Page, Send
+from ..home.surfaces import HomeSurface, Surface, place_camera
+from .page import Page, Send, relabel
 
 TURN = math.radians(15)
 """Turn of one press, radians."""
@@ -34,10 +36,79 @@ SIDES = {"left": (-1, 0), "right": (1, 0), "up": (0, 1), "down": (0, -1)}
 """(right, up) on the screen by the name of a side."""
 
 
-def add_storey_buttons(page: Page, count: int, send: Send) -> None:
-    """Adds a button for each storey, where there are several."""
-    for index in range(count if count > 1 else 0):
-        page.button(page.words("camera.storey", number=index + 1, all=count), partial(send, ShowStorey(index)))
+class StoreyButtons:
+    """A button for each storey, where there are several, and the keys PgUp and PgDn, until the next `Page.clear`."""
+
+    def __init__(self, page: Page, names: Sequence[str], send: Send) -> None:
+        """Adds the buttons.
+
+        Args:
+            page: The participant's page.
+            names: Name of each storey, the lowest first (`storey_names`).
+            send: Receives `ShowStorey`.
+        """
+        self._words, self._send, self._shown, self._names = page.words, send, 0, names
+        self._buttons: list[viser.GuiButtonHandle] = []
+        if len(names) > 1:
+            self._buttons = [page.button(name, partial(send, ShowStorey(index))) for index, name in enumerate(names)]
+            page.hotkey("pageup", page.words("camera.storey_up"), partial(self._step, 1))
+            page.hotkey("pagedown", page.words("camera.storey_down"), partial(self._step, -1))
+
+    def show(self, shown: int, marked: int | None = None) -> None:
+        """Labels the buttons, with the storey that is shown, and another one on which the participant's mark is."""
+        self._shown = shown
+        for index, (name, button) in enumerate(zip(self._names, self._buttons, strict=False)):
+            state = "storey_shown" if index == shown else "storey_marked" if index == marked else "storey_show"
+            label = self._words(f"camera.{state}", name=name)
+            relabel(button, label[:1].upper() + label[1:], "dark" if index == shown else "blue")
+
+    async def _step(self, by: int) -> None:
+        """Shows the storey so many above, where there is one."""
+        if 0 <= self._shown + by < len(self._names):
+            await self._send(ShowStorey(self._shown + by))
+
+
+class NamesButton:
+    """A button for names in the home, where the study shows some on demand, until the next `Page.clear`."""
+
+    def __init__(self, page: Page, surface: Surface | None, send: Send, *, is_there: bool) -> None:
+        """Adds the button.
+
+        Args:
+            page: The participant's page.
+            surface: Shows the names; a map has none of its own.
+            send: Receives `ShowNames`.
+            is_there: Whether the study shows names on demand.
+        """
+        self._surface = surface if is_there and isinstance(surface, HomeSurface) else None
+        self._words, self._send, self._is_shown = page.words, send, False
+        if self._surface is not None:
+            self._button = page.button(page.words("camera.names_show"), self._press)
+
+    def show(self, *, is_shown: bool) -> None:
+        """Shows the names or takes them away."""
+        self._is_shown = is_shown
+        if self._surface is not None:
+            self._surface.ask_names(is_asked=is_shown)
+            relabel(self._button, self._words("camera.names_hide" if is_shown else "camera.names_show"))
+
+    async def _press(self) -> None:
+        await self._send(ShowNames(not self._is_shown))
+
+
+def storey_names(words: Catalogue, naming: StoreyNaming, labels: Sequence[int]) -> list[str]:
+    """Name of each storey as it is written in the middle of a sentence.
+
+    Args:
+        words: The study's language.
+        naming: The study's choice.
+        labels: From `sim.homes.storey_names.storey_labels`, the lowest storey first.
+    """
+    if naming == "numbers":
+        return [words("camera.storey", number=index + 1, all=len(labels)) for index in range(len(labels))]
+    floors = floors_above_ground(labels, naming)
+    keys = [f"floor.{floor}" if -1 <= floor <= 3 else "floor.other" for floor in floors]
+    return [words(key, number=floor) for key, floor in zip(keys, floors, strict=True)]
 
 
 def add_camera_buttons(page: Page, *, is_map: bool) -> None:

@@ -57,8 +57,8 @@ def paragraphs(text: str) -> str:
 
 def problem_card(problem: Problem, words: Catalogue) -> Card:
     """The card that tells of a problem; its one button, where something can be done, is named `again`."""
-    again = (Choice("again", words(f"{problem}.again")),) if problem in ("paused", "lost_picture") else ()
-    return Card(words(f"{problem}.title"), paragraphs(words(f"{problem}.text")), again)
+    again = (Choice("again", words(f"problem.{problem}.again")),) if problem in ("paused", "lost_picture") else ()
+    return Card(words(f"problem.{problem}.title"), paragraphs(words(f"problem.{problem}.text")), again)
 
 
 def welcome_back_card(config: StudyConfig, person: Person) -> Card | None:

@@ -3,21 +3,33 @@
 import base64
 import functools
 import html
+from collections.abc import Sequence
 
+from human_study.design.study import StudyPog
 from human_study.trial.commands import CloseMap
 from human_study.trial.views import LookView
 
 from ..home.homes import Home
 from ..home.surfaces import HomeSurface
 from ..home.top_view import TopView
-from .camera import add_camera_buttons, add_storey_buttons, sample_camera
+from .camera import NamesButton, StoreyButtons, add_camera_buttons, sample_camera
 from .page import Page, Send, overlay_html, roomy_html
 
 
 class LookScreen:
     """Draws a look at a home on a page and turns presses into commands."""
 
-    def __init__(self, page: Page, view: LookView, send: Send, *, home: Home, caption: str) -> None:
+    def __init__(
+        self,
+        page: Page,
+        view: LookView,
+        send: Send,
+        *,
+        home: Home,
+        caption: str,
+        storeys: Sequence[str],
+        shown: StudyPog,
+    ) -> None:
         """Builds the screen.
 
         Args:
@@ -26,6 +38,8 @@ class LookScreen:
             send: Receives the commands.
             home: The home.
             caption: HTML with the trial's name and the kind of home, without the home's name.
+            storeys: Name of each storey, the lowest first.
+            shown: Says which names the home has.
         """
         self._page, self._home, self._shown, self._caption = page, home, view, caption
         page.clear()
@@ -34,11 +48,12 @@ class LookScreen:
         if view.what == "topdown":
             self._picture = page.overlay("")
         else:
-            self._surface = surface = home.shown_in(page.client)
+            self._surface = surface = home.shown_in(page.client, shown)
             page.add(surface)
             sample_camera(page, send)
             page.listen_to_camera(surface.camera_moved)
-        add_storey_buttons(page, len(view.storeys), send)
+        self._storeys = StoreyButtons(page, storeys, send)
+        self._names = NamesButton(page, self._surface, send, is_there=shown.has_names_on_demand)
         if self._surface is not None:
             add_camera_buttons(page, is_map=False)
         begin, close = page.words(f"look.{view.what}_begin"), functools.partial(send, CloseMap())
@@ -46,6 +61,7 @@ class LookScreen:
             page.button(begin, close, color="green")
         page.hotkey("enter", begin, close)
         self._show_storey(view.storey)
+        self._names.show(is_shown=view.has_names)
         self._draw_status()
 
     def show(self, view: LookView) -> None:
@@ -53,14 +69,18 @@ class LookScreen:
         before, self._shown = self._shown, view
         if view.storey != before.storey:
             self._show_storey(view.storey)
+        self._names.show(is_shown=view.has_names)
         if (view.wait_s, view.left_s, view.storey) != (before.wait_s, before.left_s, before.storey):
             self._draw_status()
 
     def _show_storey(self, index: int) -> None:
+        self._storeys.show(index)
         if self._surface is not None:
             self._surface.show_storey(index)
         else:
-            self._picture.content = overlay_html(picture_html(self._home.copies.maps[index]))
+            maps = self._home.copies.maps
+            alt = self._page.words("camera.picture", number=index + 1, all=len(maps))
+            self._picture.content = overlay_html(picture_html(maps[index], alt))
             self._page.client.flush()
 
     def _draw_status(self) -> None:
@@ -84,10 +104,10 @@ class LookScreen:
 
 
 @functools.lru_cache(maxsize=16)
-def picture_html(view: TopView) -> str:
-    """A storey's picture as large as the screen allows."""
+def picture_html(view: TopView, alt: str) -> str:
+    """A storey's picture as large as the screen allows, with words for those who do not see it."""
     data = base64.b64encode(view.jpeg()).decode()
     return (
-        f'<img alt="The home from above, {html.escape(view.name.lower())}" src="data:image/jpeg;base64,{data}" '
+        f'<img alt="{html.escape(alt)}" src="data:image/jpeg;base64,{data}" '
         'style="max-width:100%;max-height:100vh;object-fit:contain">'
     )

@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from human_study.design.study import StudyConfig
+from human_study.design.study import StudyConfig, StudyPog
 from human_study.store.store import SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.trial.commands import Command, Rate, Resume, Start, Tick
@@ -29,6 +29,7 @@ from ..home.homes import Home, pan_env
 from ..home.surfaces import MapView
 from ..store_link import StoreLink
 from ..watch import TrialWatch
+from .camera import storey_names
 from .cards import rate_card
 from .look import LookScreen
 from .page import GoneError, Page
@@ -110,7 +111,7 @@ class TrialPlay:
         if trial.condition in ("topdown", "map_2d"):
             _ = self._home.copies.maps  # before the clock starts: the first time takes some seconds
         if trial.task == "pog":
-            session = PogSession(**names)
+            session = PogSession(**names, objects=self._home.objects_for(episode))
         else:
             env = pan_env(episode, scene, self._home.renderer, config)
             session = PanSession(env, **names, looks_later=True)
@@ -181,17 +182,21 @@ class TrialPlay:
     def _new_screen(self, view: View) -> Callable[[Any], None]:
         """Puts a screen for the view on the page, whose old one ends; returns the function that draws changes."""
         page, send, home = self._page, self._page.new_screen(), self._home
+        storeys = storey_names(page.words, self._config.storey_names, home.storey_labels)
         match view:
             case LookView():
-                return LookScreen(page, view, send, home=home, caption=self._caption).show
+                shown = self._config.pog if self._trial.task == "pog" else StudyPog()
+                options = {"caption": self._caption, "storeys": storeys, "shown": shown}
+                return LookScreen(page, view, send, home=home, **options).show
             case PanView():
                 config = self._config
                 scale, encode = config.display_scale, home.renderer.jpeg
                 return PanScreen(page, view, send, caption=self._caption, display_scale=scale, encode=encode).show
             case PogView():
-                is_map = self._trial.condition == "map_2d"
-                surface = MapView(page.client, home.copies.maps) if is_map else home.shown_in(page.client)
-                return PogScreen(page, view, send, surface=surface, caption=self._caption).show
+                is_map, shown = self._trial.condition == "map_2d", self._config.pog
+                surface = MapView(page.client, home.copies.maps) if is_map else home.shown_in(page.client, shown)
+                options = {"caption": self._caption, "storeys": storeys, "shown": shown}
+                return PogScreen(page, view, send, surface=surface, **options).show
             case RateView():
                 page.card(rate_card(view, page.words), send)
                 return _nothing_changes
@@ -204,7 +209,8 @@ class TrialPlay:
             view = session.view(time.monotonic())
             if not isinstance(view, PogView):
                 return Tick()  # the time was up between the click and now
-            return click_of(content, view, self._home, is_map=self._trial.condition == "map_2d")
+            is_map, snaps = self._trial.condition == "map_2d", self._config.pog.pointing == "snap"
+            return click_of(content, view, self._home, is_map=is_map, snaps=snaps)
         assert isinstance(content, Command), content
         return content
 

@@ -5,26 +5,27 @@
 
 import html
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 import viser
 import viser.transforms
 
+from human_study.design.study import StudyPog
 from human_study.trial.commands import Click, Confirm, GiveUp
+from human_study.trial.events import ABOVE_MAP, object_ray
 from human_study.trial.views import PogView
 from sim.tasks.run_files import ClickRay, Vector3
 
 from ..home.homes import Home
 from ..home.surfaces import Surface, map_click
-from .camera import SIDES, add_camera_buttons, add_group, add_storey_buttons, four, sample_camera, three
+from .camera import SIDES, NamesButton, StoreyButtons, add_camera_buttons, add_group, four, sample_camera, three
 from .page import Page, Send, roomy_html, show_giving_up
 
 NUDGE_M = 0.1
 """Distance by which one press moves the mark (metres): a tenth of the success radius."""
-_ABOVE_MAP = 10.0
-"""Height over the floor from which the ray of a moved mark starts on a map (metres)."""
 _UNDER_CUT = 0.01
 """Distance under the cut from which the ray of a moved mark starts in the home (metres)."""
 _WXYZ_DOWN = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
@@ -43,7 +44,17 @@ class Nudge:
 class PogScreen:
     """Draws one POG trial on a page and turns clicks into rays and commands."""
 
-    def __init__(self, page: Page, view: PogView, send: Send, *, surface: Surface, caption: str) -> None:
+    def __init__(
+        self,
+        page: Page,
+        view: PogView,
+        send: Send,
+        *,
+        surface: Surface,
+        caption: str,
+        storeys: Sequence[str],
+        shown: StudyPog,
+    ) -> None:
         """Builds the screen.
 
         Args:
@@ -52,8 +63,11 @@ class PogScreen:
             send: Receives commands, rays of clicks, and moves of the mark.
             surface: The home, or its map.
             caption: HTML with the trial's name and the kind of home, without the home's name.
+            storeys: Name of each storey, the lowest first.
+            shown: Says where marks go, and which names the home has.
         """
         self._page, self._send, self._surface, self._caption = page, send, surface, caption
+        self._snaps = shown.pointing == "snap"
         self._shown = view
         page.clear()
         page.add(self)
@@ -61,7 +75,8 @@ class PogScreen:
             page.query(view.task)
         self._status = page.add(page.client.gui.add_html(""))
         page.description(view.task)
-        add_storey_buttons(page, len(view.storeys), send)
+        self._storeys = StoreyButtons(page, storeys, send)
+        self._names = NamesButton(page, surface, send, is_there=shown.has_names_on_demand)
         add_camera_buttons(page, is_map=surface.is_map)
         self._add_nudges()
         with page.always_visible("bottom"):
@@ -71,8 +86,8 @@ class PogScreen:
         sample_camera(page, send)
         page.listen_to_camera(surface.camera_moved)
         surface.show_storey(view.storey)
-        if view.marker is not None:
-            surface.show_mark(view.marker)
+        self._names.show(is_shown=view.has_names)
+        self._draw_mark()
         self._draw_status()
 
     def show(self, view: PogView) -> None:
@@ -80,8 +95,9 @@ class PogScreen:
         before, self._shown = self._shown, view
         if view.storey != before.storey:
             self._surface.show_storey(view.storey)
-        if view.marker is not None and (view.marker, view.storey) != (before.marker, before.storey):
-            self._surface.show_mark(view.marker)
+        self._names.show(is_shown=view.has_names)
+        if (view.mark, view.storey) != (before.mark, before.storey):
+            self._draw_mark()
         if _status_of(view) != _status_of(before):
             self._draw_status()
 
@@ -106,13 +122,27 @@ class PogScreen:
         if length > 0:
             await self._send(Nudge(*(float(NUDGE_M * along[axis] / length) for axis in (0, 2))))
 
+    def _draw_mark(self) -> None:
+        """Draws the mark where it is on the shown storey; while another is shown, its storey's button tells of it."""
+        mark, words = self._shown.mark, self._page.words
+        self._storeys.show(self._shown.storey, mark.storey if mark is not None else None)
+        if mark is not None and mark.storey == self._shown.storey:
+            thing = mark.item.category if mark.item is not None else ""
+            label = words("pog.your_mark_on", thing=thing) if thing else words("pog.your_mark")
+            self._surface.show_mark(mark.point, label, mark.item)
+        else:
+            self._surface.hide_mark()
+
     def _draw_status(self) -> None:
         view = self._shown
-        words = self._page.words
+        words, mark = self._page.words, view.mark
         around = words("pog.map_advice" if self._surface.is_map else "pog.home_advice")
-        advices = words("pog.unmarked", advice=around), words("pog.marked")
-        advice = html.escape(advices[view.marker is not None])
-        left = ""
+        unmarked = words("pog.unmarked_snap" if self._snaps else "pog.unmarked", advice=around)
+        advices = unmarked, words("pog.marked")
+        advice = advices[mark is not None]
+        if mark is not None and mark.item is not None:
+            advice = words("pog.marked_item", thing=mark.item.category)
+        advice, left = html.escape(advice), ""
         if view.left_s is not None:
             time = html.escape(words("pog.left_time", time=words.duration(view.left_s)))
             left = f'<div role="timer">{time}</div>'
@@ -136,35 +166,43 @@ class PogScreen:
         await self._send(ray)
 
 
-def _status_of(view: PogView) -> tuple[bool, bool, int | None]:
-    return view.marker is None, view.is_giving_up, view.left_s
+def _status_of(view: PogView) -> tuple[object, ...]:
+    return view.mark is None, view.mark and view.mark.item, view.is_giving_up, view.left_s
 
 
-def click_of(pointed: ClickRay | Nudge, view: PogView, home: Home, *, is_map: bool) -> Click:
-    """The click on the shown storey.
+def click_of(pointed: ClickRay | Nudge, view: PogView, home: Home, *, is_map: bool, snaps: bool = False) -> Click:
+    """The click on the shown storey, with the object there.
 
     Args:
         pointed: A ray, which was sent with the storey that the browser showed then, or a move of the mark.
         view: The present view.
         home: The trial's home.
         is_map: Whether the participant points at the home's map, not at the home.
+        snaps: Whether the mark goes to the middle of that object.
     """
     ray = pointed if isinstance(pointed, ClickRay) else _straight_down(pointed, view, home, is_map=is_map)
     storey = view.storeys.index(ray.storey_y)
     if is_map:
-        return map_click(home.copies.maps[storey], ray)
-    return Click(ray, home.pog_scene.hit(storey, ray.origin, ray.direction))
+        click = map_click(home.copies.maps[storey], ray)
+    else:
+        click = Click(ray, home.pog_scene.hit(storey, ray.origin, ray.direction))
+    item = home.pog_scene.object_at(storey, *object_ray(ray, click.hit, click.pixel)) if click.hit is not None else None
+    if item is None:
+        return click
+    return replace(click, object_name=item.name, snapped=home.pog_scene.middle_of(storey, item) if snaps else None)
 
 
 def _straight_down(nudge: Nudge, view: PogView, home: Home, *, is_map: bool) -> ClickRay:
-    """The ray from above through the moved mark, or through the middle of a storey that has no mark."""
+    """The ray from above through the moved mark, or through the middle of a storey that has no mark.
+
+    A mark that went to the middle of an object is moved from the place that was clicked, or it would never leave.
+    """
     floor_y = view.storeys[view.storey]
     cut = home.copies.cuts[view.storey]
     x, z = home.copies.middle(view.storey)
-    is_on_storey = view.marker is not None and cut.bottom_y <= view.marker[1] <= cut.top_y
-    if view.marker is not None and is_on_storey:
-        x, z = view.marker[0] + nudge.x_m, view.marker[2] + nudge.z_m
-    origin: Vector3 = (x, floor_y + _ABOVE_MAP if is_map else cut.top_y - _UNDER_CUT, z)
+    if view.mark is not None and view.mark.storey == view.storey:
+        x, z = view.mark.hit[0] + nudge.x_m, view.mark.hit[2] + nudge.z_m
+    origin: Vector3 = (x, floor_y + ABOVE_MAP if is_map else cut.top_y - _UNDER_CUT, z)
     return ClickRay(
         origin=origin,
         direction=(0.0, -1.0, 0.0),

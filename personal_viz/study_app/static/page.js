@@ -92,7 +92,7 @@
   const isLost = () => state.pending.length > 0 && now() - state.pending[0].t_cli_ms > LOST_MS;
   setInterval(() => {
     const part = document.querySelector('.personal-page h1, .personal-caption');  // the tab is called after the page's part
-    const title = (part ? part.textContent + ' - ' : '') + 'PersONAL study';
+    const title = (part ? part.textContent + ' - ' : '') + say('study.title');
     if (document.title !== title) document.title = title;
     if (!state.seat) return;
     if (!state.pending.length && now() - state.sentAt > PING_MS) tell({ kind: 'ping' });
@@ -211,7 +211,7 @@
   document.addEventListener('visibilitychange', () => changed(document.hidden ? 'hidden' : 'visible'));
   window.addEventListener('webglcontextlost', () => changed('context_lost'), true);
   window.addEventListener('online', () => { if (state.seat) tell({ kind: 'ping' }); });
-  window.addEventListener('offline', () => showBanner(say('script.offline')));
+  window.addEventListener('offline', () => showBanner(say('script.lost')));
   let resizing = 0;
   window.addEventListener('resize', () => {
     clearTimeout(resizing);
