@@ -33,6 +33,9 @@ _NEAR = r"(?:within|(?:closer|nearer|less|more) than|at most|up to|under|radius 
 _MOST = r"(?:have|has|after|within|most|up to|than|uses?|used|are|(?:maximum|limit|budget)(?: of| is)?)"
 _ABOUT = r"(?:about |around |approximately |roughly |some |up to |at most |\d+ ?(?:to|-|–) ?)*"
 
+_QUESTIONS = r"demographic|personal questions|questions about you"
+"""Other words for a survey."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Fact:
@@ -140,6 +143,7 @@ def _denied(plain: str, config: StudyConfig) -> list[str]:
     """Sentences, in English, that deny what the study does with people's data."""
     found = []
     for word, field in _told(config):
+        word = f"(?:{word}|{_QUESTIONS})" if field == "survey.questions" else word
         match = re.search(rf"\b(?:no|not|never|nothing(?! else))\b[^.:;]{{0,80}}\b{word}", plain, flags=re.IGNORECASE)
         found += [f"says {match[0]!r}, but {field} is set"] if match is not None else []
     return found

@@ -370,6 +370,9 @@ def test_a_consent_form_must_say_what_the_survey_asks(tmp_path: Path) -> None:
     (tmp_path / "ours" / "consent.md").write_text("There is no survey.")
     with pytest.raises(StudyError, match=r"says 'no survey', but survey\.questions is set"):
         frozen(tmp_path / "ours", config)
+    (tmp_path / "ours" / "consent.md").write_text("After a survey. We never ask questions about yourself.")
+    with pytest.raises(StudyError, match=r"says 'never ask questions about you', but survey\.questions is set"):
+        frozen(tmp_path / "ours", config)
     (tmp_path / "ours" / "consent.md").write_text("Take part.")
     with pytest.raises(StudyError, match="does not name the survey"):
         frozen(tmp_path / "ours", config)
@@ -388,6 +391,9 @@ def test_each_question_of_the_survey_can_be_refused() -> None:
 def test_a_field_that_no_study_has_is_refused_with_its_name(tmp_path: Path) -> None:
     (tmp_path / "consent.md").write_text("Hello {{ salary }}.")
     with pytest.raises(StudyError, match=r"consent\.md: cannot be filled in \('salary' is undefined\)"):
+        frozen(tmp_path, paged_study(**FILLED))
+    (tmp_path / "consent.md").write_text("Hello {{ insitution }}.")
+    with pytest.raises(StudyError, match=r"double braces\. Did you mean 'institution'\? Use: "):
         frozen(tmp_path, paged_study(**FILLED))
     (tmp_path / "consent.md").write_text("Hello\n{{ pay")
     with pytest.raises(StudyError, match=r"consent\.md, line 2: cannot be filled in"):

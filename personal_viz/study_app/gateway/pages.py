@@ -114,7 +114,9 @@ class Pages:
 
     def message(self, name: str) -> str:
         """A page that belongs to no place in the study: `enter`, `paused`."""
-        return self._templates.get_template(f"{name}.html").render(parts=(), part=0, base="", place="", may_leave=False)
+        template = self._templates.get_template(f"{name}.html")
+        least = {"width": round(SMALLER * MIN_WIDTH), "height": round(SMALLER * MIN_HEIGHT)}
+        return template.render(parts=(), part=0, base="", place="", may_leave=False, **least)
 
     def answer(self, code: str, form: Mapping[str, str]) -> None:
         """Stores the answer of a form; does nothing where the form answers another state than the present one.

@@ -21,8 +21,16 @@
   }
 
   // --- a second press of the button that was pressed just now answers nothing twice; it need not be sent -----------
+  // nor is one without a connection: the browser's own page would take this one's place
   let isSent = false;
+  const tellLine = () => { document.querySelector("[data-offline]").hidden = navigator.onLine; };
+  for (const change of ["online", "offline"]) window.addEventListener(change, tellLine);
   document.addEventListener("submit", (event) => {
+    if (!navigator.onLine) {
+      event.preventDefault();
+      tellLine();
+      return;
+    }
     if (isSent) event.preventDefault();
     isSent = true;
   });
