@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 from collections.abc import Sequence
 from types import SimpleNamespace
 
@@ -160,6 +161,33 @@ def test_markdown_becomes_one_safe_page() -> None:
     assert "<figure>q.svg<figcaption>Q</figcaption></figure>" in page
     assert "<?xml" not in page
     assert "<p>see &lt;https://x.y&gt;</p>" in page
+
+
+def test_numbers_of_a_column_stand_digit_below_digit_and_texts_stay() -> None:
+    cells = ["9.0 [-1.5, 20.0] 9/20", "100.0 20/20", "45.5 [12.0, 8.0] 11/20", "p-1 and 2", "no such trials"]
+    text = "# T\n\n| h | i |\n|---|---|\n" + "".join(f"| r | {cell} |\n" for cell in cells)
+    found = re.findall("<td>(.*)</td>", html_page(text, {}))
+    space = "\u2007"
+    assert found == [
+        f"{2 * space}9.0 [\u22121.5, 20.0] {space}9/20",
+        "100.0 20/20",
+        f"{space}45.5 [12.0, {space}8.0] 11/20",
+        *cells[3:],
+    ]
+
+
+def test_a_long_page_has_contents_after_its_first_section_and_prints_without_them() -> None:
+    names = ["Summary", "Flow <of> people", "Tables", "Runs"]
+    page = html_page("# T\n\n" + "".join(f"## {name}\n\ntext of {number}\n\n" for number, name in enumerate(names)), {})
+    before, _, after = page.partition("<nav")
+    assert "text of 0" in before
+    assert '<h2 id="section-2">' in after.partition("</nav>")[2]
+    assert re.findall('<a href="#(.*)">(.*)</a>', page) == [
+        (f"section-{number}", name.replace("<", "&lt;").replace(">", "&gt;"))
+        for number, name in enumerate(names, start=1)
+    ]
+    assert re.search(r"@media print \{.*nav \{ display: none; \}", page, re.DOTALL)
+    assert "<nav" not in html_page("# T\n\n## One\n\n## Two\n", {})
 
 
 def test_numbers_and_cells_are_written_safely() -> None:

@@ -392,6 +392,9 @@ def test_a_field_that_no_study_has_is_refused_with_its_name(tmp_path: Path) -> N
     (tmp_path / "consent.md").write_text("Hello {{ salary }}.")
     with pytest.raises(StudyError, match=r"consent\.md: cannot be filled in \('salary' is undefined\)"):
         frozen(tmp_path, paged_study(**FILLED))
+    (tmp_path / "consent.md").write_text("Hello {{ insitution }}.")
+    with pytest.raises(StudyError, match=r"double braces\. Did you mean 'institution'\? Use: "):
+        frozen(tmp_path, paged_study(**FILLED))
     (tmp_path / "consent.md").write_text("Hello\n{{ pay")
     with pytest.raises(StudyError, match=r"consent\.md, line 2: cannot be filled in"):
         frozen(tmp_path, paged_study(**FILLED))
