@@ -125,7 +125,9 @@ def power_markdown(report: PowerReport) -> str:
     }
     first, *others = by_spread[max(by_spread)]
     best = min([first, *(row for row in others if row.trials <= 1.05 * first.trials)], key=lambda row: row.width_total)
-    return filled("power.md.j2", told=report.assumptions, designs=by_spread, first=first, best=best)
+    return filled(
+        "power.md.j2", told=report.assumptions, num_homes=report.num_homes, designs=by_spread, first=first, best=best
+    )
 
 
 def csv_text(report: StudyReport) -> str:
