@@ -200,7 +200,8 @@
 
   const turnNames = (button) => {
     const isOn = button.parentElement.classList.toggle('personal-shows-names');
-    [button.textContent, button.dataset.other] = [button.dataset.other, button.textContent];
+    const label = button.querySelector('span > span');  // in room for both of its texts, so that the button stays as it is
+    [label.textContent, button.dataset.other] = [button.dataset.other, label.textContent];
     button.setAttribute('aria-pressed', isOn);
   };
 
