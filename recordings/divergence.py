@@ -1,13 +1,5 @@
-"""Finds where a run leaves the shortest path, how far it strays, and where two runs part; logs plots and marks of it.
+"""How runs keep to the shortest path and where two of them part (`sim.walk.ways`); logs plots and marks of it."""
 
-A run strays by the planar distance from its feet to the nearest place of the path on the same storey. It leaves the
-path at its first pose that is more than LIMIT away. Two runs go together as long as both can be walked forwards, each
-at its own pace, with the two walkers within LIMIT of each other (the discrete Frechet distance); they part at the
-first pose of each that cannot be reached in this way. A detour thus counts where it begins; a pause or a turn never
-counts.
-"""
-
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,16 +8,12 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from sim.plan_view.storey import StoreyMap
-from sim.walk.storeys import same_storey
+from sim.walk.ways import Apart, Departure, apart_from_path, departure, parting, path_deviation
 
 from .episode import Walk, log_figures, log_plot_style, set_moment
 from .scene import LIFT
 from .traces import Trace
 
-LIMIT = 1.0
-"""Largest distance at which a run still follows a path, metres: the success radius."""
-_PIECE = 0.25
-"""Longest piece into which a path is cut, metres: a long one can climb from one storey to the next."""
 DEVIATION, DEPARTURE, PARTING = "path_deviation", "departure", "parting"
 """Entities below a run (on maps: below its storey's)."""
 _SIZE = 0.22
@@ -39,21 +27,13 @@ _DIAMOND = np.array([[[-1, 0], [0, -1], [1, 0], [0, 1], [-1, 0]]], float) * 1.5 
 
 
 @dataclass(frozen=True, slots=True)
-class Departure:
-    """The first pose of a run that is off the path, or off another run's way."""
-
-    row: int
-    """Number of actions taken until then, 0 at the start."""
-    path_m: float
-    """Metres walked until then."""
-
-
-@dataclass(frozen=True, slots=True)
 class Stray:
     """How closely one run keeps to the shortest path."""
 
     deviation: NDArray[np.float64]
     """(T + 1,) `path_deviation` at the start and after each step."""
+    apart: Apart
+    """Distance of the whole way from the path."""
     departure: Departure | None
     """None for a run that never leaves the path."""
 
@@ -83,75 +63,10 @@ def divergence_of(
             strays.append(None)
             continue
         deviation = path_deviation(way, path)
-        strays.append(Stray(deviation, departure(way, deviation)))
+        strays.append(Stray(deviation, apart_from_path(way, path), departure(way, deviation)))
     first, second = (None, None) if pair is None else (ways[pair[0]], ways[pair[1]])
     parted = None if first is None or second is None else parting(first, second)
     return Divergence(tuple(strays), pair, parted)
-
-
-def path_deviation(positions: NDArray[np.float64], path: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Planar metres (T,) from feet (T, 3) to the path (K, 3), K >= 1; inf where the path is not on their storey."""
-    starts, ends = _pieces(path)
-    along = (ends - starts)[:, [0, 2]]  # (P, 2)
-    squared = np.maximum((along**2).sum(axis=1), 1e-18)
-    offsets = positions[:, None, [0, 2]] - starts[:, [0, 2]]  # (T, P, 2)
-    share = np.clip((offsets * along).sum(axis=-1) / squared, 0.0, 1.0)
-    nearest_y = starts[:, 1] + share * (ends - starts)[:, 1]
-    apart = np.linalg.norm(offsets - share[..., None] * along, axis=-1)
-    on_storey = same_storey(positions[:, None, 1], nearest_y)
-    return np.where(on_storey, apart, np.inf).min(axis=1)
-
-
-def departure(positions: NDArray[np.float64], deviation: NDArray[np.float64]) -> Departure | None:
-    """Where a run (T, 3) first strays by more than LIMIT, from its `path_deviation` (T,); None if it never does."""
-    off = np.flatnonzero(deviation > LIMIT)
-    return _departure(positions, int(off[0])) if len(off) else None
-
-
-def parting(first: NDArray[np.float64], second: NDArray[np.float64]) -> tuple[Departure, Departure] | None:
-    """Where the ways of two runs, feet (T, 3) and (U, 3), part: a place on each.
-
-    None if one of them ends before that, so that its whole way lies along the other's.
-    """
-    shared_first, shared_second = _shared_rows(first, second)
-    if shared_first == len(first) or shared_second == len(second):
-        return None
-    return _departure(first, shared_first), _departure(second, shared_second)
-
-
-def _shared_rows(first: NDArray[np.float64], second: NDArray[np.float64]) -> tuple[int, int]:
-    """Number of poses of each run that can be reached with the walkers never more than LIMIT apart."""
-    columns = np.arange(len(second))
-    reached = np.zeros(len(second), bool)  # columns reached with the first walker one row earlier
-    rows, furthest = 0, -1
-    for row, position in enumerate(first):
-        offsets = second - position
-        near = np.hypot(offsets[:, 0], offsets[:, 2]) <= LIMIT
-        near &= same_storey(second[:, 1], position[1])
-        entered = reached | np.append(row == 0, reached[:-1])  # the first walker moved on, or both did
-        # the second walker may go on alone from an entered column up to the next column that is not near
-        last_entered = np.maximum.accumulate(np.where(entered & near, columns, -1))
-        last_far = np.maximum.accumulate(np.where(near, -1, columns))
-        reached = last_entered > last_far
-        if not reached.any():
-            break
-        rows, furthest = row + 1, max(furthest, int(np.flatnonzero(reached)[-1]))
-    return rows, furthest + 1
-
-
-def _departure(positions: NDArray[np.float64], row: int) -> Departure:
-    walked = np.linalg.norm(np.diff(positions[: row + 1], axis=0), axis=1).sum()
-    return Departure(row, float(walked))
-
-
-def _pieces(path: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Ends (P, 3) and (P, 3) of pieces of at most _PIECE metres; a path of one point is one piece of length 0."""
-    points = [path[:1]]
-    for start, end in itertools.pairwise(path):
-        count = max(1, int(np.ceil(np.linalg.norm(end - start) / _PIECE)))
-        points.append(start + (end - start) * (np.arange(1, count + 1) / count)[:, None])
-    cut = np.concatenate(points)
-    return (cut[:-1], cut[1:]) if len(cut) > 1 else (cut, cut)
 
 
 def log_divergence(

@@ -9,9 +9,10 @@ from sim.episodes.schema import Episode
 from sim.homes.kind import scene_label
 from sim.mesh import Scene
 from sim.tasks.run_files import Answer, EpisodeRun
+from sim.walk.ways import LIMIT, Departure, parting_decision
 
 from . import paths
-from .divergence import LIMIT, Departure, Divergence
+from .divergence import Divergence
 from .traces import Trace
 
 NOTICE = (
@@ -19,7 +20,8 @@ NOTICE = (
     "accepted the same terms."
 )
 MARKS = f"On floor and map a cross marks where a run first is more than {LIMIT:.0f} m off the shortest path, a diamond \
-where the ways of the two shown runs part."
+where the ways of the two shown runs part. DTW: dynamic time warping to the shortest path, metres per place; nDTW: 1 \
+on it, towards 0 far from it."
 
 
 def log_task(
@@ -105,26 +107,37 @@ def _walk_table(traces: Sequence[Trace]) -> str:
 
 
 def _stray_table(traces: Sequence[Trace], divergence: Divergence) -> str:
-    names = ("run", "leaves the shortest path", "strays at most")
+    names = ("run", "leaves the shortest path", "strays at most", "DTW", "nDTW", "end from its end")
     rows = []
     for trace, stray in zip(traces, divergence.strays, strict=True):
         if stray is None:
             continue
         furthest = float(stray.deviation.max())
         left = "never" if stray.departure is None else _place_text(stray.departure)
-        cells = (plain_text(trace.title), left, f"{furthest:.1f} m" if math.isfinite(furthest) else "to another storey")
-        rows.append(cells)
+        strays = f"{furthest:.1f} m" if math.isfinite(furthest) else "to another storey"
+        figures = (f"{stray.apart.dtw_m:.2f} m", f"{stray.apart.ndtw:.2f}", f"{stray.apart.end_m:.2f} m")
+        rows.append((plain_text(trace.title), left, strays, *figures))
     return f"{table(names, rows)}\n\n{MARKS}" if rows else ""
 
 
 def _parting_text(traces: Sequence[Trace], divergence: Divergence) -> str:
     if divergence.pair is None:
         return ""
-    first, second = (plain_text(traces[index].title) for index in divergence.pair)
+    pair = tuple(traces[index] for index in divergence.pair)
+    first, second = (plain_text(trace.title) for trace in pair)
+    decision = _decision_text([trace.run for trace in pair])
     if divergence.parted is None:
-        return f"The ways of {first} and {second} do not part: one goes along the other's to its end."
+        return f"The ways of {first} and {second} do not part: one goes along the other's to its end. {decision}"
     here, there = divergence.parted
-    return f"The ways of {first} and {second} part: {first} {_place_text(here)}, {second} {_place_text(there)}."
+    told = f"{first} {_place_text(here)}, {second} {_place_text(there)}"
+    return f"The ways of {first} and {second} part: {told}. {decision}"
+
+
+def _decision_text(runs: Sequence[EpisodeRun | Answer]) -> str:
+    """The first decision in which two runs differ, in a sentence."""
+    first, second = (run.decisions for run in runs if isinstance(run, EpisodeRun))
+    number = parting_decision(first, second)
+    return "They did the same throughout." if number is None else f"Their first different decision is number {number}."
 
 
 def _place_text(place: Departure) -> str:

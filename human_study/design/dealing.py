@@ -104,7 +104,7 @@ def _solved(
     found = milp(
         costs,
         integrality=is_whole.astype(int),
-        bounds=Bounds(0.0, np.array(limits)),
+        bounds=Bounds(0.0, np.array(limits)),  # type: ignore[arg-type]  # scipy says float, and takes arrays
         constraints=LinearConstraint(matrix, least, most),
         options={"mip_rel_gap": 0.0, "node_limit": _MOST_NODES},
     )

@@ -206,7 +206,7 @@ def per_person(people: Sequence[PlannedParticipant]) -> dict[Split, tuple[int, i
     """Least and largest number of counted trials of each split that one person has; spare people do not count."""
     counts = [Counter(trial.split for trial in person.trials if trial.phase == "main") for person in people]
     counts = [found for found in counts if found]
-    splits = [split for split in SPLITS if any(split in found for found in counts)]
+    splits: list[Split] = [split for split in SPLITS if any(split in found for found in counts)]
     return {split: (min(found[split] for found in counts), max(found[split] for found in counts)) for split in splits}
 
 

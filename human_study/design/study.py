@@ -53,6 +53,8 @@ Condition = PanCondition | PogCondition
 """A participant's view of the home besides the task itself. PAN: `none`, or before walking its `topdown` map or its 3-D
 model (`glb`). POG: pointing after a look at the home (`map_first`), with text and home side by side (`map_open`), or on
 the agents' own top-down map (`map_2d`)."""
+NamesShown = Literal["off", "on", "demand"]
+"""Names in a home: not at all, always, or as long as the participant wants them (a button)."""
 Pointing = Literal["free", "snap"]
 """Where a mark goes: to the clicked point, or to the middle of the object there."""
 HomeView = Literal["browser", "server"]
@@ -142,6 +144,16 @@ class StudyPog(BaseModel):
     pointing: Pointing = "free"
     """`free`: the clicked point is the mark (the paper). `snap`: the mark goes to the middle of the clicked object,
     which is outlined and named by its category."""
+    room_names: NamesShown = "off"
+    """Names of rooms in the 3-D home; scans have none."""
+    object_names: NamesShown | Literal["auto"] = "auto"
+    """Categories of objects in the 3-D home. `auto`: off in scans and on in other homes, whose plain shapes are hard to
+    tell apart. They give away what is what: the text then only has to be matched with words."""
+
+    @property
+    def has_names_on_demand(self) -> bool:
+        """Whether participants have a button for names."""
+        return "demand" in (self.room_names, self.object_names)
 
     @model_validator(mode="after")
     def _can_be_left(self) -> "StudyPog":
@@ -344,6 +356,8 @@ class StudyConfig(BaseModel):
     breaks: StudyBreaks = StudyBreaks()
     confidence: bool = False
     """Whether participants rate after each trial, with one key, how sure they are."""
+    comments: bool = False
+    """Whether participants may write a comment at the end; it is stored encrypted and exported to a file of its own."""
     resume_within_s: Seconds = 600.0
     """Seconds of absence after which the trial has ended as `abandoned`."""
     hidden_max_s: Seconds | None = 60.0

@@ -21,7 +21,7 @@ from ..journey import Person, StageEntry, way_out
 from ..store.exclusions import rules_before_data
 from ..store.records import StoredEvent, StoredTrial, StudyReader
 from ..trial.events import Event, event_to_json
-from .rows import EventRow, ExclusionRow, ParticipantRow, StageRow, VerificationRow
+from .rows import CommentRow, EventRow, ExclusionRow, ParticipantRow, StageRow, VerificationRow
 from .runs import created_utc, result_of, trial_run_info
 from .survey import SurveyRow, survey_rows
 from .trial_table import AttemptName, TrialRow, is_long_hidden, trial_figures
@@ -42,6 +42,8 @@ class Collected:
     participants: list[ParticipantRow] = field(default_factory=list)
     exclusions: list[ExclusionRow] = field(default_factory=list)
     verifications: list[VerificationRow] = field(default_factory=list)
+    comments: list[CommentRow] = field(default_factory=list)
+    """Comments by people who wrote one."""
     survey: list[SurveyRow] = field(default_factory=list)
     runs: dict[str, Run] = field(default_factory=dict)
     """Runs of counted trials with a result, by run id; each run holds its trials in order."""
@@ -94,6 +96,8 @@ def collect(reader: StudyReader) -> Collected:
                 info = trial_run_info(config, home, exported, trial.task, condition=trial.condition, **run_facts)
                 _add(result_of(events, trial.outcome, code=exported), info, found.runs)
     found.exclusions += _exclusion_rows(config, reader, names, kept)
+    comments = reader.answers("comment")
+    found.comments += [CommentRow(participant=kept[code], comment=comments[code]) for code in kept if code in comments]
     found.verifications += _verification_rows(reader, names)
     found.survey += survey_rows(reader, kept)
     return found

@@ -16,6 +16,9 @@ from ..design.plan import StudyScene, facts_of_version_2
 MANIFEST_FILE = "manifest.json"
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
+KEPT_APART = ("survey.", "comments.")
+"""Beginnings of the names of files that may be moved out of an export before it is published."""
+
 
 class ExportedFile(BaseModel):
     """One file of an export."""
@@ -109,7 +112,7 @@ def read_manifest(folder: Path) -> Manifest:
 
 
 def require_unchanged(folder: Path, manifest: Manifest) -> dict[str, bytes]:
-    """The content of every file, by path, if all files are as they were written.
+    """The content of every file, by path, if all files are as they were written; files that are kept apart may be gone.
 
     Raises:
         StudyError: A file is missing, was changed, or does not belong to the export; the message names the first one.
@@ -117,6 +120,8 @@ def require_unchanged(folder: Path, manifest: Manifest) -> dict[str, bytes]:
     contents = {}
     for name, entry in manifest.files.items():
         path = folder / name
+        if name.startswith(KEPT_APART) and not path.exists():
+            continue
         try:
             contents[name] = path.read_bytes()
         except OSError as error:

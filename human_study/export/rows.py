@@ -115,6 +115,16 @@ class ExclusionRow(BaseModel):
     """Whether it was taken back."""
 
 
+class CommentRow(BaseModel):
+    """The comment of one person, in the person's own words; read it before you publish it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+    participant: str
+    """Code of the person."""
+    comment: str
+    """What the person wrote at the end of the study; the newest one."""
+
+
 class VerificationRow(AttemptName):
     """The result of doing one attempt again."""
 

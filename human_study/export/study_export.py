@@ -23,7 +23,7 @@ from .collect import Collected, collect, event_rows
 from .data_dictionary import dictionary_text
 from .formats import table_bytes
 from .manifest import MANIFEST_FILE, LeftOutTrial, Manifest, exported_file, read_manifest, strangers
-from .rows import EventRow, ExclusionRow, ParticipantRow, VerificationRow
+from .rows import CommentRow, EventRow, ExclusionRow, ParticipantRow, VerificationRow
 from .runs import run_files
 from .survey import SurveyRow
 from .trial_table import TrialRow
@@ -47,6 +47,10 @@ SURVEY_TABLE: dict[str, tuple[str, type[BaseModel]]] = {
     )
 }
 """The table that only studies with a survey have."""
+COMMENTS_TABLE: dict[str, tuple[str, type[BaseModel]]] = {
+    "comments": ("One row per person who wrote a comment. Read all of them before you publish this table.", CommentRow)
+}
+"""The table that only studies with comments have."""
 
 
 def export_study(folder: Path, out: Path) -> list[Path]:
@@ -71,7 +75,7 @@ def export_study(folder: Path, out: Path) -> list[Path]:
 
 
 def _tables_of(config: StudyConfig) -> dict[str, tuple[str, type[BaseModel]]]:
-    return TABLES | (SURVEY_TABLE if config.survey.questions else {})
+    return TABLES | (SURVEY_TABLE if config.survey.questions else {}) | (COMMENTS_TABLE if config.comments else {})
 
 
 def _table_files(

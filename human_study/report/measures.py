@@ -43,6 +43,12 @@ class Measure:
 
 WITHIN = {f"sr_within_{limit}": Measure("", _PAN, is_rate=True, most=100) for limit in STEP_LIMITS}
 """The anytime success rate, by name."""
+WAYS = {
+    "dtw": Measure("DTW to the shortest path (m per place)", _PAN, digits=2),
+    "ndtw": Measure("nDTW with the shortest path (%)", _PAN, most=100),
+    "end_apart": Measure("end to the end of the shortest path (m)", _PAN, digits=2),
+}
+"""How far a trial's way is from the shortest path, by name; `ways` fills them in where the homes are at hand."""
 MEASURES: dict[str, Measure] = {
     "sr": Measure("SR (%)", claim="SR", is_rate=True, most=100, has_effect=True),
     "spl": Measure("SPL (%)", _PAN, claim="SPL", most=100, has_effect=True),
@@ -56,6 +62,7 @@ MEASURES: dict[str, Measure] = {
         "steps to decision", _PAN, claim="steps", most=MAX_STEPS, is_skewed=True, has_spread=True, has_effect=True
     ),
     "path_m": Measure("path (m)", _PAN, digits=2, is_skewed=True, has_spread=True),
+    **WAYS,
     "t_s": Measure("time to decision (s)", claim="time", is_skewed=True, has_spread=True, has_effect=True),
     **WITHIN,
     STRICT: Measure("SR by rule paper-strict (%)", _PAN, is_rate=True, most=100),

@@ -43,6 +43,7 @@ from .sensitivity import SensitivityRow, sensitivity_rows
 from .source import ReportSource, StudyRecords, source_of
 from .statistics import Weight
 from .trials import GroupRow, LeftOut, LeftOutRun, ReportValue, TrialGroup, averaged_agent, difference, trial_groups
+from .ways import ShortestPaths, WayPair, WayRow, way_pairs, way_rows, with_ways
 
 NOBODY_YET = "no person has done the episode in this condition yet"
 """Trials of agents that ran on the study."""
@@ -96,6 +97,8 @@ class StudyReport(ReportValue):
     sensitivity: tuple[SensitivityRow, ...]
     agreement: tuple[AgreementRow, ...]
     places: tuple[PlaceRow, ...]
+    ways: tuple[WayRow, ...]
+    """Ways of two people at one episode, and of a person and an agent; PAN only."""
     suspects: tuple[SuspectEpisode, ...]
     flow: tuple[FlowCount, ...]
     """Counts of people at each point of the study; () = the study's records are missing."""
@@ -129,6 +132,8 @@ class ReportGroups:
     averaged: tuple[TrialGroup, ...]
     """The agents with one trial per episode, the mean of their runs."""
     differences: tuple[TrialGroup, ...]
+    pairs: tuple[WayPair, ...]
+    """Two people, or a person and an agent, at the same episode of PAN."""
     left_out: tuple[LeftOut, ...]
 
 
@@ -204,6 +209,7 @@ def report_of(
         ),
         agreement=tuple(agreement_row(group) for group in people),
         places=tuple(place_row(group, objects) for group in people),
+        ways=tuple(way_rows(groups.pairs)),
         suspects=tuple(suspect for group in people for suspect in suspect_episodes(group, objects)),
         flow=tuple(flow),
         verification=tuple(verification_counts(records.rows)),
@@ -270,8 +276,12 @@ def _rows(groups: ReportGroups, aggregate: Aggregate) -> list[ReportRow]:
     return rows
 
 
-def report_groups(source: ReportSource, *, rule: SuccessRule | None = None) -> ReportGroups:
+def report_groups(
+    source: ReportSource, *, rule: SuccessRule | None = None, shortest: ShortestPaths | None = None
+) -> ReportGroups:
     """The trials that the report counts; without a rule, PAN counts by that of the study file, or else `paper`.
+
+    With the shortest paths of the episodes, trials have the measures of their ways.
 
     Raises:
         RunFileError: A run was never scored, or a trial occurs twice.
@@ -281,7 +291,9 @@ def report_groups(source: ReportSource, *, rule: SuccessRule | None = None) -> R
     metric_rows(runs, rule=rule)  # refuses runs that were never scored, and trials that would count twice
     row_rule = records.config.success if records.config else rule
     found, left_out = trial_groups(runs, rule, records.rows, row_rule=row_rule)
+    found = [with_ways(group, shortest or {}) for group in found]
     people = [group for group in found if group.kind == "human"]
+    pairs = [pair for group in people for pair in way_pairs(group, group)]
     agents, averaged, differences = [], [], []
     for agent in (group for group in found if group.kind != "human"):
         beside = [group for group in people if _may_stand_beside(group, agent)]
@@ -293,7 +305,10 @@ def report_groups(source: ReportSource, *, rule: SuccessRule | None = None) -> R
         agents.append(replace(agent, trials=agent.trials[agent.trials["episode"].isin(same.trials["episode"])]))
         averaged.append(same)
         differences += [difference(group, same) for group in beside]
-    return ReportGroups(rule, tuple(people), tuple(agents), tuple(averaged), tuple(differences), tuple(left_out))
+        pairs += [pair for group in beside for pair in way_pairs(group, agent)]
+    return ReportGroups(
+        rule, tuple(people), tuple(agents), tuple(averaged), tuple(differences), tuple(pairs), tuple(left_out)
+    )
 
 
 def _may_stand_beside(people: TrialGroup, agent: TrialGroup) -> bool:

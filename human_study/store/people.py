@@ -113,6 +113,11 @@ class PeopleWrites:
 
         self._writer.write(job)
 
+    def has_answered(self, code: str, kind: AnswerKind) -> bool:
+        """Whether the participant has given a personal answer of this kind."""
+        with read_study(self.folder) as reader:
+            return bool(reader.rows("SELECT 1 FROM personal_answer WHERE code = ? AND kind = ? LIMIT 1", code, kind))
+
     def claim_person(self, ext_hash: str | None) -> str | None:
         """The code of a place for a person who comes through an open link; None when the study is full.
 

@@ -33,6 +33,9 @@ _NEAR = r"(?:within|(?:closer|nearer|less|more) than|at most|up to|under|radius 
 _MOST = r"(?:have|has|after|within|most|up to|than|uses?|used|are|(?:maximum|limit|budget)(?: of| is)?)"
 _ABOUT = r"(?:about |around |approximately |roughly |some |up to |at most |\d+ ?(?:to|-|–) ?)*"
 
+_QUESTIONS = r"demographic|personal questions|questions about you"
+"""Other words for a survey."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Fact:
@@ -132,6 +135,7 @@ def _told(config: StudyConfig) -> list[tuple[str, str]]:
     """(word that a consent form must use, field that makes it necessary)."""
     words = catalogue_of(config.language)
     told = [(words("told.language_model"), "ethics.language_model")] if config.ethics.language_model else []
+    told += [(words("told.comment"), "comments")] if config.comments else []
     return told + ([(words("told.survey"), "survey.questions")] if config.survey.questions else [])
 
 
@@ -139,6 +143,7 @@ def _denied(plain: str, config: StudyConfig) -> list[str]:
     """Sentences, in English, that deny what the study does with people's data."""
     found = []
     for word, field in _told(config):
+        word = f"(?:{word}|{_QUESTIONS})" if field == "survey.questions" else word
         match = re.search(rf"\b(?:no|not|never|nothing(?! else))\b[^.:;]{{0,80}}\b{word}", plain, flags=re.IGNORECASE)
         found += [f"says {match[0]!r}, but {field} is set"] if match is not None else []
     return found

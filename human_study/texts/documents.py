@@ -16,7 +16,7 @@ from ..design.study import StudyConfig
 from ..store.exclusions import rules_before_data
 from ..store.records import StudyDates
 from .catalogue import ENGLISH, catalogue_of
-from .estimate import BREAK_S, LOOK_S, READING_S, ROUND_TO_MIN, TRIAL_S, TimeEstimate, estimate_time
+from .estimate import BREAK_S, LOOK_S, READING_S, ROUND_TO_MIN, SURVEY_S, TRIAL_S, TimeEstimate, estimate_time
 from .words import filled, open_place, words_of
 
 MEASURE_NAMES = {
@@ -183,6 +183,7 @@ def _times(sample: Sample | None) -> dict[str, Any]:
         "longest": max((share.longest.minutes for share in shares), default=0),
         "not_planned": open_place("plan.json"),
         "reading_s": READING_S,
+        "survey_s": SURVEY_S,
         "trial_s": TRIAL_S,
         "look_s": LOOK_S,
         "break_s": BREAK_S,

@@ -15,6 +15,8 @@ LOOK_S = 30.0
 """Seconds of looking at a map or home before a trial, unless the study file sets a lower limit."""
 READING_S = 480.0
 """Seconds for the device check, consent, instructions and quiz together."""
+SURVEY_S = 10.0
+"""Seconds for each question after the last search."""
 BREAK_S = 120.0
 """Seconds of one break."""
 ROUND_TO_MIN = 5
@@ -33,6 +35,7 @@ class TimeEstimate:
     """Time of counted trials and attention checks, with the looks before them."""
     practice_s: float
     reading_s: float
+    """Time of the pages before the trials and of the questions after them."""
     breaks_s: float
 
     @property
@@ -59,7 +62,7 @@ def estimate_time(config: StudyConfig, *, num_trials: int, task: TaskKind) -> Ti
         num_breaks=num_breaks,
         trials_s=(num_trials + num_checks) * per_trial,
         practice_s=num_practice * per_trial,
-        reading_s=READING_S if config.flow else 0.0,
+        reading_s=(READING_S if config.flow else 0.0) + SURVEY_S * len(config.survey.questions),
         breaks_s=num_breaks * BREAK_S,
     )
 

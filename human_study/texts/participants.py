@@ -1,7 +1,7 @@
 """The texts that one participant reads: consent, instructions, feedback on practice. Markdown, shown by the pages.
 
-A study's own `consent.md` and `instructions.md` are filled in when the study is planned and frozen with it; the
-program's own pages on task, keys and rules follow the instructions and need no file.
+A study's own `consent.md`, `instructions.md` and, if there is one, `debriefing.md` are filled in when the study is
+planned and frozen with it; the program's own pages on task, keys and rules follow the instructions and need no file.
 """
 
 import hashlib
@@ -24,6 +24,8 @@ CONSENT_FILE = "consent.md"
 INSTRUCTIONS_FILE = "instructions.md"
 TEXT_FILES = (CONSENT_FILE, INSTRUCTIONS_FILE)
 """Texts of a study's folder that a researcher may change before the plan."""
+DEBRIEFING_FILE = "debriefing.md"
+"""Text of a study's folder that a researcher may add before the plan: what people read at the end."""
 TOLD_FOLDER = "told"
 """Folder in a study's folder with the texts exactly as participants of each task read them."""
 
@@ -54,13 +56,15 @@ def freeze_texts(folder: Path, config: StudyConfig, plan: StudyPlan) -> dict[str
     """
     write_texts(folder, config.language)
     told, problems = {}, []
-    for name in TEXT_FILES:
+    sources = (*TEXT_FILES, *([DEBRIEFING_FILE] if (folder / DEBRIEFING_FILE).exists() else []))
+    for name in sources:
         source = (folder / name).read_text(encoding="utf-8")
         for task in config.task:
             words = words_of(config, plan=plan, task=task, is_for_people=True)
             text = filled_text(source, words, where=folder / name)
             told[told_name(name, task)] = text
-            if config.flow != ("instructions",) and name.removesuffix(".md") in config.flow:
+            is_shown = config.flow != ("instructions",) and name.removesuffix(".md") in config.flow
+            if is_shown or name == DEBRIEFING_FILE:
                 found = _problems(text, config, plan, task) + (unsaid(text, config) if name == CONSENT_FILE else [])
                 problems += [f"{name}: {problem}" for problem in found]
     if problems:
@@ -70,7 +74,7 @@ def freeze_texts(folder: Path, config: StudyConfig, plan: StudyPlan) -> dict[str
         )
     for name, text in told.items():
         write_whole(folder / name, text)
-    frozen = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in (*TEXT_FILES, *told)}
+    frozen = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in (*sources, *told)}
     language = catalogue_of(config.language)
     return {**frozen, language.name: language.digest()}
 

@@ -17,7 +17,7 @@ import jinja2
 from jinja2.runtime import Macro
 from jinja2.sandbox import SandboxedEnvironment
 
-from sim.errors import StudyError
+from sim.errors import StudyError, did_you_mean
 from sim.tasks.rules import AUTHORS_DISTANCE, HABITAT_DISTANCE, RELAXED_RADIUS, SUCCESS_RADIUS
 from sim.types import FORWARD_STEP, TURN_STEP, SuccessRule, TaskKind
 
@@ -156,10 +156,11 @@ def filled_text(text: str, words: Mapping[str, Any], *, where: Path) -> str:
         problem, line = error.message, f", line {error.lineno}"
     except (jinja2.TemplateError, ArithmeticError, TypeError, ValueError) as error:
         problem, line = str(error), ""
-    names = ", ".join(sorted(name for name, word in words.items() if isinstance(word, str)))
+    names = sorted(name for name, word in words.items() if isinstance(word, str))
+    unknown = re.match(r"'(\w+)' is undefined", problem or "")
     raise StudyError(
-        f"{where}{line}: cannot be filled in ({problem}); expected only words of the study in double braces. "
-        f"Use: {names}."
+        f"{where}{line}: cannot be filled in ({problem}); expected only words of the study in double braces."
+        f"{did_you_mean(unknown[1], names) if unknown else ''} Use: {', '.join(names)}."
     )
 
 

@@ -78,6 +78,13 @@ class ShowStorey:
 
 
 @dataclass(frozen=True, slots=True)
+class ShowNames:
+    """Show the names in the home that are shown on demand, or take them away."""
+
+    is_shown: bool
+
+
+@dataclass(frozen=True, slots=True)
 class LookFrom:
     """The camera in the 3-D home moved."""
 
@@ -143,7 +150,7 @@ class Measure:
 
 RATINGS = (1, 2, 3, 4, 5)
 PageCommand = PageChanged | Resize | Measure
-TrialCommand = Start | Resume | Tick | CloseMap | ShowStorey | LookFrom | GiveUp | Fail | Rate | PageCommand
+TrialCommand = Start | Resume | Tick | CloseMap | ShowStorey | ShowNames | LookFrom | GiveUp | Fail | Rate | PageCommand
 """Commands that every trial takes."""
 PanCommand = TrialCommand | Move | PressStop
 PogCommand = TrialCommand | Click | Confirm

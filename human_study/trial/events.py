@@ -74,10 +74,15 @@ class Open(TrialEvent):
 class Moment(TrialEvent):
     """Something that its kind says completely."""
 
-    kind: Literal["stop_armed", "stop", "confirm", "giveup_armed", "giveup", "looking", "superseded"] | PageChange
+    kind: (
+        Literal["stop_armed", "stop", "confirm", "giveup_armed", "giveup", "looking", "superseded"]
+        | Literal["names_on", "names_off"]
+        | PageChange
+    )
     """`stop_armed`, `stop`: first press of STOP, and the second one in time: the trial is over. `confirm`: the marked
     point is the answer: the trial is over. `giveup_armed`, `giveup`: first press of giving up, and the second one: the
     trial is over. `looking`: the map is still shown; repeated now and then, so that an interrupted look keeps its time.
+    `names_on`, `names_off`: names in the home were asked for, and taken away.
     `superseded`: the participant took the trial over from another tab that was still open."""
 
 

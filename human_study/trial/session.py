@@ -192,6 +192,7 @@ class PogSession(TrialSession[PogView]):
             is_over=self.is_over,
             is_giving_up=self._is_giving_up(t_s),
             left_s=self._left_s(t_s),
+            has_names=self._has_names,
         )
 
     def _mark(self) -> Mark | None:

@@ -8,6 +8,7 @@ storing fails, drop the session and rebuild it from the stored events. Sessions 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Generic, Literal, Self
 
 from sim.errors import TaskStateError
@@ -27,6 +28,7 @@ from .commands import (
     Rate,
     Resize,
     Resume,
+    ShowNames,
     ShowStorey,
     Start,
     Tick,
@@ -84,6 +86,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
         self._task_began_s: float | None = None
         self._limit: TimeLimit | None = None
         self._storey = 0
+        self._has_names = False
         self._camera_s = -math.inf
         self._new_camera: LookFrom | None = None
         """The newest camera pose, until it is stored."""
@@ -121,7 +124,8 @@ class TrialSession(ABC, Generic[TaskViewT]):
         match self.phase:
             case "look":
                 assert self._look is not None
-                return self._look.view(t_s, storeys=self._storeys, storey=self._storey)
+                seen = self._look.view(t_s, storeys=self._storeys, storey=self._storey)
+                return replace(seen, has_names=self._has_names)
             case "rate":
                 return RateView(RATINGS)
             case _:
@@ -294,6 +298,9 @@ class TrialSession(ABC, Generic[TaskViewT]):
                 return self._give_up(t_s)
             case ShowStorey() if self._sees_home:
                 return self._show_storey(command.storey, t_s)
+            case ShowNames(is_shown=is_shown) if self._sees_home:
+                self._has_names = is_shown
+                return (Moment(kind="names_on" if is_shown else "names_off", t_s=t_s),)
             case LookFrom() if self._sees_home:
                 self._new_camera = command
                 return ()
@@ -367,6 +374,8 @@ class TrialSession(ABC, Generic[TaskViewT]):
             self._set_task_began(task_began_s(events))
         heights = [event.storey_y for event in events if isinstance(event, ShownStorey)]
         self._storey = self._storeys.index(heights[-1]) if heights else 0
+        names = [event.kind for event in events if event.kind in ("names_on", "names_off")]
+        self._has_names = names[-1:] == ["names_on"]
         end = trial_end(events)
         if end is not None:
             self._ended, self._ended_s = end[1], end[0].t_s or 0.0

@@ -25,6 +25,8 @@ class LookView:
     """Whole seconds until the participant may leave it; 0 = now."""
     left_s: int | None
     """Whole seconds until it closes by itself; None = no limit."""
+    has_names: bool = False
+    """Whether names that are shown on demand are wanted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,8 @@ class PogView:
     """Whether another press of giving up now ends the trial."""
     left_s: int | None = None
     """Seconds until the time is up, in coarse steps; None = there is no limit."""
+    has_names: bool = False
+    """Whether names that are shown on demand are wanted."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from .gathered import Setting, scene_runs, setting_of
 from .sheet import sheet_png, thumbnail_jpeg
 
 MADE, RECORDING, SHEET, THUMBNAIL = "made.json", "replay.rrd", "sheet.png", "thumb.jpg"
-FORMAT = 2
+FORMAT = 3
 """Raise it when the same runs give other files in an episode's folder; older folders are then made anew."""
 
 

@@ -5,15 +5,21 @@ the runs of its own scene.
 """
 
 import hashlib
+import statistics
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sim.episodes.schema import Episode
 from sim.errors import RunFileError
 from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo, run_texts
 from sim.tasks.run_folders import read_runs, with_controls
 from sim.types import ClutterLevel, EndReason, EpisodeKey, SceneKind, TaskKind, WhoKind
+from sim.walk.ways import apart
 from sim.words.english import how_many
 
 _CLUTTER: Mapping[str, ClutterLevel] = {"0": 0, "1": 1, "2": 2}
@@ -61,6 +67,9 @@ class Trial:
     """sha256 of the run's lines and of its `run.json`."""
     beside: tuple[str, ...] = ()
     """Conditions of the people beside whom an agent stands that ran on their study; () = any."""
+    from_people_m: float | None = None
+    """Mean DTW from the ways of people at the episode, metres per place (docs/metrics.md): from other people in its
+    condition, or for an agent from those beside whom it stands. None for answers, and where there is nobody."""
 
     @property
     def row_name(self) -> str:
@@ -81,6 +90,8 @@ class Trial:
         words += [] if self.steps is None else [how_many(self.steps, "step")]
         words += [f"{self.distance_m:.2f} m"] if self.task == "pog" and self.distance_m is not None else []
         words += [] if self.time_s is None else [f"{self.time_s:.1f} s"]
+        others = "other people's ways" if self.who_kind == "human" else "people's ways"
+        words += [] if self.from_people_m is None else [f"{self.from_people_m:.2f} m from {others}"]
         words += [] if self.reason in ("stop", "click") else [_REASONS.get(self.reason, self.reason)]
         return ", ".join(words)
 
@@ -109,18 +120,20 @@ def gather(
         RunFileError: A run is damaged, empty, on other episode files or of an episode that the dataset does not hold.
     """
     trials: list[Trial] = []
+    ways: list[NDArray[np.float64] | None] = []
     runs: list[Run] = []
     for number, folder in enumerate(with_controls(folders)):
         run = read_runs([folder])[0]
         _require_dataset(run, dataset_digest, episodes)
         for item in (*run.episodes, *run.answers):
             trials.append(_trial(run.info, item))
+            ways.append(np.array([pose.position for pose in item.poses]) if isinstance(item, EpisodeRun) else None)
         _split(run, into, number)
         light = tuple(item.model_copy(update={"steps": ()}) for item in run.episodes)
         runs.append(run.model_copy(update={"episodes": light}))
     _require_one_version(trials)
     _require_one_study([run.info for run in runs])
-    return Gathered(tuple(trials), tuple(runs))
+    return Gathered(tuple(_beside_people(trials, ways)), tuple(runs))
 
 
 def scene_runs(into: Path, scene: str) -> list[Run]:
@@ -184,6 +197,28 @@ def _require_one_version(trials: Sequence[Trial]) -> None:
                 f"{other.run_id} with {other.scene_digest[:12]!r}; expected one version of each home. Compare the runs "
                 "of one version, or run the others again."
             )
+
+
+def _beside_people(trials: Sequence[Trial], ways: Sequence[NDArray[np.float64] | None]) -> list[Trial]:
+    """The trials with `from_people_m`; `ways` are their feet (T + 1, 3), None for answers."""
+    people: dict[tuple[Setting | None, EpisodeKey], list[int]] = defaultdict(list)
+    for number, trial in enumerate(trials):
+        if trial.who_kind == "human" and ways[number] is not None:
+            people[trial.setting, trial.key].append(number)
+
+    def from_people(number: int, trial: Trial) -> float | None:
+        way, conditions = ways[number], (trial.condition,) if trial.who_kind == "human" else trial.beside
+        if way is None:
+            return None
+        others = [
+            ways[other]
+            for other in people.get((trial.setting, trial.key), ())
+            if other != number and (not conditions or trials[other].condition in conditions)
+        ]
+        found = [apart(way, other).dtw_m for other in others if other is not None]
+        return statistics.fmean(found) if found else None
+
+    return [replace(trial, from_people_m=from_people(number, trial)) for number, trial in enumerate(trials)]
 
 
 def _split(run: Run, into: Path, number: int) -> None:

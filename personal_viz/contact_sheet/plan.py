@@ -8,12 +8,11 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from sim.copies.cut import storey_mesh
-from sim.homes.cells import cells_from_runs
-from sim.homes.plan import HomePlan, Room
+from sim.homes.plan import HomePlan, room_middle
 from sim.mesh import Scene
 from sim.plan_view.view import PlanView
 from sim.render.raycast import SKY_RGB, Raycaster
-from sim.types import STOREY_GAP, Camera
+from sim.types import Camera
 from sim.walk.storeys import nearest_storey, same_storey
 
 _ABOVE = 400.0
@@ -78,27 +77,7 @@ def _room_names(plan: HomePlan, floor_y: float) -> list[_Name]:
     if not same_storey(plan.storeys[index].floor_y, floor_y):
         return []
     rooms = [room for room in plan.rooms if room.storey == index]
-    return [_Name(room.name, xz) for room in rooms if (xz := _middle(room, plan)) is not None]
-
-
-def _middle(room: Room, plan: HomePlan) -> tuple[float, float] | None:
-    """A rectangle's centre; otherwise the cell nearest to the mean of the room's cells, if it has any.
-
-    A room without an area has all walkable cells of its storey.
-    """
-    if room.rect is not None:
-        return room.rect.centre
-    if plan.cells is None:
-        return None
-    if room.area:
-        rc = np.array([(run.row, run.col + step) for run in room.area for step in range(run.length)])
-    else:
-        cells = cells_from_runs(plan.cells.walkable)
-        rc = cells.rc[np.abs(cells.y - plan.storeys[room.storey].floor_y) < STOREY_GAP / 2]
-    if not len(rc):
-        return None
-    x, z = plan.cells.grid.xz_from_rc(rc[np.linalg.norm(rc - rc.mean(axis=0), axis=1).argmin()]).tolist()
-    return x, z
+    return [_Name(room.name, xz) for room in rooms if (xz := room_middle(room, plan)) is not None]
 
 
 def _write(picture: Image.Image, view: PlanView, rooms: Sequence[_Name], words: Sequence[_Name]) -> None:

@@ -19,7 +19,7 @@ from human_study.design.plan import PRACTICE_FOLDER, StudyScene, load_plan
 from human_study.design.study import StudyConfig, load_study
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, StudyError
-from sim.homes.open_home import open_scene
+from sim.homes.open_home import home_plan, open_scene
 from sim.homes.renderers import renderer_of
 from sim.homes.storey_names import storey_labels
 from sim.render.raycast import Raycaster
@@ -28,6 +28,7 @@ from sim.tasks.rules import scene_storeys
 
 from .home.frames import Frames, RenderThreads
 from .home.homes import Home, HomeLibrary, pan_env
+from .home.names import names_of_rooms
 from .home.surfaces import StoreyCopies
 from .screens.seat import Seat, Study
 from .store_link import StoreLink
@@ -103,6 +104,8 @@ def open_home(
         from .watch_rerun import RerunObservers  # Rerun takes a second to import
 
         observers = RerunObservers(scene, config, rerun, with_pixels=with_pixels, is_pilot=is_pilot)
+    has_rooms = config.pog.room_names != "off" and scene.kind != "scan"
+    plan = home_plan(dataset, name, clutter=study_scene.clutter) if has_rooms else None
     copies, view = StoreyCopies(scene), config.view_of(scene.kind, public=public)
     if view == "browser":
         _ = copies.glbs  # before anybody waits for them
@@ -117,6 +120,7 @@ def open_home(
         watches=Watches(observers, make_env=lambda episode: pan_env(episode, scene, renderer, config)),
         threads=threads,
         view=view,
+        rooms=() if plan is None else names_of_rooms(plan, scene.navigation.storey_heights),
     )
 
 

@@ -22,7 +22,7 @@ from human_study.export.manifest import Manifest
 from human_study.private_files import write_private
 from human_study.store.records import DATABASE_FILE
 from human_study.texts.catalogue import catalogue_of
-from human_study.texts.participants import TEXT_FILES, freeze_texts, has_other_words
+from human_study.texts.participants import DEBRIEFING_FILE, TEXT_FILES, freeze_texts, has_other_words
 from human_study.texts.words import open_places
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError, line_from_validation_error
@@ -190,6 +190,11 @@ def require_texts(folder: Path, config: StudyConfig, made: StudyPlan) -> None:
     Raises:
         StudyError: A text was changed or is not filled in; the message names the file.
     """
+    if made.texts and DEBRIEFING_FILE not in made.texts and (folder / DEBRIEFING_FILE).exists():
+        raise StudyError(
+            f"{folder / DEBRIEFING_FILE}: was written after the plan; expected the texts that were planned. Move it "
+            "away, or make the plan again before anybody takes part."
+        )
     if has_other_words(config, made):
         print(
             f"The program's own texts for participants ({config.language}) differ from those of {made.made_by}, with "
@@ -217,18 +222,27 @@ def _require_objects(folder: Path, config: StudyConfig, scenes: Sequence[StudySc
     """Refuses homes without what `pog` of the study file promises; homes made from a plan have it all.
 
     Raises:
-        StudyError: A mark is to go to objects, and the files of a scan tell of none.
+        StudyError: Objects are to be marked or named and the files of a scan tell of none, or rooms of a scan are.
     """
     from sim.homes.open_home import find_scan
 
-    if "pog" not in config.task or scenes_dir is None or config.pog.pointing == "free":
+    pog = config.pog
+    if "pog" not in config.task or scenes_dir is None:
         return
     for scene in scenes:
-        scan = find_scan(scene.name, scenes_dir)
-        if find_semantics(scan, scene.name) is None:
+        if pog.room_names != "off" and scene.kind == "scan":
             raise StudyError(
-                f"{folder / STUDY_FILE}: pog.pointing is 'snap', but no file tells of the objects of {scan}; expected "
-                f"{scene.name}.semantic.glb and .semantic.txt beside it. Take pog.pointing: free, or scans with "
+                f"{folder / STUDY_FILE}: pog.room_names is {pog.room_names!r}, but {scene.name} is a scan, which does "
+                "not name its rooms; expected off. Take pog.room_names: off."
+            )
+        named = {"pog.pointing": pog.pointing == "snap", "pog.object_names": pog.object_names in ("on", "demand")}
+        field = next((field for field, is_asked in named.items() if is_asked), None)
+        scan = find_scan(scene.name, scenes_dir)
+        if field is not None and find_semantics(scan, scene.name) is None:
+            value, other = (pog.pointing, "free") if field == "pog.pointing" else (pog.object_names, "off")
+            raise StudyError(
+                f"{folder / STUDY_FILE}: {field} is {value!r}, but no file tells of the objects of {scan}; expected "
+                f"{scene.name}.semantic.glb and .semantic.txt beside it. Take {field}: {other}, or scans with "
                 "semantics."
             )
 

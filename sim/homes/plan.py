@@ -17,10 +17,10 @@ from sim.cache import cached_bytes
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import SceneError, line_from_validation_error
 from sim.files import bounded_json, write_whole
-from sim.types import ClutterLevel, GridSpec
+from sim.types import STOREY_GAP, ClutterLevel, GridSpec
 from sim.words.finishes import Material, Pattern, Rgb
 
-from .cells import AreaRun, CellGrid, Metres, Positive, Xz
+from .cells import AreaRun, CellGrid, Metres, Positive, Xz, cells_from_runs
 
 HOMES_VERSION = 7
 """Raise this when homes made of plans, seeds or episode files look different or allow different paths.
@@ -322,6 +322,27 @@ def _no_storey(last: int, highest: int) -> PydanticCustomError:
     above = "" if highest == last else ", with a storey above it"
     template = "one of the plan's storeys, 0 to {last}{above}"
     return PydanticCustomError("no_storey", template, {"last": last, "above": above})
+
+
+def room_middle(room: Room, plan: HomePlan) -> tuple[float, float] | None:
+    """World (x, z) of a place well inside a room; None where the room has no cells.
+
+    It is a rectangle's centre, or the cell nearest to the mean of the room's cells. A room without an area has all
+    walkable cells of its storey.
+    """
+    if room.rect is not None:
+        return room.rect.centre
+    if plan.cells is None:
+        return None
+    if room.area:
+        rc = np.array([(run.row, run.col + step) for run in room.area for step in range(run.length)])
+    else:
+        cells = cells_from_runs(plan.cells.walkable)
+        rc = cells.rc[np.abs(cells.y - plan.storeys[room.storey].floor_y) < STOREY_GAP / 2]
+    if not len(rc):
+        return None
+    x, z = plan.cells.grid.xz_from_rc(rc[np.linalg.norm(rc - rc.mean(axis=0), axis=1).argmin()]).tolist()
+    return x, z
 
 
 MAX_PLAN_VALUES = 1_000_000

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.errors import DatasetError, TaskStateError
+from sim.errors import DatasetError, TaskStateError, did_you_mean
 from sim.frames import T_world_camera
 from sim.mesh import Scene
 from sim.render.renderer import Renderer
@@ -200,7 +200,8 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         first = next(iter(self._episodes))
         raise TaskStateError(
             f"reset: options['episode'] is {wanted!r}; expected one of this environment's {len(self._episodes)} "
-            f"episodes, such as {str(first)!r}. Name it as split/scene/id, and check splits and scenes."
+            f"episodes, such as {str(first)!r}.{did_you_mean(wanted, self._episodes)} Name it as split/scene/id, and "
+            "check splits and scenes."
         )
 
     def _round(self) -> list[EpisodeKey]:

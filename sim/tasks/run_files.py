@@ -226,6 +226,11 @@ class EpisodeRun(BaseModel):
         """Start pose and the pose after each step; len(steps) + 1."""
         return (Pose(self.start.position, self.start.yaw), *(step.pose for step in self.steps))
 
+    @property
+    def decisions(self) -> tuple[tuple[Action | None, Pose], ...]:
+        """The start without an action, then each action with the pose after it; len(steps) + 1."""
+        return tuple(zip((None, *(step.action for step in self.steps)), self.poses, strict=True))
+
 
 class AnswerMeasures(BaseModel):
     """Distances of a POG answer from the target (rule: DESIGN.md, planar distance on the target's storey)."""

@@ -232,3 +232,18 @@ def test_a_replacement_takes_splits_in_the_proportion_of_the_study(tmp_path: Pat
     assert Counter(splits) == {"easy": 4, "hard": 2}
     assert set(splits[:3]) == {"easy", "hard"}  # the first of each, then twice as many easy ones
     assert Counter(splits[:3])["easy"] == 2 or splits[2:4] == ["easy", "easy"]
+
+
+def test_people_who_replace_several_drop_outs_get_splits_as_even_as_those_who_stay(tmp_path: Path) -> None:
+    config = study(task=("pan",), design={"kind": "house-once", "raters_per_episode": 2, "overbook": 1.5})
+    with open_planned(tmp_path, config, plan_homes(config, "ABCDEFGHIJKL", splits=SPLITS)) as store:
+        for code, num_done in (("p01", 2), ("p03", 5), ("p06", 0)):
+            assert len([do_next(store, code) for _ in range(num_done)]) == num_done
+            store.drop_out(code, "away")
+        tried = [[do_next(store, code) for _ in range(13)] for code in ("p07", "p08", "p09")]
+    done = [[key for key in keys if key is not None] for keys in tried]
+    assert sum(map(len, done)) == 10 + 7 + 12
+    for keys in done:
+        assert len({key.scene for key in keys}) == len(keys)
+        counts = [sum(key.split == split for key in keys) for split in SPLITS]
+        assert max(counts) - min(counts) <= 2

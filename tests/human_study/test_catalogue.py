@@ -4,6 +4,7 @@ import ast
 import datetime
 import itertools
 import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
@@ -28,6 +29,25 @@ ARMS: dict[TaskKind, tuple[tuple[Condition, ...], ...]] = {
     "pan": (("none",), ("topdown", "glb")),
     "pog": (("map_2d",), ("map_first", "map_open", "map_2d")),
 }
+
+
+@pytest.mark.parametrize("language", get_args(Language))
+def test_participants_read_one_word_for_one_thing(language: Language) -> None:
+    """No text for participants uses a second word for a thing that has one (`one_word.toml`)."""
+    words = tomllib.loads((LANGUAGES.parent / "one_word.toml").read_text("utf-8"))[language]
+    texts = dict(catalogue_of(language).texts)
+    for path in (LANGUAGES / language).glob("*.md"):
+        texts[path.name] = re.sub(r"\{#.*?#\}|\{%.*?%\}|\{\{.*?\}\}", " ", path.read_text("utf-8"), flags=re.DOTALL)
+    assert len(texts) > 200
+    read = "\n".join(re.sub(r"\{\w+\}", "", text) for text in texts.values())
+    for word, others in words.items():
+        assert re.search(rf"\b{word}", read), word
+        used = {other: where for other in others for where, text in texts.items() if _has_word(other, text)}
+        assert used == {}, f"these mean the same as {word!r}"
+
+
+def _has_word(word: str, text: str) -> bool:
+    return re.search(rf"\b{word}s?\b", re.sub(r"\{\w+\}", "", text), flags=re.IGNORECASE) is not None
 
 
 def strings_in(node: ast.AST) -> Iterator[str]:

@@ -162,6 +162,15 @@ def test_the_time_is_the_sum_of_its_stated_parts() -> None:
     assert estimate.minutes == 90
 
 
+def test_the_survey_takes_its_time() -> None:
+    usual, asked = (
+        estimate_time(paged_study(survey={"questions": topics}), num_trials=3, task="pan") for topics in ((), ("age",))
+    )
+    assert asked.total_s == usual.total_s + 10.0
+    text = ethics_documents(paged_study(survey={"questions": ("age",)}), None)["time_and_pay.md"]
+    assert "10 s more for each question of the survey" in " ".join(text.split())
+
+
 def test_the_announced_time_is_the_stated_one_or_the_longest_share() -> None:
     config = paged_study()
     assert announced_minutes(config) is None

@@ -278,6 +278,10 @@ def test_answers_to_the_survey_are_a_table_of_their_own_and_small_cells_are_name
     assert read_manifest(tmp_path / "out").files["survey.csv"].num_rows == 13
     assert "keep it apart" in (tmp_path / "out" / "data_dictionary.md").read_text(encoding="utf-8")
     assert "65_or_older" not in (tmp_path / "out" / "participants.jsonl").read_text(encoding="utf-8")
+    for path in (tmp_path / "out").glob("survey.*"):
+        path.unlink()  # kept apart
+    require_unchanged(tmp_path / "out", read_manifest(tmp_path / "out"))
+    assert read_survey(tmp_path / "out") == ()
 
 
 def test_answers_of_somebody_who_withdrew_are_in_no_table(tmp_path: Path) -> None:

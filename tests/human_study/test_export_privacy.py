@@ -117,6 +117,29 @@ def test_nothing_but_a_count_is_left_of_people_who_withdrew(tmp_path: Path, is_i
     assert head.encode() not in exported
 
 
+def test_comments_are_in_one_table_and_go_with_their_writers(tmp_path: Path) -> None:
+    config = study(task=("pan",), design={"kind": "crossed", "raters_per_episode": 2}, comments=True)
+    with filled(tmp_path / "study", config) as store:
+        for code in ("p01", "p02"):
+            do_trial(store, code, 1, SUCCESS)
+        export_study(tmp_path / "study", tmp_path / "none")
+        store.keep_answer("p01", "comment", "=HYPERLINK(1)\nFine, says Anna-Canary")
+        store.keep_answer("p02", "comment", f"I am {NAME}")
+        store.withdraw("p02")
+    export_study(tmp_path / "study", tmp_path / "out")
+    assert table_of(tmp_path / "none", "comments") == []
+    (row,) = table_of(tmp_path / "out", "comments")
+    assert row["comment"] == "=HYPERLINK(1)\nFine, says Anna-Canary"
+    assert {row["participant"]} == {row["participant"] for row in table_of(tmp_path / "out", "participants")}
+    holders = {path.name for path in (tmp_path / "out").rglob("*") if path.is_file() and b"Canary" in path.read_bytes()}
+    assert holders == {"comments.jsonl", "comments.csv", "comments.parquet"}
+    assert "'=HYPERLINK(1)" in (tmp_path / "out" / "comments.csv").read_text()
+    assert NAME.encode() not in bytes_of(tmp_path / "out")
+    assert "## comments" in (tmp_path / "out" / "data_dictionary.md").read_text()
+    stored = b"".join(path.read_bytes() for path in (tmp_path / "study").glob(f"{DATABASE_FILE}*"))
+    assert b"Canary" not in stored
+
+
 def test_a_withdrawal_in_the_middle_of_a_trial_leaves_a_chain_that_verifies_and_nothing_to_read(tmp_path: Path) -> None:
     with filled(tmp_path / "study") as store:
         trial = store.open_trial("p02", 1)

@@ -147,6 +147,17 @@ def test_a_person_who_is_out_is_shown_as_out(tmp_path: Path, stage: str) -> None
     assert (found.place, found.state, found.trial_no) == (stage, "out", None)
 
 
+def test_a_device_that_failed_is_refused_until_another_one_passes(tmp_path: Path) -> None:
+    with started(tmp_path, **FLOW) as store:
+        store.enter_stage("p01", "arrived")
+        assert person(tmp_path, "p01").state == "active"
+        store.enter_stage("p01", "device_failed", {"width": 400})
+        found = progress_of(tmp_path, after_s=1e6)
+        assert (found.num_in("refused"), found.num_in("active", "away")) == (1, 0)
+        store.enter_stage("p01", "device_ok")
+        assert person(tmp_path, "p01").state == "active"
+
+
 def test_withdrawn_and_dropped_out_people_give_their_slots_back(tmp_path: Path) -> None:
     with started(tmp_path) as store:
         do_next(store, "p01")

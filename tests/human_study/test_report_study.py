@@ -369,7 +369,11 @@ def test_the_command_writes_all_files_with_the_same_bytes_twice(
     files = {path.name: path.read_bytes() for path in (tmp_path / "one").iterdir()}
     assert files == {path.name: path.read_bytes() for path in (tmp_path / "two").iterdir()}
     pictures = {"flow.svg", "pan-order.svg", "pan-people.svg", "pan-episodes.svg", "pan-effort.svg"}
-    texts = {f"report.{end}" for end in ("md", "html", "csv", "tex", "json")} | {"pan-trials.csv", "pan-glmm.R"}
+    texts = {f"report.{end}" for end in ("md", "html", "csv", "tex", "json")} | {
+        "pan-trials.csv",
+        "pan-glmm.R",
+        "pan-ways.csv",
+    }
     overlays = set(files) - pictures - texts
     assert set(files) >= pictures | texts
     assert len({name for name in overlays if name.startswith("overlay-pan-")}) == len(overlays) == len(KEYS)

@@ -115,7 +115,9 @@ def test_each_reporting_field_answers_a_question() -> None:
     for name in StudyReporting.model_fields:
         if name == "invited":
             continue
-        told = answers_of(StudyRecords(config=study_config(reporting=StudyReporting(**{name: "Told here."}))))
+        told = answers_of(
+            StudyRecords(config=study_config(reporting=StudyReporting.model_validate({name: "Told here."})))
+        )
         changed = [item for question, item in told.items() if item != empty[question]]
         assert changed, name
         for item in changed:

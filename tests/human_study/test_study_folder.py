@@ -44,7 +44,8 @@ def test_everything_of_a_study_is_its_owners_only_whatever_the_umask(tmp_path: P
         store.append_many(trial.trial_id, trial.epoch, events_of(trial.key, BEGUN, task="pan"))
         store.back_up()
         found = modes(folder)
-    assert found.pop("study/study.yaml")  # the choices, which are published
+    assert found.pop("study/study.yaml")  # the choices, which are published, and their form
+    assert found.pop("study/study.schema.json")
     backup = next(name for name in found if name.startswith("study/backups/"))
     assert found == {
         "study": "700",

@@ -333,6 +333,32 @@ def test_a_consent_form_must_say_what_goes_to_a_language_model(tmp_path: Path) -
     assert "Nothing that you do or write is sent to a language model" in " ".join(consent.split())
 
 
+def test_a_consent_form_must_say_that_comments_are_stored(tmp_path: Path) -> None:
+    config = paged_study(**FILLED, comments=True)
+    frozen(tmp_path, config)
+    told = " ".join((tmp_path / told_name("consent.md", "pan")).read_text(encoding="utf-8").split())
+    assert "If you write a comment at the end, its text." in told
+    assert "deleted with it if you withdraw" in told
+    (tmp_path / "consent.md").write_text("Take part.")
+    with pytest.raises(StudyError, match=r"consent.md: does not name the comment, but comments is set"):
+        frozen(tmp_path, config)
+    frozen(tmp_path / "none", paged_study(**FILLED))
+    assert "comment" not in (tmp_path / "none" / told_name("consent.md", "pan")).read_text(encoding="utf-8")
+
+
+def test_the_text_at_the_end_is_frozen_like_the_others(tmp_path: Path) -> None:
+    names, _ = frozen(tmp_path, paged_study(**FILLED))
+    assert not [name for name in names if "debriefing" in name]
+    (tmp_path / "debriefing.md").write_text("# Why\n\n{{ institution }} asked you.", encoding="utf-8")
+    names, _ = frozen(tmp_path, paged_study(**FILLED))
+    assert set(names) >= {"debriefing.md", "told/debriefing-pan.md", "told/debriefing-pog.md"}
+    told = (tmp_path / "told" / "debriefing-pan.md").read_text(encoding="utf-8")
+    assert told == f"# Why\n\n{FILLED['ethics']['institution']} asked you.\n"
+    (tmp_path / "debriefing.md").write_text("You used at most 400 steps. [to be filled in: thanks]", encoding="utf-8")
+    with pytest.raises(StudyError, match=r"debriefing\.md: thanks to be filled in.*says 'most 400 steps'"):
+        frozen(tmp_path, paged_study(**FILLED))
+
+
 def test_a_consent_form_must_say_what_the_survey_asks(tmp_path: Path) -> None:
     survey = {"eligibility": ("I have not seen these homes.",), "questions": ("age", "ai_tools")}
     config = paged_study(**FILLED, survey=survey)
@@ -343,6 +369,9 @@ def test_a_consent_form_must_say_what_the_survey_asks(tmp_path: Path) -> None:
     assert "- I have not seen these homes." in consent
     (tmp_path / "ours" / "consent.md").write_text("There is no survey.")
     with pytest.raises(StudyError, match=r"says 'no survey', but survey\.questions is set"):
+        frozen(tmp_path / "ours", config)
+    (tmp_path / "ours" / "consent.md").write_text("After a survey. We never ask questions about yourself.")
+    with pytest.raises(StudyError, match=r"says 'never ask questions about you', but survey\.questions is set"):
         frozen(tmp_path / "ours", config)
     (tmp_path / "ours" / "consent.md").write_text("Take part.")
     with pytest.raises(StudyError, match="does not name the survey"):
@@ -362,6 +391,9 @@ def test_each_question_of_the_survey_can_be_refused() -> None:
 def test_a_field_that_no_study_has_is_refused_with_its_name(tmp_path: Path) -> None:
     (tmp_path / "consent.md").write_text("Hello {{ salary }}.")
     with pytest.raises(StudyError, match=r"consent\.md: cannot be filled in \('salary' is undefined\)"):
+        frozen(tmp_path, paged_study(**FILLED))
+    (tmp_path / "consent.md").write_text("Hello {{ insitution }}.")
+    with pytest.raises(StudyError, match=r"double braces\. Did you mean 'institution'\? Use: "):
         frozen(tmp_path, paged_study(**FILLED))
     (tmp_path / "consent.md").write_text("Hello\n{{ pay")
     with pytest.raises(StudyError, match=r"consent\.md, line 2: cannot be filled in"):

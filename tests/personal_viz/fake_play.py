@@ -238,7 +238,7 @@ def fake_screens(monkeypatch: pytest.MonkeyPatch) -> tuple[list[View], list[str]
     for name in ("LookScreen", "PanScreen", "PogScreen"):
         monkeypatch.setattr(play_module, name, screen_named(name))
     for module, name in ((homes_module, "SceneView"), (play_module, "MapView")):
-        monkeypatch.setattr(module, name, lambda client, things, name=name: screens.append(name))
+        monkeypatch.setattr(module, name, lambda client, *_, name=name: screens.append(name))
     return shown, screens
 
 

@@ -1,10 +1,12 @@
 """The gateway's own pages in real Chromium: the open link, a full study, links that do not work, the device."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from playwright.sync_api import BrowserContext, expect
 
+from .conftest import Profiles
 from .gateways import running
 
 pytestmark = pytest.mark.browser
@@ -52,6 +54,34 @@ def test_a_page_explains_why_a_link_does_not_work(
         page.goto(gateway.address + path)
         expect(page.get_by_text(text)).to_be_visible()
         assert problems == []
+
+
+PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
+SMALL = {"viewport": {"width": 900, "height": 560}}
+TABLET = {"viewport": {"width": 1366, "height": 1024}, "is_mobile": True, "has_touch": True}
+
+
+@pytest.mark.parametrize("choices", [PHONE, SMALL, TABLET], ids=["phone", "small", "tablet"])
+def test_a_phone_is_turned_away_before_anything_is_sent_and_the_link_stays_good(
+    tmp_path: Path, chromium: Profiles, choices: dict[str, Any]
+) -> None:
+    with running(tmp_path, recruit="link") as gateway:
+        for path in ("/join", "/#good"):
+            with chromium(**choices) as phone:
+                page, posts = phone.new_page(), []
+                page.on(
+                    "request", lambda request, posts=posts: posts.append(request) if request.method == "POST" else None
+                )
+                page.goto(f"{gateway.address}{path}")
+                expect(page.get_by_role("heading", name="Please open your link on a computer")).to_be_visible()
+                expect(page.get_by_text("your link stays valid")).to_be_visible()
+                expect(page).to_have_title("Please open your link on a computer - PersONAL study")
+                assert posts == []
+        assert gateway.people.claimed == {}
+        with chromium() as computer:
+            page = computer.new_page()
+            page.goto(f"{gateway.address}/#good")
+            page.wait_for_url("**/view/**")
 
 
 def test_the_profile_of_the_device_is_coarse(tmp_path: Path, browser: BrowserContext) -> None:

@@ -127,6 +127,26 @@ def test_an_answer_whose_scene_is_a_path_writes_nothing(tmp_path: Path) -> None:
     assert not (tmp_path / "away").exists()
 
 
+def test_ways_are_compared_with_those_of_the_people_beside_them(tmp_path: Path) -> None:
+    def walked(run_id: str, path: int, **names: object) -> None:
+        walk = pan_episode(KEY, success=True, steps=8, code=None, path=path)
+        written(Run(info=info(run_id, dataset_digest="d", **names), episodes=(walk,)), tmp_path / "runs")
+
+    human = {"who": "human", "who_kind": "human"}
+    walked("a", 4, **human)  # 5 places, 25 cm apart
+    walked("b", 8, **human)  # 4 places more, which end 1 m further on: 2.5 m over 9 places
+    walked("c", 8, **human, condition="memory_topdown")
+    walked("agent", 4)
+    walked("beside", 4, config={"study_conditions": "memory_topdown"})
+    found = gather([tmp_path / "runs"], dataset_digest="d", episodes={KEY: None}, into=tmp_path / "aside")  # type: ignore
+    apart = {trial.run_id: trial.from_people_m for trial in found.trials}
+    assert apart.pop("c") is None  # nobody else in this condition
+    assert apart == pytest.approx({"a": 2.5 / 9, "b": 2.5 / 9, "agent": 5 / 27, "beside": 2.5 / 9})
+    told = {trial.run_id: trial.facts for trial in found.trials}
+    assert told["a"].endswith("8.0 s, 0.28 m from other people's ways")
+    assert told["agent"].endswith(", 0.19 m from people's ways")
+
+
 def test_no_folder_at_all_is_an_error_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(RunFileError, match="found no run folder on the command line"):
         gather([], dataset_digest="d", episodes={}, into=tmp_path)

@@ -55,6 +55,7 @@ HOSTILE = {
     "latex": rf"{MARK} \input{{/etc/passwd}} \write18{{rm}} ~^%$&#_",
     "zero": f"{MARK}\x00after",
 }
+COMMENT = "\n".join([HOSTILE["equals"], *HOSTILE.values()])
 COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 """Characters that steer a terminal, end a line in it, or turn the direction of its text."""
 FIELDS = ("choice", "at", "answer", "width", "height", "webgl2", "pressed", "page", "eligible_0", "comment", *SURVEY)
@@ -149,6 +150,15 @@ def through_the_pages_script(session: Session) -> None:
                 connection.send(msgspec.msgpack.encode(message))
 
 
+def commented(session: Session, text: str) -> str:
+    """The last page after a comment."""
+    shown = ask(session.origin, session.page, cookie=session.cookie).text
+    (at,) = set(re.findall(r'name="at" value="([^"]*)"', shown))
+    form = urlencode({"at": at, "choice": "comment", "comment": text})
+    assert ask(session.origin, session.page, cookie=session.cookie, body=form).status == 303
+    return ask(session.origin, session.page, cookie=session.cookie).text
+
+
 def through_later_pages(link: str, right: frozenset[str]) -> Iterator[str]:
     """Gives up every trial; sends everything in the forms of the breaks, the survey and the last page."""
     while True:
@@ -158,6 +168,7 @@ def through_later_pages(link: str, right: frozenset[str]) -> Iterator[str]:
         last = answer_pages(session, right)
         if last is not None:
             assert last.place == "finished"
+            yield commented(session, COMMENT)
             for text in HOSTILE.values():
                 yield from through_forms(session, text)
             return
@@ -184,6 +195,7 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> Ended:
         root,
         practice=StudyPractice(pan=0, pog=0),
         recruit=StudyRecruit(kind="link"),
+        comments=True,
         survey=StudySurvey(questions=tuple(SURVEY), eligibility=("I am an adult.",)),
     )
     answers, right, log = list[str](), right_answers(load_study(folder)), root / "serve.log"
@@ -253,6 +265,18 @@ def test_no_cell_of_a_table_is_a_formula(ended: Ended) -> None:
             for cell in row:
                 is_number = re.fullmatch(r"-?[\d.]+(e[-+]?\d+)?", cell) is not None
                 assert is_number or not cell.startswith(("=", "+", "-", "@", "\t", "\r")), (name, cell)
+
+
+def test_a_comment_comes_out_word_by_word_in_its_own_table_and_nowhere_else(ended: Ended) -> None:
+    (line,) = ended.files["export/comments.jsonl"].splitlines()
+    comment = json.loads(line)["comment"]
+    (_, row) = csv.reader(io.StringIO(ended.files["export/comments.csv"]))
+    assert comment in (row[-1], row[-1].removeprefix("'"))
+    assert comment.startswith(HOSTILE["equals"])
+    for name in ("script", "attribute", "link", "template", "plus", "minus", "at", "latex"):
+        assert HOSTILE[name] in comment, name
+    others = {name: text for name, text in ended.files.items() if not name.startswith("export/comments.")}
+    assert not [name for name, text in others.items() if MARK in text]
 
 
 def test_no_text_is_a_command_of_latex(ended: Ended) -> None:

@@ -15,6 +15,7 @@ import pytest
 import viser
 from PIL import Image
 
+from human_study.design.study import StudyPog
 from human_study.journey import AssignedTrial, Person, StageEntry
 from human_study.texts import catalogue as catalogue_module
 from human_study.texts import words as words_module
@@ -24,9 +25,11 @@ from human_study.texts.quiz import questions_for
 from human_study.trial.events import MapKind
 from human_study.trial.views import LookView, Mark, MarkedObject, PanView, PogView, RateView
 from personal_viz.study_app.gateway.pages import Pages
+from personal_viz.study_app.home.surfaces import HomeSurface, MapView
 from personal_viz.study_app.home.top_view import STRIP, TopView
 from personal_viz.study_app.page_script import LABEL, STATIC, page_html
 from personal_viz.study_app.recruit_codes import EndCode
+from personal_viz.study_app.screens.camera import storey_names
 from personal_viz.study_app.screens.cards import (
     Problem,
     begin_card,
@@ -199,8 +202,16 @@ class Recorder:
 
 
 _NOT_SHOWN = {
-    *("red", "green", "gray", "top", "bottom"),  # viser's colours; names of folders, whose heads are hidden
-    *("W", "A", "D", "R", "F", "enter", "arrowup", "arrowdown", "arrowleft", "arrowright"),  # keys
+    *(
+        "red",
+        "green",
+        "gray",
+        "blue",
+        "dark",
+        "top",
+        "bottom",
+    ),  # viser's colours; names of folders, whose heads are hidden
+    *("W", "A", "D", "R", "F", "enter", "arrowup", "arrowdown", "arrowleft", "arrowright", "pageup", "pagedown"),
 }
 _IN_THE_CLOSED_PALETTE = re.compile(r"[a-z_]+ \(\w+\)|move the mark \w+")
 """Labels of viser's commands; the palette that would list them never opens."""
@@ -246,14 +257,20 @@ def test_walking_shows_no_word_that_is_not_of_the_study_s_language(screen: Calla
     require_marked(told)
 
 
+def options(words: Catalogue, shown: StudyPog) -> dict[str, Any]:
+    """Further arguments of a screen that shows a home with two storeys."""
+    storeys = storey_names(words, "british", (0, 1))
+    return {"caption": marked_text("Search"), "storeys": storeys, "shown": shown}
+
+
 @pytest.mark.parametrize("is_map", [False, True])
 def test_pointing_shows_no_word_that_is_not_of_the_study_s_language(screen: Callable[..., Any], is_map: bool) -> None:
     page, told = screen()
-    surface = MagicMock(is_map=is_map, camera_moved=nothing)
+    surface = MagicMock(spec=MapView if is_map else HomeSurface, is_map=is_map, camera_moved=nothing)
     view = PogView(TASK, (0.0, 3.0), 0, None, is_over=False, left_s=90)
     item = MarkedObject(marked_text("chair"), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     mark = Mark((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0)
-    shown = PogScreen(page, view, nothing, surface=surface, caption=marked_text("Search"))
+    shown = PogScreen(page, view, nothing, surface=surface, **options(page.words, StudyPog(object_names="demand")))
     for changed in (replace(view, mark=mark), replace(view, mark=replace(mark, item=item), is_giving_up=True)):
         shown.show(changed)
     told += [call.args[1] for call in surface.show_mark.call_args_list]
@@ -264,10 +281,10 @@ def test_pointing_shows_no_word_that_is_not_of_the_study_s_language(screen: Call
 def test_looking_shows_no_word_that_is_not_of_the_study_s_language(screen: Callable[..., Any], what: Any) -> None:
     page, told = screen()
     home = MagicMock()
-    home.shown_in.return_value = MagicMock(camera_moved=nothing)
+    home.shown_in.return_value = MagicMock(spec=HomeSurface, camera_moved=nothing)
     home.copies.maps = (TopView(GridSpec((0.0, 0.0), 1.0, (2, 2)), 0.0, marked_text("storey"), _png()),)
     view = LookView(what, (0.0,), 0, wait_s=70, left_s=100)
-    shown = LookScreen(page, view, nothing, home=home, caption=marked_text("Search"))
+    shown = LookScreen(page, view, nothing, home=home, **options(page.words, StudyPog(object_names="demand")))
     shown.show(replace(view, wait_s=0, left_s=None))
     require_marked(told)
 

@@ -11,11 +11,14 @@ import pytest
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
+from human_study.export.study_export import export_study
 from human_study.journey import Stage
+from human_study.report.source import read_survey
 from human_study.store.records import read_study
 from human_study.store.store import StudyStore
 from human_study.store.writer import StoreFullError
 from human_study.texts.quiz import questions_for
+from human_study.texts.survey import SURVEY
 from personal_viz.bots.forms import LastPage, Reply, Session, answer_pages, right_answers
 from personal_viz.study_app.gateway.admission import Tickets
 from personal_viz.study_app.gateway.app import Gateway
@@ -310,6 +313,86 @@ def test_a_person_who_has_done_everything_gets_a_code(taking: Callable[..., Taki
     assert who.client.get(f"{who.address}leave", follow_redirects=False).status_code == 303
 
 
+def finish(who: Taking) -> Taking:
+    """The same person after all searches."""
+    for _ in range(3):
+        assert who.page() == ""
+        do_next(who.store, CODE)
+    return who
+
+
+def stored_comment(who: Taking) -> str | None:
+    """The participant's comment in the records; None = there is none."""
+    with read_study(who.store.folder) as reader:
+        return reader.answers("comment").get(CODE)
+
+
+def test_the_last_page_has_a_button_to_copy_the_code_and_says_what_the_study_is_about(
+    taking: Callable[..., Taking], tmp_path: Path
+) -> None:
+    shown = finish(taking(flow=())).page()
+    assert "<h2>What this study is about</h2>" in shown
+    assert "Nobody is judged as a person." in shown
+    assert ">Copy the code</button>" in shown
+    assert 'data-done="The code is copied."' in shown
+    assert "<textarea" not in shown
+
+
+def test_without_a_code_there_is_nothing_to_copy(taking: Callable[..., Taking]) -> None:
+    assert "Copy the code" not in finish(taking(end=EndCode(None), flow=())).page()
+
+
+def test_a_study_has_its_own_text_at_the_end(taking: Callable[..., Taking], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(TEXTS, "told/debriefing-pan.md", "# Why we asked\n\nTo learn about **mugs**.")
+    shown = finish(taking(flow=())).page()
+    assert "<h2>Why we asked</h2>" in shown
+    assert "<strong>mugs</strong>" in shown
+    assert "What this study is about" not in shown
+
+
+def test_a_comment_is_stored_once_as_plain_text(taking: Callable[..., Taking]) -> None:
+    who = finish(taking(flow=(), comments=True))
+    shown = who.page()
+    assert '<textarea id="comment" name="comment" maxlength="2000" rows="4" required></textarea>' in shown
+    who.send(choice="comment", comment=" \r\n\t ")
+    assert stored_comment(who) is None
+    who.send(choice="comment", comment="=1+1 <b>\r\nThe \x1b[31mmug\u202e was\x00 hidden 😀 ")
+    assert stored_comment(who) == "=1+1 <b>\nThe  [31mmug  was  hidden 😀"
+    shown = who.page()
+    assert "Your comment is stored." in shown
+    assert "<textarea" not in shown
+    assert "mug" not in shown
+    assert who.stages()[-1] == "finished"
+
+
+def test_a_comment_of_any_letters_fits_and_the_rest_of_a_longer_one_is_cut(taking: Callable[..., Taking]) -> None:
+    who = finish(taking(flow=(), comments=True))
+    who.send(choice="comment", comment="😀" * 2001)
+    assert stored_comment(who) == "😀" * 2000
+
+
+@pytest.mark.parametrize("comments", [False, True])
+def test_no_comment_is_taken_where_nobody_asked_for_it(taking: Callable[..., Taking], comments: bool) -> None:
+    who = taking(flow=(), comments=comments)
+    who.post({"at": "trial-1-0", "choice": "comment", "comment": "too early"})
+    assert stored_comment(who) is None
+    if not comments:
+        finish(who).page()
+        who.post({"at": "finished-2-0", "choice": "comment", "comment": "not asked"})
+        assert stored_comment(who) is None
+
+
+def test_a_withdrawal_takes_the_comment_along(taking: Callable[..., Taking]) -> None:
+    who = finish(taking(flow=(), comments=True))
+    who.send(choice="comment", comment="I am Wilhelmina")
+    who.store.withdraw(CODE)
+    shown = who.page()
+    assert "You have left the study" in shown
+    assert "Your comment is stored" not in shown
+    assert "<h2>What this study is about</h2>" in shown
+    assert stored_comment(who) is None
+
+
 def test_leaving_asks_once_more_and_is_for_good(taking: Callable[..., Taking]) -> None:
     who = taking(end=EndCode())
     assert "Leave the study" in who.page()
@@ -364,10 +447,8 @@ def test_the_parts_of_the_study_stand_above_each_page(taking: Callable[..., Taki
     assert '<li class="now" aria-current="step">Check</li>' in shown
 
 
-def test_a_bot_answers_all_pages_and_stops_at_the_last(
-    taking: Callable[..., Taking], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    who = taking()
+def through_the_client(who: Taking, monkeypatch: pytest.MonkeyPatch) -> Session:
+    """A bot's session that asks the participant's client instead of a network."""
 
     def ask(origin: str, path: str, *, cookie: str, body: str | None) -> Reply:
         headers = {"origin": origin, "content-type": "application/x-www-form-urlencoded"}
@@ -376,12 +457,34 @@ def test_a_bot_answers_all_pages_and_stops_at_the_last(
         return Reply(reply.status_code, reply.headers.get("location", ""), reply.text, "")
 
     monkeypatch.setattr("personal_viz.bots.forms.ask", ask)
-    session = Session(ORIGIN, "", who.address, "")
+    return Session(ORIGIN, "", who.address, "")
+
+
+def test_a_bot_answers_all_pages_and_stops_at_the_last(
+    taking: Callable[..., Taking], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    who = taking()
+    session = through_the_client(who, monkeypatch)
     assert answer_pages(session, right_answers(who.store.config)) is None
     assert who.stages() == ["arrived", "device_ok", "consented", "instructed", "quiz_passed"]
     for _ in range(3):
         do_next(who.store, CODE)
     assert answer_pages(session) == LastPage("finished", "ABCD1234")
+
+
+def test_a_bot_confirms_the_points_and_answers_the_survey(
+    taking: Callable[..., Taking], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    who = taking(flow=("consent",), survey={"eligibility": ("I read English.",), "questions": tuple(SURVEY)})
+    session = through_the_client(who, monkeypatch)
+    assert answer_pages(session) is None
+    assert who.stages() == ["arrived", "consented"]
+    while do_next(who.store, CODE) is not None:
+        pass
+    assert answer_pages(session) == LastPage("finished", "ABCD1234")
+    export_study(who.store.folder, tmp_path / "out")
+    rows = read_survey(tmp_path / "out")
+    assert [(row.topic, row.answer) for row in rows] == [(topic, "prefer_not_to_say") for topic in SURVEY]
 
 
 ASKED = {"questions": ("homes", "age")}

@@ -22,6 +22,7 @@ from tests.human_study.stores import filled
 
 from .flow_studies import children
 from .gateways import KEY
+from .program import assert_one_line, personal_viz
 from .wire import enter
 
 
@@ -43,7 +44,7 @@ def stored_steps(folder: Path) -> int:
 
 
 @pytest.mark.slow
-def test_a_study_ends_by_either_signal_with_people_in_the_middle_of_a_trial_and_keeps_what_was_acknowledged(
+def test_a_study_ends_by_either_signal_and_keeps_what_was_acknowledged_even_if_its_log_was_taken_away(
     tmp_path: Path, invented_root: Path
 ) -> None:
     tokens: set[str] = set()
@@ -62,6 +63,11 @@ def test_a_study_ends_by_either_signal_with_people_in_the_middle_of_a_trial_and_
             with enter(links["PAN"]) as walker, enter(links["POG"]) as pointer:
                 pointer.receive_until(lambda message: "Gui" in message["type"])
                 walker.see_step(first)  # the second time it goes on where it was
+                serve = ("study", "serve", "--dataset", invented_root, "--scene", "Small", "--port", "0")
+                assert_one_line(
+                    personal_viz(*serve, "--out", tmp_path / "study"), f"is in use by process {process.pid}; expected"
+                )
+                (tmp_path / "study" / "study.db-wal").unlink()
                 for step in range(first, first + 3):
                     walker.press("Turn left (A or Left)")
                     walker.see_step(step + 1)  # only what is stored is shown
@@ -75,6 +81,7 @@ def test_a_study_ends_by_either_signal_with_people_in_the_middle_of_a_trial_and_
         assert stored_steps(tmp_path / "study") == first + 3
     assert len(tokens) == 2, "links outlive the program"
     errors = (tmp_path / "errors.txt").read_text()
+    assert errors.count("study.db-wal: was taken away while the study is served") == 2
     assert "127.0.0.1" not in errors
     assert not any(token in errors for token in tokens)
 

@@ -12,6 +12,7 @@ import pytest
 
 from human_study.design.plan import load_plan
 from human_study.design.study import StudyPractice, load_study
+from human_study.store.migrations import SCHEMA_VERSION
 from human_study.store.store import open_store
 from personal_viz.__main__ import main
 from personal_viz.study_app import study_files
@@ -66,7 +67,7 @@ def test_a_database_of_a_newer_program_is_refused_by_name(
     with closing(sqlite3.connect(kept / "study.db")) as database:
         database.execute("PRAGMA user_version = 99")
     said = line_of(monkeypatch, capsys, *arguments_of(verb, kept))
-    assert "study.db: has schema version 99; expected at most 2. It was written by a newer personal-viz" in said
+    assert f"has schema version 99; expected at most {SCHEMA_VERSION}. It was written by a newer personal-viz" in said
 
 
 @pytest.mark.parametrize("verb", ["serve", "check-db"])

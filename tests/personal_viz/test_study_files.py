@@ -89,6 +89,9 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
     assert capsys.readouterr().err == ""
     require_texts(study, load_study(study), other)
     assert "texts for participants (en) differ from those of" in capsys.readouterr().err
+    (study / "debriefing.md").write_text("Thanks.", encoding="utf-8")
+    with pytest.raises(StudyError, match=r"debriefing\.md: was written after the plan; expected"):
+        require_texts(study, load_study(study), made)
 
 
 def test_marks_go_to_objects_only_where_the_files_of_a_scan_tell_of_objects(tmp_path: Path, demo_root: Path) -> None:

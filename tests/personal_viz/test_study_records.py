@@ -244,6 +244,8 @@ def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys
     capsys.readouterr()
     assert "participant p01 is left out by rule disturbed (written down before data)" in say(who="p01")
     assert "rule own (not written down before data)" in say(who="p02/2", rule="own")
+    assert "(not written down before data. Did you mean 'unverified'?)" in say(who="p02/2", rule="unverifed")
+    assert "trial p02/2 counts again" in say(who="p02/2", rule="unverifed", undo=True)
     assert "trial p02/3 is left out" in say(who="p02/3")
     assert run_folders() == 0
     capsys.readouterr()

@@ -1,5 +1,7 @@
 """Marks where runs leave the shortest path and where the best person and the best agent part."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -43,7 +45,11 @@ def test_a_cross_marks_the_place_and_step_at_which_a_run_leaves_the_path(found: 
     assert columns["time_s"][0] / 1e9 == pytest.approx(row / 2)
     text = found[("/task", True)]["TextDocument:text"][0][0]
     walked = columns["path_m"][0] / 1e9
-    assert f"| human-P07 | after {walked:.1f} m (step {row}) | {max(strayed):.1f} m |" in text
+    line = f"| human-P07 | after {walked:.1f} m (step {row}) | {max(strayed):.1f} m |"
+    figures = text[text.index(line) + len(line) :].split("\n")[0]
+    dtw, ndtw, end = re.fullmatch(r" (\d\.\d\d) m \| (0\.\d\d) \| (\d\.\d\d) m \|", figures).groups()  # type: ignore
+    assert 0 < float(dtw) < float(end)
+    assert 0 < float(ndtw) < 1
 
 
 def test_a_diamond_on_each_of_two_paths_marks_where_they_part(found: Tables, agent_run: Run, human_run: Run) -> None:
@@ -62,6 +68,9 @@ def test_a_diamond_on_each_of_two_paths_marks_where_they_part(found: Tables, age
     text = found[("/task", True)]["TextDocument:text"][0][0]
     assert "The ways of human-P07 and straight.agent part: human-P07 after" in text
     assert f"(step {places['study-P07']}), straight.agent after" in text
+    taken = [[step.action for step in run.episodes[0].steps] for run in (human_run, agent_run)]
+    number = next(number for number, (one, other) in enumerate(zip(*taken, strict=False), start=1) if one != other)
+    assert f"Their first different decision is number {number}." in text
 
 
 def test_every_straying_run_has_a_cross_and_only_the_shown_pair_has_diamonds_and_large_pictures(found: Tables) -> None:

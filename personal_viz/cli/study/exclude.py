@@ -10,7 +10,7 @@ from human_study.design.study import load_study
 from human_study.store.exclusions import find_target, require_rule_id, rules_before_data
 from human_study.store.records import read_study
 from human_study.store.requests import Change, Exclusion, UndoneExclusion, change_study
-from sim.errors import StudyError
+from sim.errors import StudyError, did_you_mean
 
 
 @dataclass
@@ -53,7 +53,9 @@ class StudyExclude:
                 for name in target.trial_ids or (target.code,)
             ]
         change_study(self.study, changes)
-        when = "written down before data" if rule_id in rules_before_data(config) else "not written down before data"
+        rules = rules_before_data(config)
+        new = f"not written down before data.{did_you_mean(rule_id, rules)}".removesuffix(".")
+        when = "written down before data" if rule_id in rules else new
         done = "counts again" if self.undo else f"is left out by rule {rule_id} ({when})"
         print(
             f"{self.study}: {name} {done}. The records are as they were, and the report's main tables "

@@ -1,25 +1,31 @@
 """Verb `study report`: writes a study's figures as tables and pictures."""
 
+import itertools
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from tyro.conf import Positional, arg
 
 from human_study.report.glmm import glmm_csv, glmm_script
+from human_study.report.measures import WAYS
 from human_study.report.overlays import floors_needed, overlay_keys, overlay_name, overlay_svg
 from human_study.report.render import csv_text, html_text, latex, markdown
 from human_study.report.report import ReportGroups, StudyReport, report_groups, report_of
-from human_study.report.source import read_source
+from human_study.report.source import ReportSource, read_source
+from human_study.report.ways import ShortestPaths, ways_csv
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.homes.open_home import open_scene
 from sim.homes.plan import HOMES_VERSION
+from sim.mesh import Scene
 from sim.plan_view.storey import StoreyMap, storey_map
+from sim.tasks.rules import success_region
 from sim.tasks.run_files import Run
-from sim.types import EpisodeKey, SuccessRule, TaskKind
+from sim.types import ClutterLevel, EpisodeKey, SuccessRule, TaskKind
 from sim.walk.storeys import nearest_storey
 
 from ..options import Evidence, ScenesDir
@@ -39,7 +45,7 @@ class StudyReportVerb:
     out: Annotated[Path, arg(help="Folder for the report in all its forms.")] = Path("runs/report")
     rule: Annotated[SuccessRule | None, arg(help="Rule of success; the study's own by default, else paper.")] = None
     dataset: Annotated[
-        Path | None, arg(help="For floors under overlays, chosen objects, and dataset_weighted totals.")
+        Path | None, arg(help="For shortest paths, floors under overlays, chosen objects, dataset_weighted totals.")
     ] = None
     evidence: Evidence = ()
     scenes_dir: ScenesDir = None
@@ -59,21 +65,20 @@ class StudyReportVerb:
             require_same_dataset(episodes, {run.info.dataset_digest for run in source.runs}, whose="the runs'")
             split_sizes = dict(Counter(episode.key.split for episode in episodes.episodes()))
             objects = _objects(episodes, _scenes_of(source.runs))
-        groups = report_groups(source, rule=self.rule)
-        found = report_of(source, groups, split_sizes=split_sizes, objects=objects)
-        if (
-            episodes is not None
-            and self.scenes_dir is None
-            and source.records.homes_version not in (None, HOMES_VERSION)
-        ):
+        homes_version = source.records.homes_version
+        if episodes is not None and self.scenes_dir is None and homes_version not in (None, HOMES_VERSION):
             say(
-                f"The study was done in homes of version {source.records.homes_version}, this program makes version "
-                f"{HOMES_VERSION}: no floor is drawn under the overlays."
+                f"The study was done in homes of version {homes_version}, this program makes version {HOMES_VERSION}: "
+                "ways are not compared with shortest paths, and no floor is drawn under the overlays."
             )
             episodes = None
-        pictures = _pictures(found, groups) | _overlays(
-            groups, episodes, self.scenes_dir, _digests(source.runs), draws_all=self.overlays
-        )
+        config, homes = source.records.config, None
+        if episodes is not None:
+            clutter = config.clutter if config and self.scenes_dir is None else 0
+            homes = _Homes(episodes, self.scenes_dir, clutter, _digests(source.runs))
+        groups = report_groups(source, rule=self.rule, shortest=homes and _shortest_paths(homes, source, self.rule))
+        found = report_of(source, groups, split_sizes=split_sizes, objects=objects)
+        pictures = _pictures(found, groups) | _overlays(groups, homes, draws_all=self.overlays)
         document = found.model_dump_json(indent=2) + "\n"
         files = _texts(found, groups, pictures) | {"report.json": document} | pictures
         write_report(self.out, files, earlier=("overlay-*.svg",))
@@ -82,6 +87,24 @@ class StudyReportVerb:
             end="" if self.json else "\n",
         )
         return 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Homes:
+    """The homes of the runs as they are now."""
+
+    episodes: PersonalDataset
+    scenes_dir: Path | None
+    clutter: ClutterLevel
+    """Amount of furniture without a caption in homes that are no scans."""
+    digests: Mapping[str, set[str]]
+    """Versions of each home in which PAN runs were made."""
+
+    def opened(self, keys: Iterable[EpisodeKey]) -> Iterator[tuple[Scene | None, list[EpisodeKey]]]:
+        """Each home of these episodes, opened once, with its episodes; None where no run was made in this version."""
+        for name, found in itertools.groupby(sorted(keys, key=lambda key: key.scene), key=lambda key: key.scene):
+            home = open_scene(self.episodes, name, scenes_dir=self.scenes_dir, clutter=self.clutter)
+            yield home if home.digest in self.digests.get(name, {home.digest}) else None, list(found)
 
 
 def _scenes_of(runs: Sequence[Run]) -> set[str]:
@@ -97,6 +120,8 @@ def _texts(found: StudyReport, groups: ReportGroups, pictures: dict[str, str]) -
         "report.csv": csv_text(found),
         "report.tex": latex(found),
     }
+    if found.ways or any(row.measure in WAYS for row in found.rows):
+        texts["pan-ways.csv"] = ways_csv((*groups.people, *groups.agents), groups.pairs)
     for task in _tasks(found):
         texts[f"{task}-trials.csv"] = glmm_csv(groups.people, task)
         texts[f"{task}-glmm.R"] = glmm_script(groups.people, task)
@@ -118,15 +143,8 @@ def _pictures(found: StudyReport, groups: ReportGroups) -> dict[str, str]:
     return pictures
 
 
-def _overlays(
-    groups: ReportGroups,
-    episodes: PersonalDataset | None,
-    scenes_dir: Path | None,
-    digests: Mapping[str, set[str]],
-    *,
-    draws_all: bool,
-) -> dict[str, str]:
-    """Drawings of paths and marks from above, by file name; over the free floor if the dataset is given."""
+def _overlays(groups: ReportGroups, homes: _Homes | None, *, draws_all: bool) -> dict[str, str]:
+    """Drawings of paths and marks from above, by file name; over the free floor if the homes are at hand."""
     shown = (*groups.people, *groups.agents)
     tasks: list[TaskKind] = [group.task for group in groups.people]
     pictures = {}
@@ -134,10 +152,11 @@ def _overlays(
         of_task = [group for group in shown if group.task == task]
         keys = overlay_keys(of_task, task, most=10**6 if draws_all else CHOSEN_OVERLAYS)
         storeys, targets = {}, {}
-        if episodes is not None:
-            storeys = _storeys(episodes, floors_needed(of_task, keys), scenes_dir, digests)
+        if homes is not None:
+            storeys = _storeys(homes, floors_needed(of_task, keys))
             targets = {
-                key: [(goal.position[0], goal.position[2]) for goal in episodes.episode(key).targets] for key in storeys
+                key: [(goal.position[0], goal.position[2]) for goal in homes.episodes.episode(key).targets]
+                for key in storeys
             }
         for key in keys:
             drawn = overlay_svg(of_task, key, task, storey=storeys.get(key), targets=targets.get(key, ()))
@@ -145,22 +164,35 @@ def _overlays(
     return pictures
 
 
-def _storeys(
-    episodes: PersonalDataset,
-    heights: Mapping[EpisodeKey, float],
-    scenes_dir: Path | None,
-    digests: Mapping[str, set[str]],
-) -> dict[EpisodeKey, StoreyMap]:
-    """The storey at each episode's height; each home is opened only once, and left out if no run was made in it."""
+def _storeys(homes: _Homes, heights: Mapping[EpisodeKey, float]) -> dict[EpisodeKey, StoreyMap]:
+    """The storey at each episode's height, in homes that are as they were."""
     found = {}
-    for scene in sorted({key.scene for key in heights}):
-        home = open_scene(episodes, scene, scenes_dir=scenes_dir)
-        if home.digest not in digests.get(scene, {home.digest}):
-            say(f"Home {scene} is another version now than that of the runs: no floor is drawn under its overlays.")
+    for home, keys in homes.opened(heights):
+        if home is None:
             continue
-        for key in (key for key in heights if key.scene == scene):
+        for key in keys:
             index = int(nearest_storey(heights[key], home.navigation.storey_heights))
             found[key] = storey_map(home.navigation, index)
+    return found
+
+
+def _shortest_paths(homes: _Homes, source: ReportSource, rule: SuccessRule | None) -> ShortestPaths:
+    """The shortest path of each episode of PAN that people did, to the success region of the report's rule."""
+    config, found = source.records.config, {}
+    rule = rule or (config.success if config else "paper")
+    people = [run for run in source.runs if run.info.who_kind == "human"]
+    for home, keys in homes.opened({item.key for run in people for item in run.episodes}):
+        if home is None:
+            say(
+                f"Home {keys[0].scene} is another version now than that of the runs: their ways are not compared with "
+                "shortest paths, and no floor is drawn under its overlays."
+            )
+            continue
+        for episode in map(homes.episodes.episode, keys):
+            region = success_region(episode, home.navigation, rule=rule)
+            path = home.navigation.shortest_path(np.array(episode.start.position), region) if len(region) else None
+            if path is not None:
+                found[episode.key] = path
     return found
 
 

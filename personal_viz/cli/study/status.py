@@ -26,7 +26,7 @@ EVERY_S = 2.0
 """Seconds between two snapshots of `--watch`."""
 MIN_WIDTH = 128
 """Columns that the tables need; narrower terminals wrap them, but files and pipes do not."""
-_ORDER: tuple[State, ...] = ("stuck", "active", "away", "finished", "out", "not_arrived")
+_ORDER: tuple[State, ...] = ("stuck", "active", "away", "refused", "finished", "out", "not_arrived")
 _COLOURS = {"active": "green", "stuck": "bold yellow", "away": "yellow", "finished": "cyan"}
 
 

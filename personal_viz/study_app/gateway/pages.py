@@ -14,11 +14,12 @@ import jinja2
 from markupsafe import Markup
 
 from human_study.design.study import Condition, StudyConfig
-from human_study.journey import Journey, Person, Stage, has_reached, journey_of, last_detail
+from human_study.journey import Journey, Person, Place, Stage, has_reached, journey_of, last_detail
 from human_study.store.store import StudyStore
 from human_study.texts.catalogue import catalogue_of
 from human_study.texts.participants import (
     CONSENT_FILE,
+    DEBRIEFING_FILE,
     INSTRUCTIONS_FILE,
     instruction_texts,
     leave_text,
@@ -35,7 +36,10 @@ from .device import MIN_HEIGHT, MIN_WIDTH, SMALLER, device_report, needs_webgl
 from .pauses import machine_time, pause_left_s, steady_detail
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
-MAX_FORM_BYTES = 4096
+MAX_COMMENT = 2000
+"""Most characters of a comment."""
+MAX_FORM_BYTES = 32 * 1024
+"""Largest form: a comment takes 12 bytes per character at most."""
 _TEMPLATE_OF = {"declined": "end", "withdrawn": "end", "screened_out": "end", "full": "end", "finished": "end"}
 
 
@@ -110,7 +114,9 @@ class Pages:
 
     def message(self, name: str) -> str:
         """A page that belongs to no place in the study: `enter`, `paused`."""
-        return self._templates.get_template(f"{name}.html").render(parts=(), part=0, base="", place="", may_leave=False)
+        template = self._templates.get_template(f"{name}.html")
+        least = {"width": round(SMALLER * MIN_WIDTH), "height": round(SMALLER * MIN_HEIGHT)}
+        return template.render(parts=(), part=0, base="", place="", may_leave=False, **least)
 
     def answer(self, code: str, form: Mapping[str, str]) -> None:
         """Stores the answer of a form; does nothing where the form answers another state than the present one.
@@ -179,7 +185,7 @@ class Pages:
             case "survey":
                 words = {"questions": questions_of(self._config)}
             case "finished" | "declined" | "withdrawn" | "screened_out" | "full":
-                words = {"end": self._end_code(person.code, journey.place)}
+                words = self._end(person, journey.place)
                 words["is_eligible"] = not last_detail(person.stages, "screened_out").get("not_eligible")
             case _:
                 words = {}
@@ -245,6 +251,24 @@ class Pages:
             else None,
         }
 
+    def _end(self, person: Person, place: Place) -> dict[str, Any]:
+        """The last page's code, what the study is about, and whether a comment may still be written."""
+        text = told_text(self._texts, DEBRIEFING_FILE, person.task)
+        debriefing = (
+            _text_words(text, self.words("end.debriefing_title")) if place in ("finished", "withdrawn") else None
+        )
+        if debriefing is not None and not text.strip():
+            debriefing["text"] = _html_of(self.words("end.debriefing"))
+        asks = self._config.comments and place == "finished"
+        has_commented = asks and self._store.has_answered(person.code, "comment")
+        return {
+            "end": self._end_code(person.code, place),
+            "debriefing": debriefing,
+            "has_commented": has_commented,
+            "may_comment": asks and not has_commented,
+            "max_comment": MAX_COMMENT,
+        }
+
     def _left_s(self, journey: Journey) -> float:
         """Seconds that a pause still lasts."""
         assert journey.rest is not None
@@ -273,6 +297,8 @@ class Pages:
                 if choice == "send":
                     self._store.keep_answer(code, "survey", answers_to_json(given_answers(self._config, form)))
                 self._store.enter_stage(code, "survey_ended")
+            case "finished", "comment" if self._config.comments and (comment := _tidy(form.get("comment", ""))):
+                self._store.keep_answer(code, "comment", comment)
             case "break", "next":
                 self._store.enter_stage(code, "break_ended", done)
             case "pause", "next" if self._left_s(journey) <= 0:
@@ -310,6 +336,12 @@ def _may_leave(journey: Journey) -> bool:
 def _shuffled(person: Person, question: Question) -> tuple[str, ...]:
     """The answers in this participant's order."""
     return question.shuffled([*person.code.encode(), *question.name.encode()])
+
+
+def _tidy(comment: str) -> str:
+    """A comment without control characters and with plain ends of lines, cut at its largest length; '' = none."""
+    lines = comment.replace("\r\n", "\n")[:MAX_COMMENT].splitlines()
+    return "\n".join("".join(letter if letter.isprintable() else " " for letter in line) for line in lines).strip()
 
 
 def _text_words(text: str, otherwise: str) -> dict[str, Any]:

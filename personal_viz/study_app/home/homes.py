@@ -14,7 +14,7 @@ from typing import Generic, Protocol, TypeVar
 
 import viser
 
-from human_study.design.study import HomeView, StudyConfig
+from human_study.design.study import HomeView, StudyConfig, StudyPog
 from human_study.trial.views import MarkedObject
 from sim.episodes.schema import Episode
 from sim.mesh import Scene
@@ -25,9 +25,11 @@ from sim.types import EpisodeKey
 
 from ..watch import Watches
 from .frames import Frames, RenderThreads
+from .names import Name, names_of_objects
 from .pictures import PictureView
 from .surfaces import HomeSurface, SceneView, StoreyCopies
 
+_PLAIN = StudyPog()
 KEPT_HOMES = 3
 """Number of unused homes that stay open; a scan with its browser copies takes some hundred megabytes."""
 
@@ -51,12 +53,23 @@ class Home:
     """Draw pictures of the home for participants who look around in it."""
     view: HomeView = "browser"
     """Where those pictures are made."""
+    rooms: tuple[tuple[Name, ...], ...] = ()
+    """Names of the rooms of each storey; () = they are not shown."""
 
-    def shown_in(self, client: viser.ClientHandle) -> HomeSurface:
-        """The home in one browser."""
+    def shown_in(self, client: viser.ClientHandle, shown: StudyPog = _PLAIN) -> HomeSurface:
+        """The home in one browser, with the names that `pog` of the study file shows; PAN has those of the default."""
+        objects = shown.object_names
+        if objects == "auto":
+            objects = "off" if self.scene.kind == "scan" else "on"
+
+        def names_of(index: int, is_asked: bool) -> list[Name]:
+            wanted = {"on", "demand"} if is_asked else {"on"}
+            rooms = self.rooms[index] if self.rooms and shown.room_names in wanted else ()
+            return [*rooms, *(names_of_objects(self.copies.objects(index)) if objects in wanted else ())]
+
         if self.view == "browser":
-            return SceneView(client, self.copies)
-        return PictureView(client, self.copies, self.pog_scene, self.threads)
+            return SceneView(client, self.copies, names_of)
+        return PictureView(client, self.copies, names_of, pog_scene=self.pog_scene, threads=self.threads)
 
     def objects_for(self, episode: Episode) -> dict[str, MarkedObject] | None:
         """The objects at which one can point, by name; None where the targets of the episode are not among them."""

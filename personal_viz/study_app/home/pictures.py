@@ -20,6 +20,7 @@ from sim.tasks.pog import PogScene
 from sim.types import Camera
 
 from .frames import RenderThreads
+from .names import NamesOf
 from .surfaces import HomeSurface, StoreyCopies
 
 MOVING_PIXELS, RESTING_PIXELS = 320 * 240, 1280 * 960
@@ -35,15 +36,22 @@ class PictureView(HomeSurface):
     """A home as pictures that the server makes."""
 
     def __init__(
-        self, client: viser.ClientHandle, copies: StoreyCopies, pog_scene: PogScene, threads: RenderThreads
+        self,
+        client: viser.ClientHandle,
+        copies: StoreyCopies,
+        names_of: NamesOf,
+        *,
+        pog_scene: PogScene,
+        threads: RenderThreads,
     ) -> None:
         """Shows nothing yet."""
-        super().__init__(client, copies)
+        super().__init__(client, copies, names_of)
         self._painter = Painter(client, pog_scene.picture, threads)
 
     async def camera_moved(self, camera: viser.CameraHandle) -> None:
-        """Draws the home anew."""
+        """Draws the home anew, and lays out the names."""
         self._painter.moved()
+        await super().camera_moved(camera)
 
     def remove(self) -> None:
         """Takes everything out of the browser."""

@@ -23,6 +23,7 @@ from sim.copies.cut import storey_cut
 from sim.mesh import Scene, SceneObject
 from sim.tasks.run_files import ClickRay, Vector3
 
+from .names import HomeNames, Name, NamesOf, no_names
 from .top_view import MARGIN, STRIP, TopView, top_views
 
 MARK_COLOR = (214, 0, 110)
@@ -182,28 +183,51 @@ class Surface(ABC):
 
 
 class HomeSurface(Surface):
-    """A home, with category names on homes that are no scans."""
+    """A home with the names of its things and rooms, as far as the study shows them."""
 
     is_map = False
 
-    def __init__(self, client: viser.ClientHandle, copies: StoreyCopies) -> None:
+    def __init__(self, client: viser.ClientHandle, copies: StoreyCopies, names_of: NamesOf = no_names) -> None:
         """Shows nothing yet; light is off because the homes carry theirs."""
         super().__init__(client)
-        self._copies = copies
+        self._copies, self._names_of = copies, names_of
+        self._names, self._asks_names, self._storey = HomeNames(client), False, 0
         client.scene.configure_default_lights(True, cast_shadow=False)
 
+    async def camera_moved(self, camera: viser.CameraHandle) -> None:
+        """Lays out the names anew."""
+        await self._names.camera_moved()
+
+    def ask_names(self, *, is_asked: bool) -> None:
+        """Shows the names that are shown on demand, or takes them away."""
+        if is_asked != self._asks_names:
+            self._asks_names = is_asked
+            self._names.show(self._names_of(self._storey, is_asked))
+
+    def remove(self) -> None:
+        """Takes everything out of the browser."""
+        super().remove()
+        self._names.remove()
+
+    def hide_mark(self) -> None:
+        """Takes the mark away."""
+        super().hide_mark()
+        self._names.keep_free(None)
+
     def _show(self, index: int) -> None:
-        if self._copies.scene.kind != "scan":
-            self._label_objects(index)
+        self._storey = index
         self._show_home(index)
+        self._names.show(self._names_of(index, self._asks_names))
 
     @abstractmethod
     def _show_home(self, index: int) -> None:
         """Shows the storey itself."""
 
     def _mark_at(self, position: Vector3, label: str) -> list[Any]:
-        ball = add_ball(self._client, "/mark", _BALL, position)
-        self._client.scene.add_label("/mark/label", label, position=(0.0, 0.3, 0.0))  # goes with its parent
+        ball, above = add_ball(self._client, "/mark", _BALL, position), (0.0, 0.3, 0.0)
+        add_label = self._client.scene.add_label
+        add_label("/mark/label", label, position=above, anchor="center-center")  # goes with its parent
+        self._names.keep_free(Name(label, (position[0], position[1] + above[1], position[2])))
         return [ball]
 
     def _mark_on(self, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
@@ -211,16 +235,6 @@ class HomeSurface(Surface):
         top_y = item.centre[1] + item.size[1] / 2
         marked = self._mark_at((position[0], top_y + _BALL, position[2]), label)
         return [self._outline(box_edges(item)), *marked]
-
-    def _label_objects(self, index: int) -> None:
-        """Adds category names over the objects of a storey; homes made of boxes cannot be read without them.
-
-        Nodes are numbered from one end of the home to the other, because instance numbers would identify the objects.
-        """
-        for number, item in enumerate(sorted(self._copies.objects(index), key=lambda item: item.centre)):
-            x, y, z = item.centre
-            above = (x, y + item.size[1] / 2 + 0.1, z)
-            self._nodes.append(self._client.scene.add_label(f"/labels/{number}", item.category, position=above))
 
     def _floor(self, index: int) -> float:
         return self._copies.storeys[index]

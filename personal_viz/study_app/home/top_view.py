@@ -48,7 +48,7 @@ _RINGS = 6
 _NAME_SIZE, _WORD_SIZE = 22, 14
 _WORD_OPACITY = 205
 """Opacity of names, out of 255: objects show through their names."""
-_Box = tuple[float, float, float, float]
+Box = tuple[float, float, float, float]
 """(left, top, right, bottom) in pixels."""
 
 
@@ -164,12 +164,13 @@ def _write_categories(picture: Image.Image, scene: Scene, floor_y: float, grid: 
     font = ImageFont.load_default(size=_WORD_SIZE)
     draw = ImageDraw.Draw(picture, "RGBA")
     items = [item for item in scene.objects if bottom_y <= item.centre[1] <= top_y]
-    taken: list[_Box] = []
+    taken: list[Box] = []
     names: list[tuple[str, float, float]] = []
     for item in sorted(items, key=lambda item: (-item.size[0] * item.size[2], item.instance_id)):
         u, v = grid.uv_from_xz(np.array([item.centre[0], item.centre[2]])).tolist()
         left, top, right, bottom = draw.textbbox((u, v), item.category, font=font, anchor="mm")
-        box, du, dv = _free_place((left - 3, top - 2, right + 3, bottom + 2), taken)
+        own = (left - 3, top - 2, right + 3, bottom + 2)
+        box, du, dv = free_place(own, taken) or (own, 0.0, 0.0)
         taken.append(box)
         if (du, dv) != (0, 0):
             draw.line((u, v, u + du, v + dv), fill=(255, 255, 255, _WORD_OPACITY), width=2)
@@ -179,8 +180,8 @@ def _write_categories(picture: Image.Image, scene: Scene, floor_y: float, grid: 
         draw.text((u, v), name, font=font, anchor="mm", fill=_INK)
 
 
-def _free_place(box: _Box, taken: Sequence[_Box]) -> tuple[_Box, float, float]:
-    """The box moved by (du, dv) to the nearest tried place where it overlaps no other; not moved if there is none."""
+def free_place(box: Box, taken: Sequence[Box]) -> tuple[Box, float, float] | None:
+    """The box moved by (du, dv) to the nearest tried place where it overlaps no other; None if there is none."""
     height = box[3] - box[1] + 1
     for ring in range(_RINGS):
         for du, dv in ((0, -1), (0, 1), (-2, 0), (2, 0), (-2, -1), (2, 1), (-2, 1), (2, -1)) if ring else ((0, 0),):
@@ -188,7 +189,7 @@ def _free_place(box: _Box, taken: Sequence[_Box]) -> tuple[_Box, float, float]:
             moved = (*moved, moved[0] + box[2] - box[0], moved[1] + box[3] - box[1])
             if not any(moved[0] < b[2] and b[0] < moved[2] and moved[1] < b[3] and b[1] < moved[3] for b in taken):
                 return moved, du * ring * height, dv * ring * height
-    return box, 0.0, 0.0
+    return None
 
 
 def _write_strip(picture: Image.Image, grid: GridSpec, name: str) -> None:

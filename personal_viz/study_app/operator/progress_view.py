@@ -32,6 +32,7 @@ STATES: dict[State, str] = {
     "active": "active",
     "stuck": "stuck?",
     "away": "away",
+    "refused": "device refused",
     "finished": "finished",
     "out": "out",
     "not_arrived": "not arrived",

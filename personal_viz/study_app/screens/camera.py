@@ -12,11 +12,11 @@ import numpy as np
 import viser
 
 from human_study.texts.catalogue import Catalogue
-from human_study.trial.commands import LookFrom, ShowStorey
+from human_study.trial.commands import LookFrom, ShowNames, ShowStorey
 from human_study.trial.trial_session import CAMERA_EVERY_S
 from sim.homes.storey_names import StoreyNaming, floors_above_ground
 
-from ..home.surfaces import place_camera
+from ..home.surfaces import HomeSurface, Surface, place_camera
 from .page import Page, Send, relabel
 
 TURN = math.radians(15)
@@ -66,6 +66,34 @@ class StoreyButtons:
         """Shows the storey so many above, where there is one."""
         if 0 <= self._shown + by < len(self._names):
             await self._send(ShowStorey(self._shown + by))
+
+
+class NamesButton:
+    """A button for names in the home, where the study shows some on demand, until the next `Page.clear`."""
+
+    def __init__(self, page: Page, surface: Surface | None, send: Send, *, is_there: bool) -> None:
+        """Adds the button.
+
+        Args:
+            page: The participant's page.
+            surface: Shows the names; a map has none of its own.
+            send: Receives `ShowNames`.
+            is_there: Whether the study shows names on demand.
+        """
+        self._surface = surface if is_there and isinstance(surface, HomeSurface) else None
+        self._words, self._send, self._is_shown = page.words, send, False
+        if self._surface is not None:
+            self._button = page.button(page.words("camera.names_show"), self._press)
+
+    def show(self, *, is_shown: bool) -> None:
+        """Shows the names or takes them away."""
+        self._is_shown = is_shown
+        if self._surface is not None:
+            self._surface.ask_names(is_asked=is_shown)
+            relabel(self._button, self._words("camera.names_hide" if is_shown else "camera.names_show"))
+
+    async def _press(self) -> None:
+        await self._send(ShowNames(not self._is_shown))
 
 
 def storey_names(words: Catalogue, naming: StoreyNaming, labels: Sequence[int]) -> list[str]:

@@ -5,13 +5,14 @@ import functools
 import html
 from collections.abc import Sequence
 
+from human_study.design.study import StudyPog
 from human_study.trial.commands import CloseMap
 from human_study.trial.views import LookView
 
 from ..home.homes import Home
 from ..home.surfaces import HomeSurface
 from ..home.top_view import TopView
-from .camera import StoreyButtons, add_camera_buttons, sample_camera
+from .camera import NamesButton, StoreyButtons, add_camera_buttons, sample_camera
 from .page import Page, Send, overlay_html, roomy_html
 
 
@@ -19,7 +20,15 @@ class LookScreen:
     """Draws a look at a home on a page and turns presses into commands."""
 
     def __init__(
-        self, page: Page, view: LookView, send: Send, *, home: Home, caption: str, storeys: Sequence[str]
+        self,
+        page: Page,
+        view: LookView,
+        send: Send,
+        *,
+        home: Home,
+        caption: str,
+        storeys: Sequence[str],
+        shown: StudyPog,
     ) -> None:
         """Builds the screen.
 
@@ -30,6 +39,7 @@ class LookScreen:
             home: The home.
             caption: HTML with the trial's name and the kind of home, without the home's name.
             storeys: Name of each storey, the lowest first.
+            shown: Says which names the home has.
         """
         self._page, self._home, self._shown, self._caption = page, home, view, caption
         page.clear()
@@ -38,11 +48,12 @@ class LookScreen:
         if view.what == "topdown":
             self._picture = page.overlay("")
         else:
-            self._surface = surface = home.shown_in(page.client)
+            self._surface = surface = home.shown_in(page.client, shown)
             page.add(surface)
             sample_camera(page, send)
             page.listen_to_camera(surface.camera_moved)
         self._storeys = StoreyButtons(page, storeys, send)
+        self._names = NamesButton(page, self._surface, send, is_there=shown.has_names_on_demand)
         if self._surface is not None:
             add_camera_buttons(page, is_map=False)
         begin, close = page.words(f"look.{view.what}_begin"), functools.partial(send, CloseMap())
@@ -50,6 +61,7 @@ class LookScreen:
             page.button(begin, close, color="green")
         page.hotkey("enter", begin, close)
         self._show_storey(view.storey)
+        self._names.show(is_shown=view.has_names)
         self._draw_status()
 
     def show(self, view: LookView) -> None:
@@ -57,6 +69,7 @@ class LookScreen:
         before, self._shown = self._shown, view
         if view.storey != before.storey:
             self._show_storey(view.storey)
+        self._names.show(is_shown=view.has_names)
         if (view.wait_s, view.left_s, view.storey) != (before.wait_s, before.left_s, before.storey):
             self._draw_status()
 

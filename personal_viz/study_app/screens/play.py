@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from human_study.design.study import StudyConfig
+from human_study.design.study import StudyConfig, StudyPog
 from human_study.store.store import SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.trial.commands import Command, Rate, Resume, Start, Tick
@@ -185,16 +185,17 @@ class TrialPlay:
         storeys = storey_names(page.words, self._config.storey_names, home.storey_labels)
         match view:
             case LookView():
-                return LookScreen(page, view, send, home=home, caption=self._caption, storeys=storeys).show
+                shown = self._config.pog if self._trial.task == "pog" else StudyPog()
+                options = {"caption": self._caption, "storeys": storeys, "shown": shown}
+                return LookScreen(page, view, send, home=home, **options).show
             case PanView():
                 config = self._config
                 scale, encode = config.display_scale, home.renderer.jpeg
                 return PanScreen(page, view, send, caption=self._caption, display_scale=scale, encode=encode).show
             case PogView():
-                is_map = self._trial.condition == "map_2d"
-                surface = MapView(page.client, home.copies.maps) if is_map else home.shown_in(page.client)
-                snaps = self._config.pog.pointing == "snap"
-                options = {"caption": self._caption, "storeys": storeys, "snaps": snaps}
+                is_map, shown = self._trial.condition == "map_2d", self._config.pog
+                surface = MapView(page.client, home.copies.maps) if is_map else home.shown_in(page.client, shown)
+                options = {"caption": self._caption, "storeys": storeys, "shown": shown}
                 return PogScreen(page, view, send, surface=surface, **options).show
             case RateView():
                 page.card(rate_card(view, page.words), send)

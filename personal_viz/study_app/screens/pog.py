@@ -13,6 +13,7 @@ import numpy as np
 import viser
 import viser.transforms
 
+from human_study.design.study import StudyPog
 from human_study.trial.commands import Click, Confirm, GiveUp
 from human_study.trial.events import ABOVE_MAP, object_ray
 from human_study.trial.views import PogView
@@ -20,7 +21,7 @@ from sim.tasks.run_files import ClickRay, Vector3
 
 from ..home.homes import Home
 from ..home.surfaces import Surface, map_click
-from .camera import SIDES, StoreyButtons, add_camera_buttons, add_group, four, sample_camera, three
+from .camera import SIDES, NamesButton, StoreyButtons, add_camera_buttons, add_group, four, sample_camera, three
 from .page import Page, Send, roomy_html, show_giving_up
 
 NUDGE_M = 0.1
@@ -52,7 +53,7 @@ class PogScreen:
         surface: Surface,
         caption: str,
         storeys: Sequence[str],
-        snaps: bool = False,
+        shown: StudyPog,
     ) -> None:
         """Builds the screen.
 
@@ -63,9 +64,10 @@ class PogScreen:
             surface: The home, or its map.
             caption: HTML with the trial's name and the kind of home, without the home's name.
             storeys: Name of each storey, the lowest first.
-            snaps: Whether the mark goes to the middle of the clicked object.
+            shown: Says where marks go, and which names the home has.
         """
-        self._page, self._send, self._surface, self._caption, self._snaps = page, send, surface, caption, snaps
+        self._page, self._send, self._surface, self._caption = page, send, surface, caption
+        self._snaps = shown.pointing == "snap"
         self._shown = view
         page.clear()
         page.add(self)
@@ -74,6 +76,7 @@ class PogScreen:
         self._status = page.add(page.client.gui.add_html(""))
         page.description(view.task)
         self._storeys = StoreyButtons(page, storeys, send)
+        self._names = NamesButton(page, surface, send, is_there=shown.has_names_on_demand)
         add_camera_buttons(page, is_map=surface.is_map)
         self._add_nudges()
         with page.always_visible("bottom"):
@@ -83,6 +86,7 @@ class PogScreen:
         sample_camera(page, send)
         page.listen_to_camera(surface.camera_moved)
         surface.show_storey(view.storey)
+        self._names.show(is_shown=view.has_names)
         self._draw_mark()
         self._draw_status()
 
@@ -91,6 +95,7 @@ class PogScreen:
         before, self._shown = self._shown, view
         if view.storey != before.storey:
             self._surface.show_storey(view.storey)
+        self._names.show(is_shown=view.has_names)
         if (view.mark, view.storey) != (before.mark, before.storey):
             self._draw_mark()
         if _status_of(view) != _status_of(before):

@@ -1,6 +1,7 @@
 // Trades the token in the link's fragment (never sent in a URL, never logged) for a session, then opens the study.
 // On the open link (/join) it asks for a personal link first; this browser remembers it, so that nobody has two. On a
-// computer that several people use, the next one says so and gets an own link.
+// computer that several people use, the next one says so and gets an own link. A phone or a small screen is turned away
+// before anything is sent: nobody has come, and the link stays good for a computer.
 "use strict";
 (async () => {
   const message = document.getElementById("message");
@@ -21,6 +22,14 @@
       dpr: Math.round(window.devicePixelRatio * 4) / 4 || 1,
       touch: navigator.maxTouchPoints > 0,
     };
+  };
+
+  const isTooSmall = () => {
+    const { width, height } = document.querySelector("main").dataset;
+    const sides = [window.screen.width, window.screen.height];
+    const hasMouse = window.matchMedia("(pointer: fine)").matches || window.matchMedia("(any-pointer: fine)").matches;
+    const isTouched = window.matchMedia("(pointer: coarse)").matches && !hasMouse;
+    return isTouched || Math.max(...sides) < Number(width) || Math.min(...sides) < Number(height);
   };
 
   const post = (path, body) =>
@@ -97,6 +106,13 @@
     await enter(token);
   };
 
+  if (isTooSmall()) {
+    document.title = `${words["enter.phone"]} - ${document.title}`;
+    document.querySelector("h1").textContent = words["enter.phone"];
+    message.textContent = words["enter.phone_text"];
+    document.getElementById("more").hidden = false;
+    return;
+  }
   try {
     const token = window.location.hash.slice(1);
     if (token) {

@@ -21,12 +21,35 @@
   }
 
   // --- a second press of the button that was pressed just now answers nothing twice; it need not be sent -----------
+  // nor is one without a connection: the browser's own page would take this one's place
   let isSent = false;
+  const tellLine = () => { document.querySelector("[data-offline]").hidden = navigator.onLine; };
+  for (const change of ["online", "offline"]) window.addEventListener(change, tellLine);
   document.addEventListener("submit", (event) => {
+    if (!navigator.onLine) {
+      event.preventDefault();
+      tellLine();
+      return;
+    }
     if (isSent) event.preventDefault();
     isSent = true;
   });
   window.addEventListener("pageshow", () => { isSent = false; });
+
+  // --- the code of the last page, copied with one press --------------------------------------------------------------
+  for (const button of all("[data-copies]")) {
+    button.hidden = false;
+    button.addEventListener("click", async () => {
+      const code = document.querySelector(".code"), told = document.querySelector("[data-copied]");
+      try {  // not everywhere: browsers allow it over TLS and on this computer only
+        await navigator.clipboard.writeText(code.textContent);
+        told.textContent = button.dataset.done;
+      } catch {
+        window.getSelection().selectAllChildren(code);
+        told.textContent = button.dataset.yourself;
+      }
+    });
+  }
 
   // --- while this page is open its participant is here, and keeps the place in the study ---------------------------
   const stayHere = () => {

@@ -211,7 +211,7 @@
   document.addEventListener('visibilitychange', () => changed(document.hidden ? 'hidden' : 'visible'));
   window.addEventListener('webglcontextlost', () => changed('context_lost'), true);
   window.addEventListener('online', () => { if (state.seat) tell({ kind: 'ping' }); });
-  window.addEventListener('offline', () => showBanner(say('script.offline')));
+  window.addEventListener('offline', () => showBanner(say('script.lost')));
   let resizing = 0;
   window.addEventListener('resize', () => {
     clearTimeout(resizing);

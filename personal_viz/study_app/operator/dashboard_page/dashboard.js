@@ -70,7 +70,7 @@
       make("td", `${one.num_done} of ${whole}`, "n"), make("td", one.num_held, "n"), make("td", one.num_free, "n")];
   });
 
-  const ORDER = ["stuck", "active", "away", "finished", "out"];
+  const ORDER = ["stuck", "active", "away", "refused", "finished", "out"];
   const people = (found) => {
     const all = found.progress.people.map((one, place) => ({ ...one, words: found.people[place] }));
     const came = all.filter((one) => one.state !== "not_arrived");
