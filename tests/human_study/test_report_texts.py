@@ -138,7 +138,7 @@ def test_the_checklist_counts_answers_to_the_survey_and_hides_small_numbers() ->
 
 def test_the_checklist_gives_the_response_rate_and_the_days() -> None:
     flow = [FlowCount(point=point, n=n, is_aside=False) for point, n in FLOW.items()]
-    dates = StudyDates("2027-01-10", "2027-03-01", 40, "2027-01-12", "2027-02-03")
+    dates = StudyDates("2027-01-10", 40, "2027-01-12", "2027-02-03")
     told = StudyReporting(place="A room of the university.")
     items = answers_of(StudyRecords(config=study_config(reporting=told), dates=dates), flow=flow)
     response = items["5.1 Response rate: invited, consented, finished?"].answer
