@@ -12,10 +12,10 @@ from sim.homes.plan import HOMES_VERSION
 from sim.types import TaskKind
 
 from ..design.plan import StudyScene, facts_of_version_2
+from ..store.records import StudyDates
 
 MANIFEST_FILE = "manifest.json"
 _MODEL = ConfigDict(frozen=True, extra="forbid")
-
 KEPT_APART = ("survey.", "comments.")
 """Beginnings of the names of files that may be moved out of an export before it is published."""
 
@@ -51,6 +51,8 @@ class Manifest(BaseModel):
     plan_version: str
     is_pilot: bool
     """Whether the study was served without an ethics id."""
+    dates: StudyDates | None = None
+    """Days of the study as a whole; those of single people are in no file. None in exports of earlier versions."""
     plan_changes: tuple[str, ...] = ()
     """Wishes of the study file that the plan could not fulfil, each with the reason."""
     dataset_digest: str

@@ -115,6 +115,7 @@ def _manifest(reader: StudyReader, found: Collected, files: Mapping[str, tuple[b
         study_version=reader.study_version,
         plan_version=plan.plan_version,
         is_pilot=reader.is_pilot,
+        dates=reader.dates(),
         plan_changes=plan.changes,
         dataset_digest=config.dataset.sha256,
         app_version=reader.app_version,

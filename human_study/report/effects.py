@@ -17,8 +17,8 @@ from sim.types import SPLITS
 
 from ..design.analysis import LEVEL
 from .measures import MEASURES, measures_of
-from .rows import Aggregate, estimate_of
-from .statistics import clustered_variance, numbered
+from .rows import Aggregate, estimate_of, possible
+from .statistics import Interval, clustered_variance, numbered
 from .trials import Frame, PeopleRow, ReportValue, TrialGroup, is_first_condition
 
 PER_PLACES = 10
@@ -137,9 +137,19 @@ def _effects(
             home_index = homes if aggregate.intervals == "homes" else None
             designs[name] = WithinDesign(known["covariate"].to_numpy(float), people, episodes, home_index)
         effect = designs[name].effect(known[measure].to_numpy(float))
+        if known["covariate"].isin((0, 1)).all():
+            effect = _of_possible_values(effect, MEASURES[measure].most)
         names = {**group.people_names, "condition": condition}
         rows.append(EffectRow(**names, what=what, split=split, measure=measure, effect=effect))
     return rows
+
+
+def _of_possible_values(effect: Effect, most: float) -> Effect:
+    """The difference of two conditions, with an interval that ends where possible differences end."""
+    if effect.low is None or effect.high is None:
+        return effect
+    cut = possible(Interval(effect.low, effect.high, effect.method), -most, most)
+    return effect.model_copy(update={"low": cut.low, "high": cut.high, "method": cut.method})
 
 
 def _blocks(group: TrialGroup, by: str, block: str, trials: Frame, pooled: Aggregate) -> list[BlockRow]:

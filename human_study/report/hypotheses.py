@@ -11,8 +11,8 @@ from sim.types import TaskKind
 from ..design.analysis import ALPHA, HYPOTHESIS_NAME
 from .effects import EffectRow, holm
 from .measures import MEASURES
-from .rows import Aggregate, counted_trials, no_interval
-from .statistics import mcnemar_p, mean_interval, variance_of_mean
+from .rows import Aggregate, counted_trials, estimate_of, no_interval
+from .statistics import mcnemar_p, variance_of_mean
 from .trials import ReportValue, TrialGroup, is_first_condition, row_label
 
 _MEASURES = {measure.claim: name for name, measure in MEASURES.items() if measure.claim}
@@ -107,7 +107,7 @@ def _tested(
 
 def _of_difference(name: str, group: TrialGroup, measure: str, aggregate: Aggregate) -> HypothesisRow:
     trials = counted_trials(group.trials, measure, aggregate)
-    interval = mean_interval(trials)
+    interval = estimate_of(group.trials, measure, aggregate, is_difference=True).interval
     if interval is None:
         return _untested(name, no_interval(group.trials, aggregate))
     variance, df = variance_of_mean(trials)

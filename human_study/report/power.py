@@ -48,6 +48,8 @@ class PowerAssumptions(BaseModel):
     """Spread of episodes on the logit scale; 1.3 gives the figures of HUMAN_STUDY.md, section 3."""
     agent_alike: float = Field(default=0.5, ge=0, le=1)
     """Share of the episodes' variance in difficulty that people and the agent have in common."""
+    home_share: float = Field(default=0.15, ge=0, le=1)
+    """Share of the episodes' variance in difficulty that is that of their homes, where homes are random."""
     num_simulations: int = Field(default=150, ge=20, le=20_000)
     seed: int = Field(default=0, ge=0)
 
@@ -63,6 +65,12 @@ class PowerDesign:
     """People per episode and condition."""
     num_splits: int = 3
     num_conditions: int = 1
+    num_homes: int | None = None
+    """Homes over which the episodes are spread; None = intervals take episodes for random, and not homes."""
+
+    def home_index(self, episodes: NDArray[np.intp]) -> NDArray[np.intp] | None:
+        """The home of each episode, numbered over all splits; None where homes are not random."""
+        return None if self.num_homes is None else episodes % self.num_homes
 
     @property
     def trials_per_split(self) -> int:
@@ -118,6 +126,8 @@ class PowerReport(BaseModel):
 
     model_config = _MODEL
     assumptions: PowerAssumptions
+    num_homes: int | None = None
+    """Homes of all designs; None = intervals take episodes for random, and not homes."""
     rows: tuple[PowerRow, ...]
     """For each spread of people: the design first, then alternatives."""
 
@@ -141,7 +151,7 @@ def power_report(design: PowerDesign, *, assumptions: PowerAssumptions) -> Power
         for spread in assumptions.person_sds
         for one in designs
     ]
-    return PowerReport(assumptions=assumptions, rows=tuple(rows))
+    return PowerReport(assumptions=assumptions, num_homes=design.num_homes, rows=tuple(rows))
 
 
 def design_of(config: StudyConfig, plan: StudyPlan | None = None) -> PowerDesign:
@@ -149,7 +159,7 @@ def design_of(config: StudyConfig, plan: StudyPlan | None = None) -> PowerDesign
     task, kind = config.task[0], config.design.kind
     arms, raters = len(config.conditions(task)), config.design.raters_per_episode
     sizes = [RELEASED[split] if size == "all" else size for split, size in config.dataset.splits.items()]
-    total, people = sum(sizes), raters * arms
+    total, people, homes = sum(sizes), raters * arms, len(config.dataset.scenes) or NUM_HOMES
     if kind == "house-once":
         most = min(config.design.trials_per_person or NUM_HOMES, NUM_HOMES)
         least = math.ceil(total * arms * raters / most)
@@ -158,8 +168,10 @@ def design_of(config: StudyConfig, plan: StudyPlan | None = None) -> PowerDesign
         mine = [person for person in plan.participants if person.task == task]
         drawn = [{trial.key for trial in person.trials if trial.phase == "main"} for person in mine]
         people, total = sum(bool(keys) for keys in drawn), len(set().union(*drawn))
+        homes = len({trial.scene for person in mine for trial in person.trials if trial.phase == "main"})
     episodes = max(1, round(total / len(sizes)))
-    return PowerDesign(f"this study: {kind}, {people} people", people, episodes, raters, len(sizes), arms)
+    num_homes = homes if config.aggregate.intervals == "homes" else None
+    return PowerDesign(f"this study: {kind}, {people} people", people, episodes, raters, len(sizes), arms, num_homes)
 
 
 def alternatives(design: PowerDesign) -> list[PowerDesign]:
@@ -222,30 +234,30 @@ class _Model:
 
     def split_width(self) -> float:
         hits = self._hits([self._assumptions.base_rate])
-        return _width(rate_interval(Trials(hits, *self._strata(1))))
+        return _width(rate_interval(self._trials(hits, 1)))
 
     def total_width(self) -> float:
         number = self._design.num_splits
         hits = self._hits([self._assumptions.base_rate] * number)
-        return _width(rate_interval(Trials(hits, *self._strata(number))))
+        return _width(rate_interval(self._trials(hits, number)))
 
     def tells_splits(self) -> bool:
         base, gap = self._assumptions.base_rate, self._assumptions.split_gap
         hits = self._hits([base + gap / 2, base - gap / 2])
-        return _excludes_zero(mean_interval(Trials(hits, *self._strata(2), stratum_shares=(1.0, -1.0))))
+        return _excludes_zero(mean_interval(replace(self._trials(hits, 2), stratum_shares=(1.0, -1.0))))
 
     def tells_agent(self) -> bool:
         """Whether a drawn study tells people and agent apart on one split, trial by trial as the report does it."""
         base, gap, spread = self._assumptions.base_rate, self._assumptions.agent_gap, self._assumptions.episode_sd
-        ease = self._rng.normal(size=self._design.episodes_per_split)
-        own = self._rng.normal(size=len(ease))
+        (ease,) = self._ease(1)
+        own = spread * self._rng.normal(size=len(ease))
         alike = self._assumptions.agent_alike
-        theirs = _centre(base - gap, spread) + spread * (math.sqrt(alike) * ease + math.sqrt(1 - alike) * own)
+        theirs = _centre(base - gap, spread) + math.sqrt(alike) * ease + math.sqrt(1 - alike) * own
         agent = self._rng.random(len(ease)) < expit(theirs)
         skill = self._person_sd * self._rng.normal(size=self._design.num_people)
-        ours = _centre(base, self._spread) + skill[self._people] + spread * ease[self._episodes]
+        ours = _centre(base, self._spread) + skill[self._people] + ease[self._episodes]
         hits = (self._rng.random(len(ours)) < expit(ours)).astype(np.float64)
-        return _excludes_zero(mean_interval(Trials(hits - agent[self._episodes], *self._strata(1))))
+        return _excludes_zero(mean_interval(self._trials(hits - agent[self._episodes], 1)))
 
     def finds_memory(self) -> bool:
         """Whether a drawn study tells the first two conditions apart, within people and episodes, over all splits."""
@@ -254,16 +266,15 @@ class _Model:
         base, gap = self._assumptions.base_rate, self._assumptions.memory_gap
         centres = np.array([_centre(base, self._spread), _centre(base + gap, self._spread)])
         skill = self._person_sd * self._rng.normal(size=self._design.num_people)
-        ease = self._assumptions.episode_sd * self._rng.normal(size=int(episodes.max()) + 1)
+        ease = self._ease(self._design.num_splits).ravel()
         chance = expit(centres[has_map] + skill[people] + ease[episodes])
         effect = within.effect((self._rng.random(len(chance)) < chance).astype(np.float64))
         return effect.p is not None and effect.p < 0.05
 
     def _hits(self, rates: list[float]) -> NDArray[np.float64]:
         """Outcomes of several splits, one after the other; people are the same in all."""
-        size = self._design.episodes_per_split
         skill = self._person_sd * self._rng.normal(size=self._design.num_people)
-        ease = self._assumptions.episode_sd * self._rng.normal(size=(len(rates), size))
+        ease = self._ease(len(rates))
         chance = [
             expit(_centre(rate, self._spread) + skill[self._people] + ease[split, self._episodes])
             for split, rate in enumerate(rates)
@@ -271,11 +282,25 @@ class _Model:
         whole = np.concatenate(chance)
         return (self._rng.random(len(whole)) < whole).astype(np.float64)
 
-    def _strata(self, number: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    def _ease(self, num_splits: int) -> NDArray[np.float64]:
+        """How easy each episode is, (splits, episodes); those of one home have a part in common."""
+        size, spread = self._design.episodes_per_split, self._assumptions.episode_sd
+        ease = spread * self._rng.normal(size=(num_splits, size))
+        homes = self._design.home_index(np.arange(num_splits * size))
+        if homes is None:
+            return ease
+        share = self._assumptions.home_share
+        of_home = spread * self._rng.normal(size=int(homes.max()) + 1)[homes].reshape(ease.shape)
+        return math.sqrt(share) * of_home + math.sqrt(1 - share) * ease
+
+    def _trials(self, values: NDArray[np.float64], number: int) -> Trials:
+        """The trials of several splits, one after the other, with these values."""
         who = np.unique(self._people, return_inverse=True)[1]
         split = np.repeat(np.arange(number), len(who))
         where = np.tile(self._episodes, number) + split * self._design.episodes_per_split
-        return np.tile(who, number), where, split
+        homes = self._design.home_index(where)
+        home_index = None if homes is None else np.unique(homes, return_inverse=True)[1]
+        return Trials(values, np.tile(who, number), where, split, home_index)
 
 
 @functools.lru_cache(maxsize=16)
@@ -289,7 +314,9 @@ def _memory_design(
     episodes = np.concatenate([where + size * split for _, where in both for split in splits])
     has_map = np.repeat([0, 1], [len(who) * len(splits) for who, _ in both])
     index = np.unique(people, return_inverse=True)[1]
-    return WithinDesign(has_map.astype(np.float64), index, episodes), people, episodes, has_map
+    homes = design.home_index(episodes)
+    home_index = None if homes is None else np.unique(homes, return_inverse=True)[1]
+    return WithinDesign(has_map.astype(np.float64), index, episodes, home_index), people, episodes, has_map
 
 
 def _width(interval: Interval | None) -> float:

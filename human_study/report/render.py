@@ -4,16 +4,18 @@ Every function takes the finished report; nothing is computed here.
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from sim.homes.kind import scene_label
 from sim.types import RULE_NOTES, SPLITS, TaskKind
+from sim.words.english import how_many
 
 from ..design.analysis import LEVEL
 from ..export.text_tables import csv_lines, tex, tex_table
 from .agreement import SUSPECT_SHARE
+from .hypotheses import HypothesisRow
 from .measures import MEASURES, WITHIN
-from .page import NOBODY, count_text, filled, html_page, interval_text
+from .page import NOBODY, count_text, filled, html_page, interval_text, p_text
 from .power import PowerReport
 from .report import StudyReport
 from .rows import TOTAL, ReportRow
@@ -33,7 +35,9 @@ def markdown(report: StudyReport, pictures: Iterable[str] = ()) -> str:
         "table_kinds": kinds,
         "notes": " ".join(notes),
         "verification_note": lambda task, kind: _verification_note(report, task, kind),
+        "summary": summary(report),
         "of_homes": _of_homes,
+        "comparable": _comparable,
         "splits_of": _splits,
         "grid": lambda rows, splits, measures: _cells(rows, [(split, m) for split in splits for m in measures]),
         "with_counts": _with_counts,
@@ -53,9 +57,61 @@ def html_text(report: StudyReport, pictures: dict[str, str]) -> str:
     return html_page(markdown(report, pictures), pictures)
 
 
+class Summary(NamedTuple):
+    """The first page of a report, and what the command prints."""
+
+    labels: list[str]
+    """Sentences without which no number may be read."""
+    heads: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    """The total success of people, agents, and people minus agents."""
+    remarks: list[str]
+    """Results of the primary hypotheses, and everything that is left out."""
+
+
+def summary(report: StudyReport) -> Summary:
+    """The totals, the primary hypotheses, and what is left out."""
+    labels = []
+    if report.is_pilot:
+        labels.append("Pilot: served without an ethics id. These figures are for planning only.")
+    if report.num_open:
+        labels.append(
+            f"Interim: {report.num_open} counted trials are not done. Do not let these figures decide when to stop."
+        )
+    labels += [*(f"{label}." for label in report.scene_labels), *report.warnings]
+    rows = []
+    for task, kind in _table_kinds(report):
+        of_task = _of_homes([row for row in report.rows if row.measure == "sr"], task, kind)
+        for label, cells in _cells(_comparable(of_task), [(split, "sr") for split in _splits(of_task)]):
+            total = cells[-1]
+            if total is None:
+                rows.append((f"{task.upper()}: {label}", _with_counts(cells)[-1], "", "", "", ""))
+            else:
+                people = "" if total.kind == "agent" else str(total.num_participants)
+                counts = (count_text(total), people, str(total.num_episodes), str(total.num_homes))
+                rows.append((f"{task.upper()}: {label}", interval_text(total), *counts))
+    remarks = [_result_of(row) for row in report.hypotheses]
+    remarks += [f"Left out: {left.run}: {left.reason}." for left in report.left_out_runs]
+    remarks += [
+        f"Left out: {how_many(left.n, 'trial')} of {left.who} ({left.task.upper()}): {left.reason}."
+        for left in report.left_out
+    ]
+    heads = ("who", "SR, total (%)", "count", "people", "episodes", "homes")
+    return Summary(labels, heads, rows, [" ".join(remark.split()) for remark in remarks])
+
+
+def _result_of(row: HypothesisRow) -> str:
+    """A primary hypothesis and its result in one line."""
+    if row.p is None or row.p_holm is None:
+        return f"{row.name}: {row.method}."
+    found = "difference shown" if row.is_shown else "no difference shown"
+    return f"{row.name}: {found}; {interval_text(row)}, p {p_text(row.p_holm)} (Holm)."
+
+
 def num_intervals(report: StudyReport) -> int:
-    """How many intervals the report prints."""
-    shown = [row for row in report.rows if row.measure not in WITHIN or row.split == TOTAL]
+    """How many intervals the tables of the report hold; the summary repeats some of them."""
+    tables = [_comparable(_of_homes(report.rows, task, kind)) for task, kind in _table_kinds(report)]
+    shown = [row for table in tables for row in table if row.measure not in WITHIN or row.split == TOTAL]
     effects = [row.effect for row in (*report.memory, *report.order)]
     blocks = report.blocks if report.order else ()
     found = (*shown, *report.hypotheses, *effects, *blocks, *report.sensitivity)
@@ -69,7 +125,9 @@ def power_markdown(report: PowerReport) -> str:
     }
     first, *others = by_spread[max(by_spread)]
     best = min([first, *(row for row in others if row.trials <= 1.05 * first.trials)], key=lambda row: row.width_total)
-    return filled("power.md.j2", told=report.assumptions, designs=by_spread, first=first, best=best)
+    return filled(
+        "power.md.j2", told=report.assumptions, num_homes=report.num_homes, designs=by_spread, first=first, best=best
+    )
 
 
 def csv_text(report: StudyReport) -> str:
@@ -81,7 +139,7 @@ def latex(report: StudyReport) -> str:
     """LaTeX tables with the paper's columns per split, and intervals and k/n beside the figures."""
     parts = []
     for task, kind in _table_kinds(report):
-        rows = _of_homes(report.rows, task, kind)
+        rows = _comparable(_of_homes(report.rows, task, kind))
         columns = [(split, measure) for split in _splits(rows) for measure in _PAPER[task]]
         heads = ["", *(f"{split} {measure.upper()}" for split, measure in columns)]
         lines = [[tex(label), *map(_tex_cell, cells)] for label, cells in _cells(rows, columns)]
@@ -98,11 +156,10 @@ def latex(report: StudyReport) -> str:
 
 
 def _with_counts(cells: Sequence[ReportRow | None]) -> list[str]:
-    """A line of splits and their total; the total names the number of splits where some are missing."""
+    """A line of splits and their total."""
     shown = [NOBODY if c is None else f"{interval_text(c, MEASURES[c.measure].digits)} {count_text(c)}" for c in cells]
-    num_done, num_splits = sum(cell is not None for cell in cells[:-1]), len(cells) - 1
-    if num_done < num_splits and cells[-1] is not None:
-        shown[-1] += f" ({num_done} of {num_splits} splits)"
+    if cells[-1] is None:
+        shown[-1] = f"no total: {sum(cell is not None for cell in cells)} of {len(cells) - 1} splits"
     return shown
 
 
@@ -114,6 +171,16 @@ def _table_kinds(report: StudyReport) -> list[tuple[TaskKind, str]]:
 def _of_homes(rows: Iterable[Any], task: TaskKind, kind: str) -> list[Any]:
     """The rows of one task and kind of home; answers on oracle maps stand in every table of their task."""
     return [row for row in rows if row.task == task and row.scene_kind in (kind, "oracle-map")]
+
+
+def _comparable(rows: Sequence[ReportRow]) -> list[ReportRow]:
+    """The rows without the totals of row names that lack a split of others: totals of different splits differ."""
+    splits: dict[str, dict[tuple[str, str], set[str]]] = {}
+    for row in rows:
+        splits.setdefault(row.measure, {}).setdefault((row.who, row.condition), set()).add(row.split)
+    most = {measure: set().union(*found.values()) for measure, found in splits.items()}
+    whole = [(row, splits[row.measure][row.who, row.condition] == most[row.measure]) for row in rows]
+    return [row for row, is_whole in whole if is_whole or row.split != TOTAL]
 
 
 def _splits(rows: Sequence[ReportRow]) -> list[str]:

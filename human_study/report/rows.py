@@ -108,7 +108,7 @@ def estimate_of(trials: Frame, measure: str, aggregate: Aggregate, *, is_differe
     on_log = told.is_skewed and not is_difference and aggregate.intervals == "homes"
     estimate = mean(found, on_log=on_log)
     least = -told.most if is_difference else 0.0
-    return replace(estimate, interval=estimate.interval and _possible(estimate.interval, least, told.most))
+    return replace(estimate, interval=estimate.interval and possible(estimate.interval, least, told.most))
 
 
 def counted_trials(trials: Frame, measure: str, aggregate: Aggregate) -> Trials:
@@ -123,6 +123,14 @@ def counted_trials(trials: Frame, measure: str, aggregate: Aggregate) -> Trials:
         shares=aggregate.split_sizes if aggregate.total == "dataset_weighted" else None,
         weight=aggregate.weight,
     )
+
+
+def possible(interval: Interval, low: float, high: float) -> Interval:
+    """The interval, cut to values from low to high."""
+    if interval.low >= low and interval.high <= high:
+        return interval
+    method = f"{interval.method}, cut to possible values"
+    return Interval(low=max(interval.low, low), high=min(interval.high, high), method=method)
 
 
 def no_interval(trials: Frame, aggregate: Aggregate) -> str:
@@ -188,11 +196,3 @@ def _row(
         share=share,
         scene_label=scene_label(group.scene_kind),
     )
-
-
-def _possible(interval: Interval, low: float, high: float) -> Interval:
-    """The interval, cut to values from low to high."""
-    if interval.low >= low and interval.high <= high:
-        return interval
-    method = f"{interval.method}, cut to possible values"
-    return Interval(low=max(interval.low, low), high=min(interval.high, high), method=method)

@@ -37,7 +37,7 @@ class StudyRecords:
     exclusions: tuple[ExclusionRow, ...] = ()
     survey: tuple[SurveyRow, ...] = ()
     dates: StudyDates | None = None
-    """None where they are not known: exports hold no dates."""
+    """None where they are not known, as in exports of earlier versions."""
     num_deleted: int = 0
     """People who withdrew and whose records were deleted."""
     is_pilot: bool = False
@@ -207,6 +207,7 @@ def read_records(folder: Path) -> StudyRecords:
         people=_lines(folder / _PARTICIPANTS_FILE, ParticipantRow),
         exclusions=_lines(folder / _EXCLUSIONS_FILE, ExclusionRow),
         survey=read_survey(folder),
+        dates=manifest.dates if manifest else None,
         num_deleted=manifest.num_deleted if manifest else 0,
         is_pilot=manifest.is_pilot if manifest else False,
         plan_changes=manifest.plan_changes if manifest else (),

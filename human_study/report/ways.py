@@ -7,6 +7,7 @@ import itertools
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from sim.homes.kind import scene_label
 from sim.tasks.run_files import EpisodeRun
 from sim.types import EpisodeKey
-from sim.walk.ways import Apart, apart, apart_from_path, parting_decision
+from sim.walk.ways import Apart, Decisions, apart, apart_from_path, parting_decision
 
 from ..export.text_tables import csv_lines
 from .measures import WAYS
@@ -89,20 +90,20 @@ def with_ways(group: TrialGroup, shortest: ShortestPaths) -> TrialGroup:
 
 def way_pairs(people: TrialGroup, other: TrialGroup) -> list[WayPair]:
     """All pairs of trials of one episode; `other` is an agent's group, or the people's own for pairs of people."""
-    first, second = _runs(people), _runs(other)
+    first, second = _walked(people), _walked(other)
     is_own = other is people
     return [
         WayPair(
             people,
             other,
             key,
-            name,
-            other_name if is_own else row_label(other.who, other.condition),
-            apart(_way(run), _way(other_run)),
-            parting_decision(run.decisions, other_run.decisions),
+            one.participant,
+            another.participant if is_own else row_label(other.who, other.condition),
+            apart(one.way, another.way),
+            parting_decision(one.decisions, another.decisions),
         )
         for key, runs in sorted(first.items())
-        for (name, run), (other_name, other_run) in (
+        for one, another in (
             itertools.combinations(runs, 2) if is_own else itertools.product(runs, second.get(key, ()))
         )
     ]
@@ -146,14 +147,20 @@ def _quartiles(values: Iterable[tuple[EpisodeKey, float]]) -> tuple[float, float
     return float(lower), float(median), float(upper)
 
 
-def _runs(group: TrialGroup) -> dict[EpisodeKey, list[tuple[str, EpisodeRun]]]:
-    """(participant, run) of each episode's PAN trials that have a run."""
-    found: dict[EpisodeKey, list[tuple[str, EpisodeRun]]] = defaultdict(list)
-    for key, participant, item in zip(
-        group.trials["key"], group.trials["participant"], group.trials["item"], strict=True
-    ):
+class _Walked(NamedTuple):
+    """What a trial walked."""
+
+    participant: str
+    way: NDArray[np.float64]
+    decisions: Decisions
+
+
+def _walked(group: TrialGroup) -> dict[EpisodeKey, list[_Walked]]:
+    """What was walked at each episode, in the PAN trials that have a run."""
+    found: dict[EpisodeKey, list[_Walked]] = defaultdict(list)
+    for participant, item in zip(group.trials["participant"], group.trials["item"], strict=True):
         if isinstance(item, EpisodeRun):
-            found[key].append((str(participant), item))
+            found[item.key].append(_Walked(str(participant), _way(item), item.decisions))
     return found
 
 

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import sqlite3
-import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -120,8 +119,6 @@ class StudyDates:
 
     frozen: str
     """Study file and plan were written to the records."""
-    read: str
-    """The records were read."""
     num_begun: int
     """Counted trials that somebody has begun, those of people who withdrew included."""
     first: str | None
@@ -199,7 +196,7 @@ class StudyReader:
             " USING(assignment_id) WHERE phase = 'main'"
         )
         first, last = (None if end is None else _day(end) for end in ends)
-        return StudyDates(_day(self.created_ns), _day(time.time_ns()), count, first, last)
+        return StudyDates(_day(self.created_ns), count, first, last)
 
     @property
     def app_version(self) -> str:

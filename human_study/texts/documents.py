@@ -5,6 +5,7 @@ The preregistration names hypotheses, design, sample, exclusions and analysis, i
 
 from collections import Counter
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 from sim.types import TaskKind
@@ -214,6 +215,7 @@ def _registered(config: StudyConfig, dates: StudyDates | None) -> dict[str, Any]
     begun = dates.num_begun if dates is not None else 0
     return {
         "dates": dates,
+        "today": datetime.now(UTC).date().isoformat(),
         "begun": f"{how_many(begun, 'counted trial')} {'was' if begun == 1 else 'were'}",
         "smallest_effect": open_place("smallest_effect")
         if effect is None

@@ -17,6 +17,8 @@ from .storeys import same_storey
 
 LIMIT = SUCCESS_RADIUS
 """Largest distance at which a run still follows a path, metres."""
+Decisions = Sequence[tuple[Action | None, Pose]]
+"""A run's start, without an action, and then each action with the pose after it."""
 _PIECE = 0.25
 """Longest piece into which a path is cut, metres: the robot's step. A long one can climb from storey to storey."""
 _SAME_PLACE, _SAME_ANGLE = 0.01, 0.01
@@ -86,14 +88,11 @@ def warped_distance(first: NDArray[np.float64], second: NDArray[np.float64]) -> 
     return max(0.0, float(row[-1]))
 
 
-def parting_decision(
-    first: Sequence[tuple[Action | None, Pose]], second: Sequence[tuple[Action | None, Pose]]
-) -> int | None:
+def parting_decision(first: Decisions, second: Decisions) -> int | None:
     """The first decision, from 1, at which two runs of an episode part; None for runs that do the same throughout.
 
-    Each run is its start (no action) and then each action with the pose after it. The runs part where their actions,
-    or the poses after them, differ; where one of them ended, by whatever reason, and the other went on, the decision
-    is the one that only one of them took. 0 = they start at different poses.
+    The runs part where their actions, or the poses after them, differ; where one of them ended, by whatever reason, and
+    the other went on, the decision is the one that only one of them took. 0 = they start at different poses.
     """
     for number, ((action, pose), (other_action, other_pose)) in enumerate(zip(first, second, strict=False)):
         if action != other_action or not _is_same(pose, other_pose):

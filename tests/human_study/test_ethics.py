@@ -234,7 +234,7 @@ def test_the_preregistration_takes_its_date_from_the_records(tmp_path: Path) -> 
         text = text_of(before)
         assert text.startswith("# Preregistration: pilot")
         assert f"were frozen in the study's records on {before.frozen}" in text
-        assert f"on {before.read}, nobody had begun a counted trial" in text
+        assert "nobody had begun a counted trial" in text
         begin_next(store, "p02")
         with read_study(tmp_path) as reader:
             after = reader.dates()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from human_study.design.plan import PlannedParticipant, PlannedTrial, StudyPlan, StudyScene, save_plan
-from human_study.design.study import StudyDataset, StudyDesign, StudyMemory, save_study
+from human_study.design.study import StudyAggregate, StudyDataset, StudyDesign, StudyMemory, save_study
 from human_study.report.power import PowerAssumptions, PowerDesign, PowerRow, alternatives, design_of, power_row
 from personal_viz.cli.study.plan import StudyPlanVerb
 from personal_viz.cli.verbs import parse
@@ -92,6 +92,18 @@ def test_a_study_file_gives_its_design() -> None:
     assert design_of(once).trials_per_person == 30
 
 
+def test_a_study_with_random_homes_is_simulated_with_them() -> None:
+    config = study_config(aggregate=StudyAggregate(intervals="homes"))
+    assert design_of(config).num_homes == 31
+    assert design_of(study_config()).num_homes is None
+    alike, apart = (
+        first_row(PowerDesign("one", 20, 20, 5, num_homes=homes), sd=0.5, simulations=60, home_share=0.4)
+        for homes in (None, 5)
+    )
+    assert apart.width_split > 1.2 * alike.width_split
+    assert apart.width_total > 1.2 * alike.width_total
+
+
 def test_alternatives_are_different_designs_and_say_what_they_spend() -> None:
     design = PowerDesign("mine", 25, 50, 5)
     found = alternatives(design)
@@ -131,6 +143,8 @@ def test_impossible_options_are_refused() -> None:
         StudyPlanVerb(power=True, base_rate=0.9, memory_gap=0.2).run()
     with pytest.raises(StudyError, match="raters times conditions people"):
         StudyPlanVerb(power=True, people=3, raters=5).run()
+    with pytest.raises(StudyError, match="0 or at least 2 homes"):
+        StudyPlanVerb(power=True, homes=1).run()
     with pytest.raises(StudyError, match="raters times conditions people"):
         StudyPlanVerb(power=True, people=5, raters=5, conditions=2).run()
 
@@ -163,7 +177,7 @@ def test_an_option_out_of_its_range_is_one_line(options: str, line: str) -> None
 
 def test_every_option_of_the_command_reaches_the_simulation(capsys: pytest.CaptureFixture[str]) -> None:
     options = "--people 8 --episodes 10 --raters 2 --conditions 2 --base-rate 0.6 --gap 0.2 --split-gap 0.12"
-    options += " --memory-gap 0.3 --person-sd 0.4 0.8 --episode-sd 1.1 --simulations 25 --seed 7 --json"
+    options += " --homes 4 --memory-gap 0.3 --person-sd 0.4 0.8 --episode-sd 1.1 --simulations 25 --seed 7 --json"
     assert parse(["study", "plan", "--power", *options.split()]).run() == 0
     found = json.loads(capsys.readouterr().out)
     assert found["assumptions"] == {
@@ -174,11 +188,13 @@ def test_every_option_of_the_command_reaches_the_simulation(capsys: pytest.Captu
         "person_sds": [0.4, 0.8],
         "episode_sd": 1.1,
         "agent_alike": 0.5,
+        "home_share": 0.15,
         "num_simulations": 25,
         "seed": 7,
     }
     assert (found["rows"][0]["design"], found["rows"][0]["trials"]) == ("8 people", 3 * 10 * 2 * 2)
     assert found["rows"][0]["power_memory"] is not None
+    assert found["num_homes"] == 4
 
 
 @pytest.mark.slow

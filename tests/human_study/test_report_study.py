@@ -12,13 +12,13 @@ from human_study.design.study import Condition, StudyAggregate
 from human_study.export.runs import study_facts
 from human_study.export.trial_table import TrialRow
 from human_study.report.counts import flow_counts
-from human_study.report.render import html_text, markdown
+from human_study.report.render import html_text, markdown, summary
 from human_study.report.report import NOBODY_YET, StudyReport, study_report
 from human_study.report.source import StudyRecords, own_agents, read_source
 from human_study.report.trials import trial_groups
 from personal_viz.cli.study.report import StudyReportVerb
 from sim.errors import PersonalVizError, RunFileError, StudyError
-from sim.tasks.run_files import Run
+from sim.tasks.run_files import Answer, Run
 
 from .report_examples import (
     KEYS,
@@ -217,7 +217,8 @@ def test_intervals_take_homes_for_random_as_the_study_says_and_episodes_in_studi
 
 def test_the_report_says_how_many_intervals_it_holds_and_gives_p_for_tests_only(found: StudyReport) -> None:
     text = markdown(found)
-    num_printed = len(re.findall(r" \[-?\d[\d.]*, -?\d[\d.]*\] ", text))
+    _, _, after = text.partition("## How to read the numbers")  # the summary repeats some
+    num_printed = len(re.findall(r" \[-?\d[\d.]*, -?\d[\d.]*\] ", after))
     assert f"holds {num_printed} intervals; they are not adjusted" in text
     tables = [line for line in text.splitlines() if " p |" in line or " p (" in line]
     assert all("p (Holm)" in line for line in tables)
@@ -366,6 +367,9 @@ def test_the_command_writes_all_files_with_the_same_bytes_twice(
         printed = capsys.readouterr().out
         if json_too:
             assert printed == (tmp_path / out / "report.json").read_text()
+        else:
+            assert max(map(len, printed.splitlines())) <= 80
+            assert f"The whole report: {tmp_path / out / 'report.html'}" in printed.replace("\n", "")
     files = {path.name: path.read_bytes() for path in (tmp_path / "one").iterdir()}
     assert files == {path.name: path.read_bytes() for path in (tmp_path / "two").iterdir()}
     pictures = {"flow.svg", "pan-order.svg", "pan-people.svg", "pan-episodes.svg", "pan-effort.svg"}
@@ -386,6 +390,31 @@ def test_the_command_writes_all_files_with_the_same_bytes_twice(
         assert outside not in page.replace("http://www.w3.org/", "").replace("https://matplotlib.org/", "").replace(
             "http://purl.org/", ""
         ).replace("http://creativecommons.org/", "")
+
+
+def test_the_command_prints_the_summary_within_80_columns(
+    tmp_path: Path, rows: list[TrialRow], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    write_export(tmp_path / "export", rows, CONFIG)
+    pointed = agent_run("pointer", 0, CONFIG, rate=0.5)
+    at = KEYS[0]._asdict()
+    answer = Answer(**at, candidates=((0.0, 1.0, 0.0),), measures=None, reason="technical")
+    pointed = pointed.model_copy(update={"episodes": (), "answers": (answer,)})
+    part = agent_run("part-with-a-name-that-is-far-too-long-for-a-column-of-a-terminal", 0, CONFIG, rate=0.5)
+    write_runs(tmp_path / "agents", [*AGENTS, pointed, part.model_copy(update={"episodes": part.episodes[:4]})])
+    StudyReportVerb(runs=[tmp_path / "export", tmp_path / "agents"], out=tmp_path / "out").run()
+    printed = capsys.readouterr().out
+    assert max(map(len, printed.splitlines())) <= 80
+    report = study_report([*people_runs(rows, CONFIG), *AGENTS], records=StudyRecords(CONFIG, tuple(rows)))
+    told = summary(report)
+    for row in told.rows:
+        assert row[1] in printed
+    assert "Left out: pointer-0: POG run in a PAN report." in printed
+    assert "no total: 1 of 3 splits" in printed
+    assert "human_minus_walker_SR: " in printed
+    text = (tmp_path / "out" / "report.md").read_text()
+    assert text.index("## Summary") < text.index("## How to read the numbers") < text.index("## Primary hypotheses")
 
 
 def test_pilots_and_studies_that_still_run_are_labelled(rows: list[TrialRow], found: StudyReport) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 from collections.abc import Sequence
 from types import SimpleNamespace
 
@@ -137,7 +138,7 @@ def test_the_checklist_counts_answers_to_the_survey_and_hides_small_numbers() ->
 
 def test_the_checklist_gives_the_response_rate_and_the_days() -> None:
     flow = [FlowCount(point=point, n=n, is_aside=False) for point, n in FLOW.items()]
-    dates = StudyDates("2027-01-10", "2027-03-01", 40, "2027-01-12", "2027-02-03")
+    dates = StudyDates("2027-01-10", 40, "2027-01-12", "2027-02-03")
     told = StudyReporting(place="A room of the university.")
     items = answers_of(StudyRecords(config=study_config(reporting=told), dates=dates), flow=flow)
     response = items["5.1 Response rate: invited, consented, finished?"].answer
@@ -160,6 +161,33 @@ def test_markdown_becomes_one_safe_page() -> None:
     assert "<figure>q.svg<figcaption>Q</figcaption></figure>" in page
     assert "<?xml" not in page
     assert "<p>see &lt;https://x.y&gt;</p>" in page
+
+
+def test_numbers_of_a_column_stand_digit_below_digit_and_texts_stay() -> None:
+    cells = ["9.0 [-1.5, 20.0] 9/20", "100.0 20/20", "45.5 [12.0, 8.0] 11/20", "p-1 and 2", "no such trials"]
+    text = "# T\n\n| h | i |\n|---|---|\n" + "".join(f"| r | {cell} |\n" for cell in cells)
+    found = re.findall("<td>(.*)</td>", html_page(text, {}))
+    space = "\u2007"
+    assert found == [
+        f"{2 * space}9.0 [\u22121.5, 20.0] {space}9/20",
+        "100.0 20/20",
+        f"{space}45.5 [12.0, {space}8.0] 11/20",
+        *cells[3:],
+    ]
+
+
+def test_a_long_page_has_contents_after_its_first_section_and_prints_without_them() -> None:
+    names = ["Summary", "Flow <of> people", "Tables", "Runs"]
+    page = html_page("# T\n\n" + "".join(f"## {name}\n\ntext of {number}\n\n" for number, name in enumerate(names)), {})
+    before, _, after = page.partition("<nav")
+    assert "text of 0" in before
+    assert '<h2 id="section-2">' in after.partition("</nav>")[2]
+    assert re.findall('<a href="#(.*)">(.*)</a>', page) == [
+        (f"section-{number}", name.replace("<", "&lt;").replace(">", "&gt;"))
+        for number, name in enumerate(names, start=1)
+    ]
+    assert re.search(r"@media print \{.*nav \{ display: none; \}", page, re.DOTALL)
+    assert "<nav" not in html_page("# T\n\n## One\n\n## Two\n", {})
 
 
 def test_numbers_and_cells_are_written_safely() -> None:

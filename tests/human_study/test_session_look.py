@@ -12,6 +12,7 @@ from human_study.trial.commands import (
     PageChanged,
     PressStop,
     Resume,
+    ShowNames,
     ShowStorey,
     Start,
     Tick,
@@ -319,3 +320,20 @@ def test_a_session_that_is_rebuilt_in_mid_look_has_taken_no_step() -> None:
     update = session.handle(CloseMap(), 30.0)
     assert isinstance(update.view, PanView)
     assert update.view.step == 0
+
+
+@pytest.mark.parametrize("kind", ["pan", "pog"])
+def test_names_that_were_asked_for_are_stored_and_still_there_after_a_reload(kind: TaskKind) -> None:
+    terms = TrialTerms(look=Look("glb" if kind == "pan" else "home"))
+    session = new_session(kind, terms)
+    events = driven(session, [(Start(), 0.0), (ShowNames(True), 1.0), (ShowNames(False), 2.0), (ShowNames(True), 3.0)])
+    assert [event.kind for event in events][-3:] == ["names_on", "names_off", "names_on"]
+    assert session.view(3.0).has_names
+    for stored, has_names in ((events, True), (events[:-1], False)):
+        again, _ = resumed(kind, terms, stored)
+        assert again.view(0.0).has_names == has_names
+
+
+def test_nobody_asks_for_names_while_walking() -> None:
+    events = driven(new_session("pan"), [(Start(), 0.0), (ShowNames(True), 1.0)])
+    assert [event.kind for event in events][-1] == "dropped"

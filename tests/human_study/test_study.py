@@ -258,6 +258,9 @@ def test_choices_of_pointing_do_not_change_a_study_that_leaves_them_as_they_were
     assert "pointing" not in study(pog={"pointing": "free"}).canonical_json()
     assert study(pog={"pointing": "free"}).study_version == study(pog={}).study_version
     assert study(pog={"pointing": "snap"}).study_version != study(pog={}).study_version
+    same = {"pog": {"room_names": "off", "object_names": "auto"}, "storey_names": "numbers"}
+    assert study(**same).study_version == study(pog={}).study_version
+    assert study(pog={"object_names": "on"}).study_version != study(pog={}).study_version
 
 
 def test_a_survey_needs_a_page_that_asks_for_consent() -> None:

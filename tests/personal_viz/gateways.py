@@ -26,7 +26,7 @@ from personal_viz.study_app.gateway.admission import Admission, PayFile, Tickets
 from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.http import PromptProtocol, listen, served_in_thread, uvicorn_server
 from personal_viz.study_app.gateway.options import ServeOptions
-from personal_viz.study_app.gateway.pages import Pages
+from personal_viz.study_app.gateway.pages import Pages, message_page
 from personal_viz.study_app.worker_door import WorkerDoor
 from sim.errors import StudyError
 
@@ -123,8 +123,8 @@ class NoPages:
         """There is nothing to leave."""
 
     def message(self, name: str) -> str:
-        """Names the page, and the script of the entry page."""
-        return f"/static/{name}.js"
+        """The page itself."""
+        return message_page(name, self.words)
 
     def answer(self, code: str, form: dict[str, str]) -> None:
         """Nothing was asked."""

@@ -12,7 +12,7 @@ import pytest
 
 from human_study.texts.catalogue import catalogue_of
 from human_study.trial.commands import ShowStorey
-from personal_viz.study_app.home.surfaces import VIEW_ANGLE, framing_distance
+from personal_viz.study_app.home.surfaces import VIEW_ANGLE, Surface, framing_distance, place_camera
 from personal_viz.study_app.screens.camera import (
     ELEVATIONS,
     TURN,
@@ -176,3 +176,65 @@ def test_a_flat_square_straight_in_front_is_framed_by_hand() -> None:
     # 2 m wide and without depth: its ends are 45 degrees apart at 1 / tan(22.5) m, and the view shows 4 % more
     distance = framing_distance((2.0, 0.0, 0.0), fov=math.radians(45), aspect=1.0)
     assert distance == pytest.approx(1.04 / math.tan(math.radians(22.5)))
+
+
+class WindowCamera(Camera):
+    """A camera of a window with a shape."""
+
+    fov = math.radians(75)
+    aspect = 1.6
+    up_direction: Any = None
+
+
+class FlatHome(Surface):
+    """A home of two storeys, 10 m wide and 2 m deep, of which nothing is drawn."""
+
+    is_map = False
+
+    def _floor(self, index: int) -> float:
+        return 3.0 * index
+
+    def _look_at_home(self, index: int) -> None:
+        camera = self._client.camera
+        distance = framing_distance((10.0, 2.0, 2.0), fov=camera.fov, aspect=camera.aspect)
+        place_camera(camera, (0.0, self._floor(index), 0.0), (0.0, 0.0, distance))
+
+    def _show(self, index: int) -> None: ...
+
+    def _mark_at(self, position: Any, label: str) -> list[Any]:
+        return []
+
+    def _mark_on(self, position: Any, label: str, item: Any) -> list[Any]:
+        return []
+
+
+def flat_home() -> tuple[FlatHome, Any]:
+    """A home in a browser, and the browser's camera."""
+    camera: Any = WindowCamera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+    client: Any = SimpleNamespace(camera=camera, flush=lambda: None)
+    return FlatHome(client), camera
+
+
+def test_the_camera_goes_up_with_the_storeys_and_keeps_its_view() -> None:
+    home, camera = flat_home()
+    home.show_storey(0)
+    zoom(camera, "in")
+    before = camera.position - camera.look_at
+    home.show_storey(1)
+    assert camera.look_at == pytest.approx((0.0, 3.0, 0.0))
+    assert camera.position - camera.look_at == pytest.approx(before)
+
+
+def test_a_window_that_changes_its_shape_gets_its_own_first_look_until_somebody_has_moved() -> None:
+    home, camera = flat_home()
+    home.show_storey(0)
+    wide = float(camera.position[2])
+    camera.aspect = 0.8
+    asyncio.run(home.camera_moved(camera))
+    narrow = float(camera.position[2])
+    assert narrow > 1.5 * wide
+    zoom(camera, "in")
+    own = camera.position.copy()
+    camera.aspect = 1.6
+    asyncio.run(home.camera_moved(camera))
+    assert camera.position == pytest.approx(own)

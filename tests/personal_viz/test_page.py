@@ -201,7 +201,7 @@ def test_a_paragraph_marks_names_only_on_demand_and_is_escaped() -> None:
     assert "<b>" not in shown
     assert "&lt;b&gt; &amp; " in shown
     assert 'data-tool="names"' in shown
-    assert 'aria-pressed="false">Highlight names</button>' in shown
+    assert 'data-after="Remove highlights"><span>Highlight names</span></span></button>' in shown
 
 
 def test_a_paragraph_without_names_of_the_query_has_no_button() -> None:

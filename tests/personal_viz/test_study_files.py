@@ -104,8 +104,26 @@ def test_marks_go_to_objects_only_where_the_files_of_a_scan_tell_of_objects(tmp_
     shutil.copy(demo_root / "scenes" / "Demo.glb", scans)
     with pytest.raises(StudyError, match=r"pog\.pointing is 'snap', but no file tells .* expected Demo\.semantic\.glb"):
         StudyPlanVerb(study=study, dataset=demo_root, scenes_dir=scans, pilot=True).run()
+    (study / STUDY_FILE).write_text(file.replace("object_names: auto", "object_names: demand"), encoding="utf-8")
+    with pytest.raises(StudyError, match=r"pog\.object_names is 'demand', but no file tells .* Take .*: off"):
+        StudyPlanVerb(study=study, dataset=demo_root, scenes_dir=scans, pilot=True).run()
     assert not (study / PLAN_FILE).exists()
-    assert StudyPlanVerb(study=study, dataset=demo_root, pilot=True).run() == 0  # the plan tells of its objects
+    file = file.replace("pointing: free", "pointing: snap").replace("room_names: 'off'", "room_names: 'on'")
+    (study / STUDY_FILE).write_text(file, encoding="utf-8")
+    assert load_study(study).pog.room_names == "on"
+    assert StudyPlanVerb(study=study, dataset=demo_root, pilot=True).run() == 0  # the plan tells of objects and rooms
+
+
+def test_rooms_of_a_scan_have_no_names(tmp_path: Path, demo_root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    study, scans = tmp_path / "study", tmp_path / "scans"
+    StudyInit(study=study, dataset=demo_root, per_split=1, task=("pog",)).run()
+    file = (study / STUDY_FILE).read_text(encoding="utf-8").replace("room_names: 'off'", "room_names: demand")
+    (study / STUDY_FILE).write_text(file, encoding="utf-8")
+    scans.mkdir()
+    shutil.copy(demo_root / "scenes" / "Demo.glb", scans)
+    monkeypatch.setattr("personal_viz.study_app.study_files.scene_kind", lambda *_: "scan")
+    with pytest.raises(StudyError, match=r"pog\.room_names is 'demand', but Demo is a scan, .* expected off"):
+        StudyPlanVerb(study=study, dataset=demo_root, scenes_dir=scans, pilot=True).run()
 
 
 def test_marks_that_an_earlier_version_planned_are_not_shown_to_anybody_new(tmp_path: Path) -> None:

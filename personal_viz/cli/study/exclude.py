@@ -19,7 +19,10 @@ class StudyExclude:
 
     study: Positional[Path]
     who: Annotated[
-        Positional[str], arg(metavar="p03|p03/12", help="A participant, or one trial: its place in the order.")
+        Positional[str],
+        arg(
+            metavar="p03|p03/12", help="A participant as study status shows them, or one trial: its place in the order."
+        ),
     ]
     rule: Annotated[str, arg(help="Id of the rule; those written down before data are in preregistration.md.")]
     reason: Annotated[str | None, arg(help="Why it applies here; published, so name nobody.")] = None

@@ -39,6 +39,9 @@ class StudyPlanVerb:
     conditions: Annotated[
         int, arg(help="--power without a study: number of conditions, such as 2 (without and with memory).")
     ] = 1
+    homes: Annotated[
+        int, arg(help="--power without a study: homes, random in intervals; 0 = only episodes are random.")
+    ] = 31
     base_rate: Annotated[float, arg(help="--power: success rate of people.")] = 0.65
     gap: Annotated[float, arg(help="--power: how much worse an agent is than people.")] = 0.15
     split_gap: Annotated[float, arg(help="--power: difference between two splits.")] = 0.10
@@ -86,13 +89,20 @@ class StudyPlanVerb:
             design = design_of(config, load_plan(self.study, config) if (self.study / PLAN_FILE).is_file() else None)
         else:
             people, episodes, raters, conditions = self.people, self.episodes, self.raters, self.conditions
-            if min(people, episodes, raters, conditions) < 1 or raters * conditions > people:
+            if (
+                min(people, episodes, raters, conditions) < 1
+                or raters * conditions > people
+                or self.homes < 0
+                or self.homes == 1
+            ):
                 raise StudyError(
-                    f"study plan --power: found {people} people, {episodes} episodes, {raters} raters and {conditions} "
-                    "conditions; expected each at least 1, and at least raters times conditions people. Change one of "
-                    "them."
+                    f"study plan --power: found {people} people, {episodes} episodes, {raters} raters, {conditions} "
+                    f"conditions and {self.homes} homes; expected each at least 1, at least raters times conditions "
+                    "people, and 0 or at least 2 homes. Change one of them."
                 )
-            design = PowerDesign(f"{people} people", people, episodes, raters, num_conditions=conditions)
+            design = PowerDesign(
+                f"{people} people", people, episodes, raters, num_conditions=conditions, num_homes=self.homes or None
+            )
         fields = {
             "base_rate": self.base_rate,
             "agent_gap": self.gap,

@@ -1,6 +1,7 @@
 """Verb `study report`: writes a study's figures as tables and pictures."""
 
 import itertools
+import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,15 +9,17 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from rich.text import Text
 from tyro.conf import Positional, arg
 
 from human_study.report.glmm import glmm_csv, glmm_script
 from human_study.report.measures import WAYS
 from human_study.report.overlays import floors_needed, overlay_keys, overlay_name, overlay_svg
-from human_study.report.render import csv_text, html_text, latex, markdown
+from human_study.report.render import csv_text, html_text, latex, markdown, summary
 from human_study.report.report import ReportGroups, StudyReport, report_groups, report_of
 from human_study.report.source import ReportSource, read_source
 from human_study.report.ways import ShortestPaths, ways_csv
+from personal_viz.printed import Console
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
 from sim.homes.open_home import open_scene
@@ -29,9 +32,11 @@ from sim.types import ClutterLevel, EpisodeKey, SuccessRule, TaskKind
 from sim.walk.storeys import nearest_storey
 
 from ..options import Evidence, ScenesDir
-from ..output import say, write_report
+from ..output import say, table_of, write_report
 from ..refusals import check_options, require_same_dataset
 
+COLUMNS = 80
+"""Width of what the command prints."""
 CHOSEN_OVERLAYS = 4
 """Number of episodes of each task to draw from above unless all are asked for."""
 
@@ -82,11 +87,27 @@ class StudyReportVerb:
         document = found.model_dump_json(indent=2) + "\n"
         files = _texts(found, groups, pictures) | {"report.json": document} | pictures
         write_report(self.out, files, earlier=("overlay-*.svg",))
-        print(
-            document if self.json else f"{files['report.md']}\nWritten to {self.out}: {', '.join(files)}",
-            end="" if self.json else "\n",
-        )
+        if self.json:
+            print(document, end="")
+        else:
+            _print_summary(found)
+            others = ", ".join(name for name in files if name != "report.html")
+            _console().print(Text(f"The whole report: {self.out / 'report.html'}. In the same folder: {others}."))
         return 0
+
+
+def _console() -> Console:
+    return Console(file=sys.stdout, width=COLUMNS)
+
+
+def _print_summary(found: StudyReport) -> None:
+    """Prints the report's summary within `COLUMNS`."""
+    told, console = summary(found), _console()
+    for line in told.labels:
+        console.print(Text(line, "bold"))
+    console.print(table_of(told.heads, told.rows))
+    for line in told.remarks:
+        console.print(Text(line, overflow="fold"))
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,9 @@ class StudyWithdraw:
     """Withdraw a participant who asked you to; what was done is deleted if the study file says so."""
 
     study: Positional[Path]
-    participant: Annotated[Positional[str], arg(metavar="p02", help="The code that study status shows.")]
+    participant: Annotated[
+        Positional[str], arg(metavar="p02", help="The code that study status shows; exports number people anew.")
+    ]
 
     def run(self) -> int:
         config = load_study(self.study)

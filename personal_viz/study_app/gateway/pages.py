@@ -16,7 +16,7 @@ from markupsafe import Markup
 from human_study.design.study import Condition, StudyConfig
 from human_study.journey import Journey, Person, Place, Stage, has_reached, journey_of, last_detail
 from human_study.store.store import StudyStore
-from human_study.texts.catalogue import catalogue_of
+from human_study.texts.catalogue import Catalogue, catalogue_of
 from human_study.texts.participants import (
     CONSENT_FILE,
     DEBRIEFING_FILE,
@@ -72,14 +72,7 @@ class Pages:
         self._locks: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
         self.words = catalogue_of(store.config.language)
         """Short texts in the study's language."""
-        self._templates = jinja2.Environment(
-            loader=jinja2.FileSystemLoader(TEMPLATES),
-            undefined=jinja2.StrictUndefined,
-            autoescape=True,
-            trim_blocks=True,
-            lstrip_blocks=True,
-        )
-        self._templates.globals["words"] = self.words
+        self._templates = _environment(self.words)
 
     @property
     def _config(self) -> StudyConfig:
@@ -114,9 +107,7 @@ class Pages:
 
     def message(self, name: str) -> str:
         """A page that belongs to no place in the study: `enter`, `paused`."""
-        template = self._templates.get_template(f"{name}.html")
-        least = {"width": round(SMALLER * MIN_WIDTH), "height": round(SMALLER * MIN_HEIGHT)}
-        return template.render(parts=(), part=0, base="", place="", may_leave=False, **least)
+        return message_page(name, self.words)
 
     def answer(self, code: str, form: Mapping[str, str]) -> None:
         """Stores the answer of a form; does nothing where the form answers another state than the present one.
@@ -326,6 +317,25 @@ class Pages:
         assert question is not None
         if answer in question.answers:
             quiz.answer(answer)
+
+
+def message_page(name: str, words: Catalogue) -> str:
+    """A page that belongs to no place in a study in this language: `enter`, `paused`."""
+    least = {"width": round(SMALLER * MIN_WIDTH), "height": round(SMALLER * MIN_HEIGHT)}
+    template = _environment(words).get_template(f"{name}.html")
+    return template.render(parts=(), part=0, base="", place="", may_leave=False, **least)
+
+
+def _environment(words: Catalogue) -> jinja2.Environment:
+    found = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        undefined=jinja2.StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.globals["words"] = words
+    return found
 
 
 def _may_leave(journey: Journey) -> bool:

@@ -39,6 +39,8 @@ _OUTLINE = 0.03
 _CORNERS = [(x, y, z) for y in (-1, 1) for x, z in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
 _EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
 """The corners of a box, the lower four first, and its edges as pairs of them."""
+_SAME_SHAPE = 1e-3
+"""Windows whose width over height differs by less have the same shape."""
 _FIT = 1.04
 """The first view shows this many times the size of the home or its map."""
 _ABOVE = 0.02
@@ -113,8 +115,11 @@ class Surface(ABC):
         self._client = client
         self._nodes: list[Any] = []
         self._mark: list[Any] = []
+        self._index = 0
         self._floor_y: float | None = None
         """Floor height of the shown storey; None before the first one."""
+        self._first_look: tuple[float, Vector3] | None = None
+        """The window's width over its height at the first look, and the camera's place; None before it."""
 
     def show_storey(self, index: int) -> None:
         """Shows one storey, without a mark.
@@ -126,13 +131,20 @@ class Surface(ABC):
         self._floor_y = floor_y
         camera = self._client.camera
         if before is None:
-            self._look_at_home(index)
+            self._look_first(index)
         elif before != floor_y:
             target = np.asarray(camera.look_at, float)
             offset = np.asarray(camera.position, float) - target
             place_camera(camera, target + np.array([0.0, floor_y - before, 0.0]), offset)
+        self._index = index
         self._show(index)
         self._client.flush()
+
+    def _look_first(self, index: int) -> None:
+        self._look_at_home(index)
+        camera = self._client.camera
+        x, y, z = np.asarray(camera.position, float).tolist()
+        self._first_look = float(camera.aspect), (x, y, z)
 
     @abstractmethod
     def _floor(self, index: int) -> float:
@@ -146,8 +158,17 @@ class Surface(ABC):
     def _show(self, index: int) -> None:
         """Shows a storey."""
 
-    async def camera_moved(self, camera: viser.CameraHandle) -> None:  # noqa: B027 - only `PictureView` draws then
-        """Hears of each move of the browser's camera."""
+    async def camera_moved(self, camera: viser.CameraHandle) -> None:
+        """Hears of each change of the browser's camera; a window of another shape gets its own first look.
+
+        A window tells its shape late: the panel docks after the page was opened. Nobody's own view is changed.
+        """
+        if self._first_look is None:
+            return
+        aspect, position = self._first_look
+        if abs(aspect - camera.aspect) > _SAME_SHAPE and np.allclose(camera.position, position, atol=1e-3):
+            self._look_first(self._index)
+            self._client.flush()
 
     def show_mark(self, position: Vector3, label: str, item: MarkedObject | None = None) -> None:
         """Puts the participant's mark there, and takes an older one away; an object under it is outlined and named."""
@@ -191,18 +212,19 @@ class HomeSurface(Surface):
         """Shows nothing yet; light is off because the homes carry theirs."""
         super().__init__(client)
         self._copies, self._names_of = copies, names_of
-        self._names, self._asks_names, self._storey = HomeNames(client), False, 0
+        self._names, self._asks_names = HomeNames(client), False
         client.scene.configure_default_lights(True, cast_shadow=False)
 
     async def camera_moved(self, camera: viser.CameraHandle) -> None:
         """Lays out the names anew."""
+        await super().camera_moved(camera)
         await self._names.camera_moved()
 
     def ask_names(self, *, is_asked: bool) -> None:
         """Shows the names that are shown on demand, or takes them away."""
         if is_asked != self._asks_names:
             self._asks_names = is_asked
-            self._names.show(self._names_of(self._storey, is_asked))
+            self._names.show(self._names_of(self._index, is_asked))
 
     def remove(self) -> None:
         """Takes everything out of the browser."""
@@ -215,7 +237,6 @@ class HomeSurface(Surface):
         self._names.keep_free(None)
 
     def _show(self, index: int) -> None:
-        self._storey = index
         self._show_home(index)
         self._names.show(self._names_of(index, self._asks_names))
 

@@ -357,9 +357,10 @@ def description_html(description: str, query: str, words: Catalogue) -> str:
     pattern = "|".join(rf"\b{re.escape(name)}\b" for name in names_in(query, description))
     tool, parts = "", [description]
     if pattern:
+        on, off = (html.escape(words(f"task.names_{state}")) for state in ("on", "off"))
         tool = (
-            f'<button type="button" data-tool="names" data-other="{html.escape(words("task.names_off"))}" '
-            f'aria-pressed="false">{html.escape(words("task.names_on"))}</button>'
+            f'<button type="button" data-tool="names" data-other="{off}" aria-pressed="false">'
+            f'<span class="personal-room" data-before="{on}" data-after="{off}"><span>{on}</span></span></button>'
         )
         parts = re.split(f"({pattern})", description)
     escaped = [html.escape(part) for part in parts]
