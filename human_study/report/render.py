@@ -97,7 +97,7 @@ def summary(report: StudyReport) -> Summary:
         for left in report.left_out
     ]
     heads = ("who", "SR, total (%)", "count", "people", "episodes", "homes")
-    return Summary(labels, heads, rows, remarks)
+    return Summary(labels, heads, rows, [" ".join(remark.split()) for remark in remarks])
 
 
 def _result_of(row: HypothesisRow) -> str:

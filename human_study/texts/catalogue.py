@@ -8,6 +8,7 @@ import datetime
 import functools
 import hashlib
 import math
+import re
 import string
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -48,6 +49,14 @@ class Catalogue:
     def __call__(self, key: str, **places: object) -> str:
         """The short text with this key, with its places filled in; plain text, not HTML."""
         return self.texts[key].format(**places)
+
+    def pattern(self, key: str, **places: object) -> str:
+        """A regular expression for a shown text, in which each place that is not given is a group."""
+        parts = string.Formatter().parse(self.texts[key])
+        return "".join(
+            re.escape(before) + ("" if name is None else re.escape(str(places[name])) if name in places else "(.+?)")
+            for before, name, _, _ in parts
+        )
 
     def under(self, *tables: str) -> dict[str, str]:
         """The unfilled texts of some tables by key, for scripts in the browser; and `language`."""

@@ -1,18 +1,17 @@
-"""Answers the pages of a study that are HTML forms; a bot finds buttons by their labels, as people do.
-
-Cards between trials have buttons with the same labels.
-"""
+"""Answers the pages of a study that are HTML forms; a bot finds buttons by their labels, as people do."""
 
 import contextlib
 import http.client
 import json
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from html.parser import HTMLParser
 from typing import NamedTuple
 from urllib.parse import urlencode, urlsplit
 
-from human_study.design.study import StudyConfig
+from human_study.design.study import Language, StudyConfig
+from human_study.texts.catalogue import catalogue_of
 from human_study.texts.quiz import questions_for
 from sim.errors import StudyError
 from sim.types import TaskKind
@@ -23,10 +22,11 @@ MOST_PAGES = 200
 """Largest number of pages in a row; a bot that answers more goes round in circles."""
 DEVICE = {"webgl2": "1", "width": "1280", "height": "800", "pressed": "1"}
 """Fields that a bot's browser sends from the device check."""
-LEADS_ON = (r"^begin", r"^start", r"^next", r"^continue$", r"^go on", r"^i agree", r"^i have read", r"^try again")
-LEADS_ON = (*LEADS_ON, r"^send my answers")
-"""Patterns of labels that lead on, the likeliest first."""
-_COMPLETION_CODE = re.compile(r'aria-label="Completion code">([^<]+)<')
+_LEADS_ON = (
+    *("device.continue", "consent.agree", "instructions.read", "instructions.start", "page.next", "page.go_on"),
+    *("survey.send", "problem.paused.again"),
+)
+"""Words of the buttons that lead on; no page has two of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,12 +84,15 @@ def open_session(link: str) -> Session:
         ) from None
 
 
-def answer_pages(session: Session, answers: frozenset[str] = frozenset()) -> LastPage | None:
+def answer_pages(
+    session: Session, answers: frozenset[str] = frozenset(), *, language: Language = "en"
+) -> LastPage | None:
     """Answers page after page.
 
     Args:
         session: The participant's session.
         answers: The right answers to the quiz.
+        language: The study's language.
 
     Returns:
         None if viser's page comes next, else the page from which nothing leads on.
@@ -97,6 +100,9 @@ def answer_pages(session: Session, answers: frozenset[str] = frozenset()) -> Las
     Raises:
         StudyError: A page has no answer, or the gateway does not answer.
     """
+    words = catalogue_of(language)
+    labels = [*answers, *(words(key) for key in _LEADS_ON)]
+    completion_code = re.compile(f'aria-label="{re.escape(words("end.completion_code"))}">([^<]+)<')
     path, fields = session.page, None
     for _ in range(MOST_PAGES):
         body = None if fields is None else urlencode(fields)
@@ -107,13 +113,13 @@ def answer_pages(session: Session, answers: frozenset[str] = frozenset()) -> Las
             path, fields = reply.where, None
             continue
         form = _Page(reply.text)
-        pressed = form.press(answers)
+        pressed = form.press(labels)
         if reply.status != 200 or not form.place:
             raise StudyError(
                 f"{session.origin}: a page answered with {reply.status}; expected one that a bot can read."
             )
         if pressed is None:
-            code = _COMPLETION_CODE.search(reply.text)
+            code = completion_code.search(reply.text)
             return LastPage(form.place, code.group(1) if code else None)
         path, fields = pressed
     raise StudyError(f"{session.origin}: {MOST_PAGES} pages came one after the other; expected an end of them.")
@@ -162,13 +168,9 @@ class _Page(HTMLParser):
         self._in_button = False
         self.feed(text)
 
-    def press(self, answers: frozenset[str]) -> tuple[str, dict[str, str] | None] | None:
-        """(address, fields to post or None) of the button that leads on; None if none does."""
-        for pattern in [*(f"^{re.escape(answer)}$" for answer in answers), *LEADS_ON]:
-            for button in self._buttons:
-                if re.search(pattern, button.label.strip(), re.IGNORECASE):
-                    return self._sent(button)
-        return None
+    def press(self, labels: Collection[str]) -> tuple[str, dict[str, str] | None] | None:
+        """(address, fields to post or None) of the button with one of these labels; None if there is none."""
+        return next((self._sent(button) for button in self._buttons if button.label.strip() in labels), None)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         """Notes forms, their hidden fields and their buttons."""

@@ -7,12 +7,12 @@ from typing import Any
 import msgspec
 import zstandard
 
+from human_study.texts.catalogue import ENGLISH, Catalogue, catalogue_of
 from sim.tasks.run_files import Vector3
 
 from ..study_app.page_script import LABEL
 
 _STEP_SHOWN = re.compile(r'data-step="(\d+)"')
-_STEP_COUNTED = re.compile(r"Step (\d+) of (\d+)")
 _SEAT = re.compile(r"personalPage\.begin\((?:&quot;|\")([\w-]+)(?:&quot;|\")")
 _TAGS = re.compile(r"<style>.*?</style>|<[^>]*>", re.DOTALL)
 _GOES_ON = "personalPage.goOn()"
@@ -20,8 +20,8 @@ _HEAD_BYTES = 16
 """Two numbers of 8 bytes come before the compressed part: its size before and after (viser's wire format)."""
 _IMAGE_HEAD = 1200
 """Number of characters of an element's HTML that may hold the step; the picture's bytes come after them."""
-_END_LOOK, _CONFIRM = r"^show what to find", r"^confirm the mark"
-"""Labels of the buttons that only the look screen and the POG screen have."""
+_END_LOOK, _CONFIRM = "look.home_begin", "pog.confirm"
+"""Words of the buttons that only the look screen and the POG screen have."""
 _MARKS = ("/mark", "/mark/dot")
 """Names of the node at the participant's mark, in the 3-D home and on its map."""
 _SURFACES = ("/home", "/map")
@@ -52,6 +52,8 @@ class Element:
 class BotPage:
     """The present elements, the steps of the PAN screen, and the mark and surface of the POG screen."""
 
+    words: Catalogue = field(default_factory=lambda: catalogue_of(ENGLISH))
+    """The study's language, by which buttons are found."""
     elements: dict[str, Element] = field(default_factory=dict)
     """By viser's uuid, in the order in which they came."""
     step_shown: int | None = None
@@ -121,12 +123,15 @@ class BotPage:
         found = [element for element in self.elements.values() if element.kind == kind and element.is_usable]
         return sorted(found, key=lambda element: element.props.get("order", 0))
 
-    def button(self, pattern: str) -> Element | None:
-        """The first usable button whose label matches in any case."""
-        for element in self.of_kind("GuiButtonMessage"):
-            if re.search(pattern, element.label, re.IGNORECASE):
-                return element
-        return None
+    def button(self, key: str, **places: object) -> Element | None:
+        """The first usable button whose label is this word, with anything in the places that are not given."""
+        pattern = self.words.pattern(key, **places)
+        buttons = self.of_kind("GuiButtonMessage")
+        return next((element for element in buttons if re.fullmatch(pattern, element.label)), None)
+
+    def says(self, key: str) -> bool:
+        """Whether the page shows this text."""
+        return re.search(self.words.pattern(key), self.text) is not None
 
     def storey_button(self, index: int) -> Element | None:
         """The button of a storey, counted from the lowest, whatever its name; None where there is only one storey.
@@ -134,8 +139,8 @@ class BotPage:
         The buttons of storeys are the first ones of the screens on which one sees a home.
         """
         buttons = list(self.of_kind("GuiButtonMessage"))
-        ends = re.compile(f"{_END_LOOK}|{_CONFIRM}", re.IGNORECASE)
-        count = next((place for place, button in enumerate(buttons) if ends.search(button.label)), 0)
+        ends = (self.words(_END_LOOK), self.words(_CONFIRM))
+        count = next((place for place, button in enumerate(buttons) if button.label in ends), 0)
         return buttons[index] if index < count else None
 
     @property
@@ -159,7 +164,7 @@ class BotPage:
                 self._read(message["updates"].get("content"))
         elif "props" in message:
             self.elements[uuid] = Element(uuid, kind, dict(message["props"]))
-            if re.search(f"{_END_LOOK}|{_CONFIRM}", self.elements[uuid].label, re.IGNORECASE):
+            if self.elements[uuid].label in (self.words(_END_LOOK), self.words(_CONFIRM)):
                 self.has_surface = False  # it comes after the buttons; what is there is the last screen's
             self._read(message["props"].get("content"))
 
@@ -187,7 +192,7 @@ class BotPage:
         if "data:image/jpeg" in content and (shown := _STEP_SHOWN.search(content[:_IMAGE_HEAD])):
             self.step_shown = int(shown.group(1))
             self.num_frames += 1
-        elif counted := _STEP_COUNTED.search(content):
+        elif counted := re.search(self.words.pattern("pan.step"), content):
             self.step_counted = int(counted.group(1))
 
 

@@ -67,7 +67,7 @@ class PanBot(Bot):
         """Presses STOP twice, at a person's pace and not before the last picture."""
         await self._until(lambda: not self._awaited or not self._page.is_walking)
         await self._send(Action.STOP, awaited=False)
-        await self._until(lambda: self._page.button(r"^stop here: press again") is not None)
+        await self._until(lambda: self._page.button("pan.press_again") is not None)
         await asyncio.sleep(PRESS_GAP_S)
         await self._send(Action.STOP, awaited=False)
         if not await self._until(lambda: not self._page.is_walking):

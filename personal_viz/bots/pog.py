@@ -68,7 +68,7 @@ class PogBot(Bot):
         if self._answer is not None:
             self._answered(self._answer, now_s)
             self._answer = None
-        elif self._on_way and page.button("^next trial") is not None:  # the time was up between click and mark
+        elif self._on_way and page.button("saved.next") is not None:  # the time was up between click and mark
             self._cut_off()
 
     async def _act_in_the_dark(self) -> None:
@@ -114,8 +114,8 @@ class PogBot(Bot):
             eye = (6 * math.cos(angle), 6.0, 6 * math.sin(angle))
             await self._connection.look_down(eye)
             return
-        button = self._page.button(r"^show what to find")
-        if button is None or ("can go on in" in self._page.text and self._kind != "impatient"):
+        button = self._page.button("look.home_begin")
+        if button is None or (self._page.says("look.wait_time") and self._kind != "impatient"):
             return
         await self._connection.set_value(button.uuid, True)
         await self._until(lambda: not self._page.is_looking, within_s=max(0.0, next_s - time.perf_counter()))
@@ -168,7 +168,7 @@ class PogBot(Bot):
         """Confirms the mark, an impatient bot twice, and waits for the page to go on."""
         if self._page.mark is None:
             await self._until(lambda: self._page.mark is not None or not self._page.is_pointing)
-        button = self._page.button(r"^confirm the mark")
+        button = self._page.button("pog.confirm")
         if button is None or self._page.mark is None:
             return
         if self._answer is None:

@@ -11,11 +11,12 @@ from typing import ClassVar, TypeVar
 
 import numpy as np
 
+from human_study.texts.catalogue import catalogue_of
 from sim.errors import StudyError
 from sim.types import TaskKind
 
 from ..study_app.operator.served import Person
-from .forms import ENTER_S, LEADS_ON, LastPage, answer_pages, open_session, right_answers
+from .forms import ENTER_S, LastPage, answer_pages, open_session, right_answers
 from .homes import BotHomes
 from .page import BotPage
 from .records import BotKind, BotLog, Sent
@@ -38,6 +39,11 @@ AWAY_S = (0.2, 1.5)
 """Shortest and longest time for which it then stays away, seconds."""
 PATIENCE_S = 120.0
 """Seconds for which a patient bot tries to come back."""
+_LEADS_ON = (
+    *("practice.start", "counted.start", "saved.next", "page.go_on", "problem.paused.again"),
+    *("look.topdown_begin", "look.glb_begin"),
+)
+"""Words of the buttons that lead on, on cards and after a look at a home."""
 _AGAIN_S = 0.2
 """Shortest time between two connections, seconds."""
 _Sent = TypeVar("_Sent", bound=Sent)
@@ -164,10 +170,10 @@ class Bot(ABC):
         await asyncio.sleep(max(0.0, self._tried_s + _AGAIN_S - time.perf_counter()))
         self._tried_s = time.perf_counter()
         session = await asyncio.to_thread(open_session, self._link)
-        self._last = await asyncio.to_thread(answer_pages, session, self._answers)
+        self._last = await asyncio.to_thread(answer_pages, session, self._answers, language=self._homes.config.language)
         if self._last is not None:
             return
-        self._open = await connect_viser(session)
+        self._open = await connect_viser(session, catalogue_of(self._homes.config.language))
         self.log.num_connections += 1
         self._reading = asyncio.create_task(self._read(self._open))
 
@@ -276,8 +282,8 @@ class Bot(ABC):
     async def _answer_card(self, connection: BotConnection) -> bool:
         """Presses the button that leads on, or says how sure the bot is; False if the page offers neither yet."""
         sure = 5 if self._kind == "shortest" else 1  # the others have guessed
-        for pattern in (*LEADS_ON, rf"^{sure}:"):
-            button = connection.page.button(pattern)
+        for key in (*_LEADS_ON, f"rate.{sure}"):
+            button = connection.page.button(key)
             if button is not None:
                 await connection.set_value(button.uuid, True)
                 return True

@@ -14,6 +14,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 from websockets.typing import Subprotocol
 
+from human_study.texts.catalogue import Catalogue
 from sim.errors import StudyError
 from sim.tasks.run_files import Vector3
 
@@ -33,10 +34,10 @@ _WXYZ_DOWN = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 class BotConnection:
     """One open connection and the page that came over it."""
 
-    def __init__(self, socket: ClientConnection) -> None:
+    def __init__(self, socket: ClientConnection, words: Catalogue) -> None:
         """Nothing received yet."""
         self._socket = socket
-        self.page = BotPage()
+        self.page = BotPage(words)
         self.is_open = True
 
     async def receive(self) -> bool:
@@ -120,8 +121,8 @@ def screen_pos(direction: Vector3) -> tuple[float, float]:
     return 0.5 - x / y / (2 * half * aspect), 0.5 - z / y / (2 * half)
 
 
-async def connect_viser(session: Session) -> BotConnection:
-    """Opens viser's page of a session.
+async def connect_viser(session: Session, words: Catalogue) -> BotConnection:
+    """Opens viser's page of a session of a study in this language.
 
     Raises:
         StudyError: The websocket does not open.
@@ -142,6 +143,6 @@ async def connect_viser(session: Session) -> BotConnection:
             f"{session.origin}: the websocket did not open ({error or type(error).__name__}); expected viser's page. "
             "Check that the study is being served."
         ) from None
-    connection = BotConnection(socket)
+    connection = BotConnection(socket, words)
     await connection.send(CAMERA)
     return connection

@@ -1,6 +1,4 @@
-"""Parts of sentences that programs write: articles, counts, lengths, durations and sizes in words."""
-
-import math
+"""Parts of English sentences that programs write for researchers: articles, counts and sizes in words."""
 
 
 def with_article(phrase: str) -> str:
@@ -18,31 +16,6 @@ def how_many(count: float, thing: str, things: str = "") -> str:
     """
     number = f"{count:,}" if isinstance(count, int) else f"{count:g}"
     return f"{number} {thing if count == 1 else things or thing + 's'}"
-
-
-def length(metres: float) -> str:
-    """ "10 centimetres", "1.5 metres"."""
-    return how_many(metres, "metre") if metres >= 1 else f"{100 * metres:g} centimetres"
-
-
-def duration(seconds: float) -> str:
-    """ "45 seconds", "2 minutes": in minutes where these are whole."""
-    if seconds >= 60 and seconds % 60 == 0:
-        return how_many(round(seconds / 60), "minute")
-    return how_many(seconds, "second")
-
-
-def countdown(seconds: int) -> str:
-    """ "45 seconds", "2:05 minutes": for a clock that changes every second."""
-    return f"{seconds // 60}:{seconds % 60:02d} minutes" if seconds >= 60 else how_many(seconds, "second")
-
-
-def waiting_time(seconds: float) -> str:
-    """ "one minute", "20 minutes", "2 hours": rounded up."""
-    minutes = max(1, math.ceil(seconds / 60))
-    if minutes >= 90:
-        return f"{math.ceil(minutes / 60)} hours"
-    return "one minute" if minutes == 1 else f"{minutes} minutes"
 
 
 def age(seconds: float | None) -> str:

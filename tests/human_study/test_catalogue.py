@@ -108,7 +108,7 @@ def is_used(key: str, used: set[str]) -> bool:
     """Whether a key, or a pattern that begins with the key's table and fits it, is used."""
     table = key.partition(".")[0]
     patterns = [
-        re.escape(name).replace(r"\*", r"[\w.]+") for name in used if "*" in name and name.startswith(f"{table}.")
+        re.escape(name).replace(r"\*", r"[\w.-]+") for name in used if "*" in name and name.startswith(f"{table}.")
     ]
     return key in used or any(re.fullmatch(pattern, key) for pattern in patterns)
 

@@ -184,6 +184,26 @@ def test_a_mark_can_be_made_moved_and_confirmed_without_a_mouse(home: Home, brow
     assert (third - second)[[0, 2]] == pytest.approx((-0.1, 0), abs=1e-3)
 
 
+def test_page_up_shows_the_storey_above_and_the_mark_stays_below(home: Home, browser: BrowserContext) -> None:
+    pog = {"conditions": ["map_open"], "pointing": "snap", "object_names": "demand"}
+    with staged(home, "pog", "map_open", pog=pog, storey_names="british") as stage:
+        page = browser.new_page()
+        page.goto(stage.url)
+        expect(page.get_by_role("button", name="Ground floor: shown now")).to_be_visible()
+        resting_camera(page, stage.link.events, lambda cam: max(map(abs, cam.wxyz[2:])) < 1e-3)
+        page.keyboard.press("ArrowUp", delay=HOLD_MS)
+        stage.link.wait_for("click")
+        page.keyboard.press("PageUp", delay=HOLD_MS)
+        expect(page.get_by_role("button", name="First floor: shown now")).to_be_visible()
+        expect(page.get_by_role("button", name="Show ground floor: your mark is there")).to_be_visible()
+        page.get_by_role("button", name="Show names in the home").click()
+        expect(page.get_by_role("button", name="Hide names in the home")).to_be_visible()
+        page.keyboard.press("PageDown", delay=HOLD_MS)
+        expect(page.get_by_role("button", name="Ground floor: shown now")).to_be_visible()
+        shown = [event.kind for event in stage.link.events() if event.kind in ("storey", "names_on")]
+    assert shown == ["storey", "names_on", "storey"]
+
+
 def click(page: Page, button: str) -> None:
     """Clicks a button and waits as for a held key: sessions drop presses within 50 ms, and the picture is quicker."""
     page.get_by_role("button", name=button).click()

@@ -62,7 +62,7 @@ def test_names_behind_the_camera_or_outside_the_window_are_left_out() -> None:
 def test_where_there_is_no_room_the_least_important_names_are_left_out() -> None:
     found = placed(*[Name("chest of drawers", (0.0, 0.0, -5.0))] * 200)
     shown = [place for place in found if place is not None]
-    assert 10 < len(shown) < 60
+    assert len(shown) == 5  # its place, and one or two lines above or below
     assert None not in found[: len(shown)]
 
 

@@ -15,6 +15,7 @@ import viser.transforms
 from pydantic import BaseModel, ConfigDict
 
 from human_study.design.study import StudyPog, load_study
+from human_study.texts.catalogue import ENGLISH, catalogue_of
 from sim.episodes.dataset import PersonalDataset
 from sim.homes.open_home import open_scene
 from sim.tasks.run_files import Vector3
@@ -106,7 +107,7 @@ async def _looked(site: Site, settings: PogViewSettings, target: Vector3) -> tup
     """Pictures a second while orbiting, and milliseconds to the picture of each single move."""
     session = open_session(site.everybody[0].link)
     answer_pages(session, right_answers(load_study(site.folder), "pog"))
-    connection = await connect_viser(session)
+    connection = await connect_viser(session, catalogue_of(ENGLISH))
     page = connection.page
     await _until(connection, lambda: page.is_pointing and page.num_surfaces > 0)
     began_s, before = time.perf_counter(), page.num_surfaces

@@ -27,6 +27,8 @@ REST_S = 0.15
 """A camera that has not moved for so long rests."""
 LETTER_PX, LINE_PX, PADDING_PX = 7.0, 20.0, 10.0
 """Width of a letter, height of a label, and by how much it is wider than its letters, pixels. viser's em has 12."""
+_RINGS = 3
+"""A name is moved by fewer lines than this; further away nobody would know what it names."""
 _OVER = 0.1
 """Height of a name over its object or floor (metres)."""
 _NEAR = 0.1
@@ -166,7 +168,7 @@ def laid_out(
         found = None
         if 0 <= u <= width and 0 <= v <= height:
             half = (LETTER_PX * len(name.text) + PADDING_PX) / 2
-            found = free_place((u - half, v - LINE_PX / 2, u + half, v + LINE_PX / 2), taken)
+            found = free_place((u - half, v - LINE_PX / 2, u + half, v + LINE_PX / 2), taken, rings=_RINGS)
         if found is None:
             places.append(None)
             continue

@@ -180,10 +180,10 @@ def _write_categories(picture: Image.Image, scene: Scene, floor_y: float, grid: 
         draw.text((u, v), name, font=font, anchor="mm", fill=_INK)
 
 
-def free_place(box: Box, taken: Sequence[Box]) -> tuple[Box, float, float] | None:
+def free_place(box: Box, taken: Sequence[Box], *, rings: int = _RINGS) -> tuple[Box, float, float] | None:
     """The box moved by (du, dv) to the nearest tried place where it overlaps no other; None if there is none."""
     height = box[3] - box[1] + 1
-    for ring in range(_RINGS):
+    for ring in range(rings):
         for du, dv in ((0, -1), (0, 1), (-2, 0), (2, 0), (-2, -1), (2, 1), (-2, 1), (2, -1)) if ring else ((0, 0),):
             moved = (box[0] + du * ring * height, box[1] + dv * ring * height)
             moved = (*moved, moved[0] + box[2] - box[0], moved[1] + box[3] - box[1])

@@ -12,7 +12,7 @@
     look_up: ['KeyR'], look_down: ['KeyF'], stop: ['Enter', 'NumpadEnter'],
   };
   const VISER = { ArrowUp: 'ArrowUp', ArrowLeft: 'ArrowLeft', ArrowRight: 'ArrowRight', ArrowDown: 'ArrowDown',
-    Enter: 'Enter', NumpadEnter: 'Enter', Space: ' ' };
+    Enter: 'Enter', NumpadEnter: 'Enter', Space: ' ', PageUp: 'PageUp', PageDown: 'PageDown' };
   const WORDS = PAGE_WORDS;
   const say = (key, places) => WORDS[key].replace(/\{(\w+)\}/g, (whole, name) => (places || {})[name] ?? whole);
   const nameOf = (action) => say('script.' + action);
@@ -155,7 +155,7 @@
     const key = known && keyOfCode(known);
     if (!key) return;
     const isTrial = document.querySelector('.personal-page') === null;
-    if (isTrial) event.preventDefault();  // arrows and space must not scroll the panel
+    if (isTrial && !code.startsWith('Page')) event.preventDefault();  // arrows and space must not scroll the panel
     waitingKeys.push({ code: code, t: event.timeStamp, twin: { key: key, code: known, bubbles: false, cancelable: true } });
     passKeys();
   }, true);
