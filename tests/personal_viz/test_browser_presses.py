@@ -96,8 +96,7 @@ def press_twice(page: Page, stage: Stage, number: int) -> None:
 
 def cameras(found: Sequence[Button]) -> range:
     """Numbers of the buttons that turn the view, of which nothing is stored at once."""
-    labels = [button.label for button in found]
-    first = labels.index("Show storey 2 of 2") + 1 if "Show storey 2 of 2" in labels else 0
+    first = max((number + 1 for number, button in enumerate(found) if "torey 2 of 2" in button.label), default=0)
     return range(first, first + 6 if first else 0)
 
 
