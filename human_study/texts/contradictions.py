@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from sim.types import FORWARD_STEP, TURN_STEP, TaskKind
 
 from ..design.plan import StudyPlan
-from ..design.study import StudyConfig
+from ..design.study import Language, StudyConfig
 from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S
 from .catalogue import catalogue_of
 from .estimate import announced_minutes
@@ -33,7 +33,12 @@ _NEAR = r"(?:within|(?:closer|nearer|less|more) than|at most|up to|under|radius 
 _MOST = r"(?:have|has|after|within|most|up to|than|uses?|used|are|(?:maximum|limit|budget)(?: of| is)?)"
 _ABOUT = r"(?:about |around |approximately |roughly |some |up to |at most |\d+ ?(?:to|-|–) ?)*"
 
-_QUESTIONS = r"demographic|personal questions|questions about you"
+_DENIALS: dict[Language, str] = {
+    "en": r"no|not|never|nothing(?! else)",
+    "de": r"keine?[mnrs]?|nicht|nie|niemals|nichts(?! anderes| weiter)",
+}
+"""Words that deny, by language."""
+_QUESTIONS = r"demographic|personal questions|questions about you|Fragen zu Ihrer Person|Fragen über Sie"
 """Other words for a survey."""
 
 
@@ -140,11 +145,11 @@ def _told(config: StudyConfig) -> list[tuple[str, str]]:
 
 
 def _denied(plain: str, config: StudyConfig) -> list[str]:
-    """Sentences, in English, that deny what the study does with people's data."""
-    found = []
+    """Sentences that deny what the study does with people's data."""
+    found, denial = [], _DENIALS[config.language]
     for word, field in _told(config):
         word = f"(?:{word}|{_QUESTIONS})" if field == "survey.questions" else word
-        match = re.search(rf"\b(?:no|not|never|nothing(?! else))\b[^.:;]{{0,80}}\b{word}", plain, flags=re.IGNORECASE)
+        match = re.search(rf"\b(?:{denial})\b[^.:;]{{0,80}}\b{word}", plain, flags=re.IGNORECASE)
         found += [f"says {match[0]!r}, but {field} is set"] if match is not None else []
     return found
 

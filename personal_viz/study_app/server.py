@@ -17,6 +17,7 @@ import viser
 
 from human_study.design.plan import PRACTICE_FOLDER, StudyScene, load_plan
 from human_study.design.study import StudyConfig, load_study
+from human_study.texts.catalogue import catalogue_of
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import PersonalVizError, StudyError
 from sim.homes.open_home import home_plan, open_scene
@@ -30,6 +31,7 @@ from .home.frames import Frames, RenderThreads
 from .home.homes import Home, HomeLibrary, pan_env
 from .home.names import names_of_rooms
 from .home.surfaces import StoreyCopies
+from .screens.camera import storey_names
 from .screens.seat import Seat, Study
 from .store_link import StoreLink
 from .watch import Watches
@@ -106,7 +108,9 @@ def open_home(
         observers = RerunObservers(scene, config, rerun, with_pixels=with_pixels, is_pilot=is_pilot)
     has_rooms = config.pog.room_names != "off" and scene.kind != "scan"
     plan = home_plan(dataset, name, clutter=study_scene.clutter) if has_rooms else None
-    copies, view = StoreyCopies(scene), config.view_of(scene.kind, public=public)
+    labels = storey_labels(scene.navigation.storey_heights, dataset.goals(name).values())
+    names = storey_names(catalogue_of(config.language), config.storey_names, labels)
+    copies, view = StoreyCopies(scene, names), config.view_of(scene.kind, public=public)
     if view == "browser":
         _ = copies.glbs  # before anybody waits for them
     return Home(
@@ -116,7 +120,7 @@ def open_home(
         copies=copies,
         episodes={episode.key: episode for episode in dataset.episodes(scenes=(name,))},
         storeys=scene_storeys(dataset.goals(name).values()),
-        storey_labels=storey_labels(scene.navigation.storey_heights, dataset.goals(name).values()),
+        storey_labels=labels,
         watches=Watches(observers, make_env=lambda episode: pan_env(episode, scene, renderer, config)),
         threads=threads,
         view=view,

@@ -180,6 +180,18 @@ def test_a_study_in_another_language_is_told_in_it_from_consent_to_the_board_s_s
         told = (tmp_path / told_name(name, "pan")).read_text("utf-8")
         assert told != filled(name, english)
         assert not open_places(told)
+    told = {"ethics": {**FILLED["ethics"], "language_model": "Ihre Texte liest ein Sprachmodell."}, "comments": True}
+    asked = paged_study(language=language, **{**filled_in, **told, "survey": {"questions": ["age"]}})
+    freeze_texts(tmp_path, asked, plan(asked))  # names all of these
+    consent = (tmp_path / "consent.md").read_text("utf-8")
+    for wrong in (
+        "Kein Wort geht an ein Sprachmodell.",
+        "Es gibt keine Umfrage.",
+        "Wir stellen keine Fragen über Sie.",
+    ):
+        (tmp_path / "consent.md").write_text(f"{consent}\n{wrong}\n", encoding="utf-8")
+        with pytest.raises(StudyError, match=r"consent\.md: says"):
+            freeze_texts(tmp_path, asked, plan(asked))
     documents = ethics_documents(config, drawn)
     assert (
         documents["information_sheet.md"].splitlines()[0]

@@ -14,7 +14,7 @@ import jinja2
 from markupsafe import Markup
 
 from human_study.design.study import Condition, StudyConfig
-from human_study.journey import Journey, Person, Place, Stage, has_reached, journey_of, last_detail
+from human_study.journey import Journey, Person, Stage, has_reached, journey_of, last_detail
 from human_study.store.store import StudyStore
 from human_study.texts.catalogue import Catalogue, catalogue_of
 from human_study.texts.participants import (
@@ -242,7 +242,7 @@ class Pages:
             else None,
         }
 
-    def _end(self, person: Person, place: Place) -> dict[str, Any]:
+    def _end(self, person: Person, place: Stage) -> dict[str, Any]:
         """The last page's code, what the study is about, and whether a comment may still be written."""
         text = told_text(self._texts, DEBRIEFING_FILE, person.task)
         debriefing = (

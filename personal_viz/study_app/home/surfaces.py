@@ -52,13 +52,16 @@ _QUAT_WXYZ_LYING = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 class StoreyCopies:
     """The browser copies of one scene's storeys, made once and shared by all browsers of a process."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, names: Sequence[str] = ()) -> None:
         """Cuts every storey; `glbs` makes the copies.
+
+        Args:
+            names: Name of each storey on its map (`top_views`).
 
         Raises:
             SceneError: A storey has no faces.
         """
-        self.scene = scene
+        self.scene, self._names = scene, names
         self.storeys = scene.navigation.storey_heights
         self.cuts = tuple(storey_cut(scene, floor_y) for floor_y in self.storeys)
 
@@ -79,7 +82,7 @@ class StoreyCopies:
         Raises:
             SceneError: A storey has no faces.
         """
-        return top_views(self.scene)
+        return top_views(self.scene, self._names)
 
     def objects(self, index: int) -> list[SceneObject]:
         """The objects of a storey, in the order of the scene."""

@@ -84,8 +84,11 @@ class TopView:
         return MapPixel(uv=(u, v), origin_xz=self.grid.origin_xz, pixel_m=self.grid.cell, shape=self.grid.shape)
 
 
-def top_views(scene: Scene) -> tuple[TopView, ...]:
+def top_views(scene: Scene, names: Sequence[str] = ()) -> tuple[TopView, ...]:
     """Every storey of a home from above, lowest first; made once, then read from the cache folder.
+
+    Args:
+        names: Name of each storey; () = `storey 1 of 2`.
 
     Raises:
         SceneError: A storey has no faces.
@@ -93,7 +96,8 @@ def top_views(scene: Scene) -> tuple[TopView, ...]:
     grid, heights = map_grid(scene), scene.navigation.storey_heights
     views = []
     for index, floor_y in enumerate(heights):
-        name = f"Storey {index + 1} of {len(heights)}"
+        name = names[index] if names else f"storey {index + 1} of {len(heights)}"
+        name = name[:1].upper() + name[1:]
         key = f"top view {_MADE_BY} {scene.digest} {scene.kind} {floor_y!r} {grid} {name}"
         png = cached_bytes("png", key, lambda floor_y=floor_y, name=name: _made(scene, floor_y, grid, name))
         views.append(TopView(grid, floor_y, name, png))

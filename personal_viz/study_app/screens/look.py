@@ -52,7 +52,7 @@ class LookScreen:
             page.add(surface)
             sample_camera(page, send)
             page.listen_to_camera(surface.camera_moved)
-        self._storeys = StoreyButtons(page, storeys, send)
+        self._storeys, self._storey_names = StoreyButtons(page, storeys, send), storeys
         self._names = NamesButton(page, self._surface, send, is_there=shown.has_names_on_demand)
         if self._surface is not None:
             add_camera_buttons(page, is_map=False)
@@ -78,9 +78,8 @@ class LookScreen:
         if self._surface is not None:
             self._surface.show_storey(index)
         else:
-            maps = self._home.copies.maps
-            alt = self._page.words("camera.picture", number=index + 1, all=len(maps))
-            self._picture.content = overlay_html(picture_html(maps[index], alt))
+            alt = self._page.words("camera.picture", storey=self._storey_names[index])
+            self._picture.content = overlay_html(picture_html(self._home.copies.maps[index], alt))
             self._page.client.flush()
 
     def _draw_status(self) -> None:
