@@ -231,6 +231,6 @@ def test_the_button_for_names_says_what_it_does_next(monkeypatch: pytest.MonkeyP
     button.show(is_shown=True)
     asyncio.run(page.buttons[0].press())
     assert ([command.is_shown for command in sent], told) == ([True, False], [False, True])
-    assert page.buttons[0].label == "Hide names in the home"
+    assert page.buttons[0].label == "Hide labels in the home"
     NamesButton(page, surface, send, is_there=False).show(is_shown=True)  # type: ignore[arg-type]
     assert len(page.buttons) == 1
