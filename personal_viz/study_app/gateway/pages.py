@@ -290,7 +290,8 @@ class Pages:
                     self._store.keep_answer(code, "survey", answers_to_json(given_answers(self._config, form)))
                 self._store.enter_stage(code, "survey_ended")
             case "finished", "comment" if self._config.comments and (comment := _tidy(form.get("comment", ""))):
-                self._store.keep_answer(code, "comment", comment)
+                if not self._store.has_answered(code, "comment"):
+                    self._store.keep_answer(code, "comment", comment)
             case "break", "next":
                 self._store.enter_stage(code, "break_ended", done)
             case "pause", "next" if self._left_s(journey) <= 0:
