@@ -173,7 +173,7 @@ def _of_study(folder: Path) -> tuple[list[Run], StudyRecords]:
         reader.check()
         found = collect(reader)
         records = StudyRecords(
-            config=reader.config,
+            config=reader.reported_config(),
             rows=tuple(found.trials),
             people=tuple(found.participants),
             exclusions=tuple(found.exclusions),
