@@ -15,6 +15,13 @@ VERTEX_COLOURS = -2
 """`face_texture` of faces that show the colours of their vertices, interpolated."""
 FACE_IDS = -1
 """`IdImages.face_image` of faces whose object id is `face_instance`."""
+_SURFACES = ("wall", "floor", "ceiling")
+"""Last words of parts of the building, such as "shower wall"."""
+_BUILDING = frozenset({
+    "door frame", "doorframe", "window frame", "beam", "column", "roof", "unknown", "unlabeled", "objects", "object",
+    "remove", "void",
+})  # fmt: skip
+"""Other categories of scans that name no thing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +99,12 @@ class SceneObject:
     """World metres."""
     size: tuple[float, float, float]
     """Extents along world x, y, z in metres."""
+
+    @property
+    def is_building(self) -> bool:
+        """Whether it is a part of the building, or unknown: scans list floors too, and these have no useful middle."""
+        category = self.category.lower()
+        return category in _BUILDING or category.endswith(_SURFACES)
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)

@@ -4,6 +4,7 @@ import os
 import shutil
 from pathlib import Path
 
+import hypothesis
 import pytest
 
 from sim.cache import VARIABLE
@@ -15,9 +16,11 @@ SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Measures CPU time, and keeps xdist from ordering files by their number of tests."""
+    """Measures CPU time, keeps xdist from ordering files by their number of tests, and gives examples any time."""
     config.pluginmanager.register(CpuTimes())
     config.option.loadscopereorder = False
+    hypothesis.settings.register_profile("any time", deadline=None)
+    hypothesis.settings.load_profile("any time")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -274,7 +274,7 @@ class StudyReporting(BaseModel):
     """The people for whom the results are to hold, such as `adults in Italy who read English well`."""
     sampling: str = ""
     """How people are found: crowdworkers, people at hand, a random or a stratified sample."""
-    eligibility: str = ""
+    inclusion: str = ""
     """Who may take part and who may not, and how that is found out."""
     expertise: str = ""
     """Experience that people have or need, such as with robots or 3-D games."""

@@ -13,11 +13,10 @@ from sim.types import TaskKind
 
 from ..design.plan import StudyScene, facts_of_version_2
 from ..store.records import StudyDates
+from .rows import OPTIONAL_TABLES
 
 MANIFEST_FILE = "manifest.json"
 _MODEL = ConfigDict(frozen=True, extra="forbid")
-KEPT_APART = ("survey.", "comments.")
-"""Beginnings of the names of files that may be moved out of an export before it is published."""
 
 
 class ExportedFile(BaseModel):
@@ -122,7 +121,7 @@ def require_unchanged(folder: Path, manifest: Manifest) -> dict[str, bytes]:
     contents = {}
     for name, entry in manifest.files.items():
         path = folder / name
-        if name.startswith(KEPT_APART) and not path.exists():
+        if name.partition(".")[0] in OPTIONAL_TABLES and not path.exists():
             continue
         try:
             contents[name] = path.read_bytes()

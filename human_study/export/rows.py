@@ -16,6 +16,7 @@ from ..journey import Stage
 from ..store.records import VerificationStatus
 from ..trial.events import Event, event_from_json
 from .data_dictionary import Unit
+from .survey import SurveyRow
 from .trial_table import AttemptName, Metres, Seconds
 
 
@@ -141,3 +142,16 @@ class VerificationRow(AttemptName):
     """One sentence about what differs."""
     sim_hash: str
     """Hash of the program and the home with which it was done again."""
+
+
+OPTIONAL_TABLES: dict[str, tuple[str, type[BaseModel]]] = {
+    "survey": (
+        "One row per answer to the survey. People were told that single answers are not published: keep it apart.",
+        SurveyRow,
+    ),
+    "comments": ("One row per person who wrote a comment. Read all of them before you publish this table.", CommentRow),
+}
+"""(meaning of one row, row model) of the tables that only studies with a survey, or with comments, have.
+
+They may be moved out of an export before it is published.
+"""

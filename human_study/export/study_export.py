@@ -17,15 +17,14 @@ from sim.files import write_whole
 from sim.homes.kind import scene_labels, scene_terms
 
 from ..design.plan import PRACTICE_FOLDER
-from ..design.study import STUDY_FILE, StudyConfig
+from ..design.study import STUDY_FILE
 from ..store.records import StudyReader, read_study
 from .collect import Collected, collect, event_rows
 from .data_dictionary import dictionary_text
 from .formats import table_bytes
 from .manifest import MANIFEST_FILE, LeftOutTrial, Manifest, exported_file, read_manifest, strangers
-from .rows import CommentRow, EventRow, ExclusionRow, ParticipantRow, VerificationRow
+from .rows import OPTIONAL_TABLES, EventRow, ExclusionRow, ParticipantRow, VerificationRow
 from .runs import run_files
-from .survey import SurveyRow
 from .trial_table import TrialRow
 
 DICTIONARY_FILE = "data_dictionary.md"
@@ -40,17 +39,6 @@ TABLES: dict[str, tuple[str, type[BaseModel]]] = {
     "verifications": ("One row per time that an attempt was done again and compared.", VerificationRow),
 }
 """(meaning of one row, row model) by file name without ending."""
-SURVEY_TABLE: dict[str, tuple[str, type[BaseModel]]] = {
-    "survey": (
-        "One row per answer to the survey. People were told that single answers are not published: keep it apart.",
-        SurveyRow,
-    )
-}
-"""The table that only studies with a survey have."""
-COMMENTS_TABLE: dict[str, tuple[str, type[BaseModel]]] = {
-    "comments": ("One row per person who wrote a comment. Read all of them before you publish this table.", CommentRow)
-}
-"""The table that only studies with comments have."""
 
 
 def export_study(folder: Path, out: Path) -> list[Path]:
@@ -66,16 +54,14 @@ def export_study(folder: Path, out: Path) -> list[Path]:
         reader.check()
         _require_replaceable(out, reader.study_version)
         found = collect(reader)
-        files = _table_files(found, _tables_of(reader.config)) | _study_files(reader, folder)
+        asked = {"survey": reader.config.survey.questions, "comments": reader.config.comments}
+        tables = TABLES | {name: table for name, table in OPTIONAL_TABLES.items() if asked[name]}
+        files = _table_files(found, tables) | _study_files(reader, folder)
         for _, run in sorted(found.runs.items()):
             files |= run_files(run)
         manifest = _manifest(reader, found, files)
     _write_folder(out, {name: content for name, (content, _) in files.items()}, manifest)
     return [out / name.removesuffix("/run.json") for name in sorted(files) if name.endswith("/run.json")]
-
-
-def _tables_of(config: StudyConfig) -> dict[str, tuple[str, type[BaseModel]]]:
-    return TABLES | (SURVEY_TABLE if config.survey.questions else {}) | (COMMENTS_TABLE if config.comments else {})
 
 
 def _table_files(

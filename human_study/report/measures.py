@@ -45,7 +45,7 @@ WITHIN = {f"sr_within_{limit}": Measure("", _PAN, is_rate=True, most=100) for li
 """The anytime success rate, by name."""
 WAYS = {
     "dtw": Measure("DTW to the shortest path (m per place)", _PAN, digits=2),
-    "ndtw": Measure("nDTW with the shortest path (%)", _PAN, most=100),
+    "ndtw": Measure("nDTW with the shortest path", _PAN, digits=2, most=1),
     "end_apart": Measure("end to the end of the shortest path (m)", _PAN, digits=2),
 }
 """How far a trial's way is from the shortest path, by name; `ways` fills them in where the homes are at hand."""

@@ -56,7 +56,7 @@ class ReportRow(ReportValue):
     `sr_strict` = percent of successes by rule `paper-strict`, over the trials that have it; `far_from_view` = percent
     of the successes by `paper` that end more than 1 m of walking from every view point. Trials that a rule excludes
     have neither. `on_object` = percent of POG answers whose click met the target itself. `dtw` (m per place), `ndtw`
-    (percent) and `end_apart` (m) compare the way with the shortest path.
+    (0 to 1) and `end_apart` (m) compare the way with the shortest path.
     """
     value: float
     low: float | None

@@ -83,7 +83,7 @@ def with_ways(group: TrialGroup, shortest: ShortestPaths) -> TrialGroup:
         None if path is None or not isinstance(item, EpisodeRun) else apart_from_path(_way(item), path)
         for item, path in zip(trials["item"], map(shortest.get, trials["key"]), strict=True)
     ]
-    figures = [(each.dtw_m, 100.0 * each.ndtw, each.end_m) if each else (np.nan,) * 3 for each in found]
+    figures = [(each.dtw_m, each.ndtw, each.end_m) if each else (np.nan,) * 3 for each in found]
     trials[list(WAYS)] = np.array(figures, float).reshape(-1, len(WAYS))
     return replace(group, trials=trials)
 
@@ -173,7 +173,7 @@ def _path_lines(groups: Sequence[TrialGroup]) -> Iterator[tuple[object, ...]]:
     for group in (group for group in groups if group.task == "pan"):
         for trial in group.trials[group.trials["ndtw"].notna()].itertuples():
             told = (trial.episode, trial.split, trial.scene, group.condition, group.who, trial.participant, SHORTEST)
-            figures = (trial.dtw, trial.ndtw / 100, trial.end_apart, None)
+            figures = (trial.dtw, trial.ndtw, trial.end_apart, None)
             yield (*told, *figures, group.scene_kind, scene_label(group.scene_kind))
 
 

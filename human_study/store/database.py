@@ -69,7 +69,7 @@ def bring_up_to_date(folder: Path) -> list[int]:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
             if require_known_version(database, path) == SCHEMA_VERSION:
                 return []
-        with take_lock(folder), closing(sqlite3.connect(path, isolation_level=None)) as database:
+        with closing(take_lock(folder)), closing(sqlite3.connect(path, isolation_level=None)) as database:
             _apply_settings(database, path)
             return migrate(database, path)
     except sqlite3.Error as error:

@@ -32,20 +32,12 @@ class StudyInUseError(StudyError):
 
 
 class StudyLock:
-    """A held lock; closing it or ending the process releases it. A context manager."""
+    """A held lock; closing it or ending the process releases it."""
 
     def __init__(self, file: IO[str]) -> None:
         """Takes the open, locked file and writes this process's id into it; the noted rows stay."""
         self._file = file
         os.pwrite(file.fileno(), _line(os.getpid()), 0)
-
-    def __enter__(self) -> "StudyLock":
-        """The lock itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Releases the lock."""
-        self.close()
 
     def note(self, num_rows: int) -> None:
         """Writes down how many rows are stored for good. A full disk changes nothing: the number before it stays."""

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
-from sim.errors import StudyError, did_you_mean
+from sim.errors import StudyError
 
 from ..design.plan import StudyPlan
 from ..design.secrets import new_id
@@ -17,13 +17,21 @@ from ..design.study import StudyConfig
 from ..journey import Person, Stage
 from .assigning import due_order_no, free_slot, others_can_take, release
 from .database import BACKUP_FOLDER, audit, backup
-from .records import AUDIT_PILOT, DATABASE_FILE, AnswerKind, VerificationEntry, answer_place, read_study
+from .records import (
+    AUDIT_PILOT,
+    DATABASE_FILE,
+    AnswerKind,
+    VerificationEntry,
+    answer_place,
+    read_study,
+    unknown_participant,
+)
 from .trial_writes import Now, abandon_running
 from .vault import Vault
 from .writer import GroupWriter
 
-MAX_ANSWER = 4000
-"""Most characters of a personal answer."""
+MAX_ANSWER = 2000
+"""Most characters of a personal answer, such as a comment."""
 KEPT_BACKUPS = 10
 """Number of kept backups; older ones are deleted."""
 
@@ -290,11 +298,7 @@ class PeopleWrites:
     def _require_known(self, database: sqlite3.Connection, code: str) -> None:
         codes = [found for (found,) in database.execute("SELECT code FROM participant ORDER BY rowid")]
         if code not in codes:
-            ends = " to ".join((*codes[:1], *codes[1:][-1:]))
-            raise StudyError(
-                f"{self.folder}: found no participant {code!r}; expected one of {ends}.{did_you_mean(code, codes)} "
-                "See study status."
-            )
+            raise unknown_participant(self.folder, code, codes)
 
 
 def _add_stage(database: sqlite3.Connection, code: str, stage: Stage, detail: str) -> None:

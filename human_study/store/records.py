@@ -4,7 +4,7 @@ import hashlib
 import json
 import sqlite3
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -393,12 +393,7 @@ class StudyReader:
 
     def _require_known(self, code: str) -> None:
         if not self.rows("SELECT 1 FROM participant WHERE code = ?", code):
-            codes = self.codes()
-            ends = " to ".join((*codes[:1], *codes[1:][-1:]))
-            raise StudyError(
-                f"{self._path}: found no participant {code!r}; expected one of {ends}.{did_you_mean(code, codes)} "
-                "See study status."
-            )
+            raise unknown_participant(self._path, code, self.codes())
 
     def _people(self, code: str | None = None) -> list[Person]:
         """All participants, or the given one, without decrypting anything."""
@@ -532,6 +527,14 @@ def require_known_version(database: sqlite3.Connection, path: Path) -> int:
             "It was written before the first release: use the personal-viz that wrote it."
         )
     return version
+
+
+def unknown_participant(path: Path, code: str, codes: Sequence[str]) -> StudyError:
+    """The error for a participant whom a study, whose participants have these codes, does not have."""
+    ends = " to ".join((*codes[:1], *codes[1:][-1:]))
+    return StudyError(
+        f"{path}: found no participant {code!r}; expected one of {ends}.{did_you_mean(code, codes)} See study status."
+    )
 
 
 def store_error(path: Path, error: sqlite3.Error) -> StudyError:

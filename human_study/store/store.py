@@ -79,6 +79,7 @@ class StudyStore(PeopleWrites):
         self._path = path
         self._database = database
         self._lock = lock
+        self._num_lost_logs = 0
         self._connections: dict[str, int] = {}
         """Each participant's newest connection that has opened a trial; used only by the writer's thread."""
 
@@ -280,9 +281,22 @@ class StudyStore(PeopleWrites):
             raise TrialEndedError(f"trial {trial_id}: the participant withdrew; expected a trial that is kept.")
         return stored
 
-    def look_after_log(self) -> None:
-        """Saves the database anew if its log was taken away. Raises StoreFullError if it cannot be saved now."""
+    def look_after_log(self) -> str | None:
+        """Saves the database anew if its log was taken away; one thread calls it.
+
+        Returns a line for the person who serves the study if that happened since the last call.
+
+        Raises:
+            StoreFullError: It cannot be saved now.
+        """
         self._writer.write(lambda _: None)
+        told, self._num_lost_logs = self._num_lost_logs, self._writer.num_lost_logs
+        if self._num_lost_logs == told:
+            return None
+        return (
+            f"{self._path}-wal: was taken away while the study is served; expected nobody to touch it. All rows were "
+            "saved anew and nothing is lost: find out which program deleted it."
+        )
 
     def events(self, trial_id: str) -> tuple[StoredEvent, ...]:
         """All stored events of a trial, in order."""
@@ -350,7 +364,7 @@ def open_store(folder: Path, config: StudyConfig, plan: StudyPlan) -> StudyStore
             taken away, or the file is damaged or belongs to another program, a newer version or another study.
     """
     with ExitStack() as opened:
-        lock = opened.enter_context(take_lock(folder))
+        lock = opened.enter_context(closing(take_lock(folder)))
         close_to_others(folder)
         database = opened.enter_context(closing(open_database(folder / DATABASE_FILE, config, plan)))
         with read_study(folder) as reader:

@@ -2,7 +2,6 @@
 
 import os
 import sqlite3
-import warnings
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -57,6 +56,8 @@ class GroupWriter:
         self._log_path = path.with_name(f"{path.name}-wal")
         self._log_id: tuple[int, int] | None = None
         """Device and number of the database's log; None before the first commit."""
+        self.num_lost_logs = 0
+        """How often the log was taken away and the database saved anew."""
         lock.note(num_rows)
         self._waiting: deque[_Write] = deque()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="study-writer")
@@ -125,11 +126,7 @@ class GroupWriter:
             self._database.execute("PRAGMA journal_mode = DELETE")
             self._database.execute("PRAGMA journal_mode = WAL")
             self._log_id = None
-        warnings.warn(
-            f"{self._log_path}: was taken away while the study is served; expected nobody to touch it. All rows were "
-            "saved anew and nothing is lost: find out which program deleted it.",
-            stacklevel=1,
-        )
+        self.num_lost_logs += 1
 
     def _run(self, write: _Write) -> int:
         """Runs one write inside the transaction and returns the number of its new rows.

@@ -55,7 +55,9 @@ def freeze_texts(folder: Path, config: StudyConfig, plan: StudyPlan) -> dict[str
         StudyError: A text for people has a place that is not filled in, or contradicts the study file.
     """
     write_texts(folder, config.language)
-    told, problems = {}, []
+    told, problems = {}, list[str]()
+    if config.comments and "consent" not in config.flow:
+        problems.append(f"comments only with consent in flow, found flow {list(config.flow)}")
     sources = (*TEXT_FILES, *([DEBRIEFING_FILE] if (folder / DEBRIEFING_FILE).exists() else []))
     for name in sources:
         source = (folder / name).read_text(encoding="utf-8")

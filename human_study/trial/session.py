@@ -168,7 +168,8 @@ class PogSession(TrialSession[PogView]):
         """Shows nothing before `Start`; the other arguments are those of TrialSession.
 
         Args:
-            objects: The home's objects by name; None = clicks do not tell which object they met.
+            objects: The home's objects by name; None = clicks do not tell which object they met, and marks stay where
+                people click.
         """
         super().__init__(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms)
         self._objects = objects
@@ -226,7 +227,7 @@ class PogSession(TrialSession[PogView]):
             hit=command.hit,
             pixel=command.pixel,
             object_name=command.object_name if self._objects is not None else None,
-            snapped=command.snapped,
+            snapped=command.snapped if self._objects is not None else None,
         )
         self._marked = clicked if clicked.hit is not None else self._marked
         return (clicked,)

@@ -25,11 +25,13 @@ from human_study.texts.catalogue import catalogue_of
 from human_study.texts.participants import DEBRIEFING_FILE, TEXT_FILES, freeze_texts, has_other_words
 from human_study.texts.words import open_places
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.schema import Episode
 from sim.errors import StudyError, line_from_validation_error
 from sim.files import bounded_json
 from sim.homes.kind import scene_kind
 from sim.homes.plan import HOMES_VERSION, plan_digest
 from sim.scans.hm3d import find_semantics
+from sim.scans.semantic_txt import read_semantic_txt
 from sim.tasks.provenance import program_release
 from sim.types import EpisodeKey
 
@@ -73,7 +75,8 @@ def plan_study(
         )
     keys = sample_episodes(config, [episode.key for episode in episodes.episodes()])
     scenes = [study_scene(config, episodes, name, scenes_dir) for name in sorted({key.scene for key in keys})]
-    _require_objects(folder, config, scenes, scenes_dir)
+    chosen = set(keys)
+    _require_objects(folder, config, scenes, scenes_dir, [each for each in episodes.episodes() if each.key in chosen])
     made = make_plan(config, scenes, keys, practice=_practice(folder, config), is_pilot=pilot)
     made = made.model_copy(update={"texts": freeze_texts(folder, config, made)})
     save_plan(folder, made)
@@ -218,11 +221,18 @@ def require_texts(folder: Path, config: StudyConfig, made: StudyPlan) -> None:
             )
 
 
-def _require_objects(folder: Path, config: StudyConfig, scenes: Sequence[StudyScene], scenes_dir: Path | None) -> None:
+def _require_objects(
+    folder: Path,
+    config: StudyConfig,
+    scenes: Sequence[StudyScene],
+    scenes_dir: Path | None,
+    episodes: Sequence[Episode],
+) -> None:
     """Refuses homes without what `pog` of the study file promises; homes made from a plan have it all.
 
     Raises:
-        StudyError: Objects are to be marked or named and the files of a scan tell of none, or rooms of a scan are.
+        StudyError: Objects are to be marked or named and the files of a scan tell of none, or not of a target of these
+            episodes; or rooms of a scan are to be named.
     """
     from sim.homes.open_home import find_scan
 
@@ -238,12 +248,32 @@ def _require_objects(folder: Path, config: StudyConfig, scenes: Sequence[StudySc
         named = {"pog.pointing": pog.pointing == "snap", "pog.object_names": pog.object_names in ("on", "demand")}
         field = next((field for field, is_asked in named.items() if is_asked), None)
         scan = find_scan(scene.name, scenes_dir)
-        if field is not None and find_semantics(scan, scene.name) is None:
+        semantics = find_semantics(scan, scene.name) if field is not None else None
+        if field is not None and semantics is None:
             value, other = (pog.pointing, "free") if field == "pog.pointing" else (pog.object_names, "off")
             raise StudyError(
                 f"{folder / STUDY_FILE}: {field} is {value!r}, but no file tells of the objects of {scan}; expected "
                 f"{scene.name}.semantic.glb and .semantic.txt beside it. Take {field}: {other}, or scans with "
                 "semantics."
+            )
+        if field == "pog.pointing" and semantics is not None:
+            _require_targets(folder, semantics[1], [each for each in episodes if each.key.scene == scene.name])
+
+
+def _require_targets(folder: Path, semantic_txt: Path, episodes: Sequence[Episode]) -> None:
+    """Refuses episodes with a target that the scan does not list: a mark could not go to it.
+
+    Raises:
+        PersonalVizError: There is one, or the text is damaged.
+    """
+    names = {label.name for label in read_semantic_txt(semantic_txt)}
+    for episode in episodes:
+        missing = next((goal.object_name for goal in episode.targets if goal.object_name not in names), None)
+        if missing is not None:
+            raise StudyError(
+                f"{folder / STUDY_FILE}: pog.pointing is 'snap', but {semantic_txt} does not list {missing!r}, a "
+                f"target of {episode.key}; expected every target. Take pog.pointing: free, or the semantics of the "
+                "release that the episodes are made on."
             )
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import viser
 
 from sim.errors import PersonalVizError
@@ -100,7 +101,8 @@ class StoreyView:
         remove_nodes(self._home)
         self._home = [self._client.scene.add_glb("/scan", self.part.glb)]
         if look:
-            look_from_above(self._client.camera, self.part.low_xz, self.part.high_xz, self.part.floor_y)
+            low, high = (np.insert(corner, 1, self.part.floor_y) for corner in (self.part.low_xz, self.part.high_xz))
+            look_from_above(self._client.camera, low, high)
 
     def add_buttons(self, work: WorkQueue, obey: Callable[[int], None]) -> None:
         """A button for each of several storeys."""

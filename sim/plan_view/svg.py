@@ -6,6 +6,7 @@ import jinja2
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.page_style import light_token
 from sim.types import GridSpec
 
 from .view import PlanView
@@ -18,7 +19,8 @@ def drawn_svg(template: Path, **values: object) -> str:
     """The SVG that a template makes of these values, without empty lines.
 
     Args:
-        template: The file; it can import `plan.svg.j2`, and its texts are escaped.
+        template: The file; it can import `plan.svg.j2`, its texts are escaped, and `token(name)` is a value of
+            `tokens.css`.
         values: The template's variables.
     """
     environment = jinja2.Environment(
@@ -26,6 +28,7 @@ def drawn_svg(template: Path, **values: object) -> str:
         autoescape=True,
         undefined=jinja2.StrictUndefined,
     )
+    environment.globals["token"] = light_token
     environment.filters["px"] = "{:.1f}".format
     drawn = environment.get_template(template.name).render(**values)
     return "\n".join([line for line in drawn.splitlines() if line.strip()]) + "\n"

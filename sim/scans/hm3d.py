@@ -116,5 +116,4 @@ def _boxes(painted: PaintedMesh) -> dict[int, tuple[NDArray[np.float64], NDArray
 def _object(label: SemanticLabel, low: NDArray[np.float64], high: NDArray[np.float64]) -> SceneObject:
     x, y, z = ((low + high) / 2).tolist()
     size_x, size_y, size_z = (high - low).tolist()
-    name = f"{label.category}_{label.id}"
-    return SceneObject(label.id, name, label.category, (x, y, z), (size_x, size_y, size_z))
+    return SceneObject(label.id, label.name, label.category, (x, y, z), (size_x, size_y, size_z))

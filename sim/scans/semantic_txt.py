@@ -26,6 +26,11 @@ class SemanticLabel(NamedTuple):
     region: int
     """Number of the room; -1 where it is not known."""
 
+    @property
+    def name(self) -> str:
+        """`<category>_<id>`, the object's key in PersONAL's episodes."""
+        return f"{self.category}_{self.id}"
+
 
 def read_semantic_txt(path: Path) -> tuple[SemanticLabel, ...]:
     """The objects in the order of the file.

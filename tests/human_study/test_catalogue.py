@@ -34,7 +34,7 @@ ARMS: dict[TaskKind, tuple[tuple[Condition, ...], ...]] = {
 @pytest.mark.parametrize("language", get_args(Language))
 def test_participants_read_one_word_for_one_thing(language: Language) -> None:
     """No text for participants uses a second word for a thing that has one (`one_word.toml`)."""
-    words = tomllib.loads((LANGUAGES.parent / "one_word.toml").read_text("utf-8"))[language]
+    words = tomllib.loads(Path(__file__).with_name("one_word.toml").read_text("utf-8"))[language]
     texts = dict(catalogue_of(language).texts)
     for path in (LANGUAGES / language).glob("*.md"):
         texts[path.name] = re.sub(r"\{#.*?#\}|\{%.*?%\}|\{\{.*?\}\}", " ", path.read_text("utf-8"), flags=re.DOTALL)

@@ -9,6 +9,7 @@ import pytest
 
 from human_study.report.overlays import floors_needed, overlay_keys, overlay_name, overlay_svg
 from human_study.report.trials import TrialGroup, trial_frame
+from sim.page_style import light_token
 from sim.plan_view.storey import StoreyMap
 from sim.tasks.run_files import Answer
 from sim.types import EpisodeKey, GridSpec
@@ -41,7 +42,7 @@ AGENT = TrialGroup(
 
 def parts(drawn: str) -> tuple[str, str]:
     """(picture, legend)"""
-    picture, frame, legend = drawn.partition('fill="none" stroke="#8a8a86"/>')
+    picture, frame, legend = drawn.partition(f'fill="none" stroke="{light_token("edge")}"/>')
     assert frame
     return picture, legend
 

@@ -44,16 +44,16 @@ def test_trials_are_compared_with_the_shortest_path_in_tables_with_intervals() -
     values = {(row.who, row.split, row.measure): row.value for row in found.rows}
     # p02 walks 9 places, of which the last four are 0.25, 0.5, 0.75 and 1 m beyond the end of the path's 5 places
     assert values["human", "easy", "dtw"] == pytest.approx((0 + 2.5 / 9) / 2)
-    assert values["human", "easy", "ndtw"] == pytest.approx(100 * (1 + math.exp(-2.5 / 5)) / 2)
+    assert values["human", "easy", "ndtw"] == pytest.approx((1 + math.exp(-2.5 / 5)) / 2)
     assert values["human", "easy", "end_apart"] == pytest.approx(0.5)
-    assert values["human", "hard", "ndtw"] == pytest.approx(100)
-    assert values["walker", "easy", "ndtw"] == pytest.approx(100)
+    assert values["human", "hard", "ndtw"] == pytest.approx(1)
+    assert values["walker", "easy", "ndtw"] == pytest.approx(1)
     assert values["human - walker", "easy", "end_apart"] == pytest.approx(0.5)
     beside = {(line["participant"], line["episode"]): line for line in lines if line["other"] == "shortest path"}
     assert len(beside) == 5
     assert float(beside["run-human-p02/p02", str(ONE)]["ndtw"]) == pytest.approx(math.exp(-0.5))
     text = markdown(found)
-    assert "| nDTW with the shortest path (%) | easy | hard | total |" in text
+    assert "| nDTW with the shortest path | easy | hard | total |" in text
     assert "ndtw" in csv_text(found)
 
 

@@ -344,6 +344,8 @@ def test_a_consent_form_must_say_that_comments_are_stored(tmp_path: Path) -> Non
     (tmp_path / "consent.md").write_text("Take part.")
     with pytest.raises(StudyError, match=r"consent.md: does not name the comment, but comments is set"):
         frozen(tmp_path, config)
+    with pytest.raises(StudyError, match=r"comments only with consent in flow, found flow \['instructions'\]"):
+        frozen(tmp_path / "unasked", paged_study(**FILLED, comments=True, flow=("instructions",)))
     frozen(tmp_path / "none", paged_study(**FILLED))
     assert "comment" not in (tmp_path / "none" / told_name("consent.md", "pan")).read_text(encoding="utf-8")
 

@@ -8,10 +8,11 @@ import socket
 import threading
 import time
 import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import msgspec
@@ -21,12 +22,12 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.sync.client import ClientConnection, connect
 
 from human_study.design.study import StudyConfig, StudyDataset, StudyPrivacy, StudyRecruit
-from human_study.texts.catalogue import catalogue_of
+from human_study.store.store import StudyStore
 from personal_viz.study_app.gateway.admission import Admission, PayFile, Tickets
 from personal_viz.study_app.gateway.app import Gateway
 from personal_viz.study_app.gateway.http import PromptProtocol, listen, served_in_thread, uvicorn_server
 from personal_viz.study_app.gateway.options import ServeOptions
-from personal_viz.study_app.gateway.pages import Pages, message_page
+from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.worker_door import WorkerDoor
 from sim.errors import StudyError
 
@@ -111,10 +112,12 @@ class OnePort:
         return contextlib.nullcontext(None if self.port is None else WorkerDoor(self.port, "any"))
 
 
-class NoPages:
+class NoPages(Pages):
     """Everybody is in a trial."""
 
-    words = catalogue_of("en")
+    def __init__(self) -> None:
+        """Pages of a study that only has its file."""
+        super().__init__(cast(StudyStore, SimpleNamespace(config=small_config())), texts={})
 
     def shown(self, code: str, base: str, *, page: int = 1) -> None:
         """Viser comes next."""
@@ -122,15 +125,11 @@ class NoPages:
     def leaving(self, code: str, base: str) -> None:
         """There is nothing to leave."""
 
-    def message(self, name: str) -> str:
-        """The page itself."""
-        return message_page(name, self.words)
-
-    def answer(self, code: str, form: dict[str, str]) -> None:
+    def answer(self, code: str, form: Mapping[str, str]) -> None:
         """Nothing was asked."""
 
 
-NO_PAGES = cast(Pages, NoPages())
+NO_PAGES = NoPages()
 
 
 class EchoViser:

@@ -58,6 +58,8 @@ def test_a_page_explains_why_a_link_does_not_work(
 
 PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True}
 SMALL = {"viewport": {"width": 900, "height": 560}}
+AT_200_PERCENT = {"viewport": {"width": 960, "height": 540}, "device_scale_factor": 2}
+"""A screen of 1920 x 1080 pixels on which the system shows everything twice as large."""
 TABLET = {"viewport": {"width": 1366, "height": 1024}, "is_mobile": True, "has_touch": True}
 
 
@@ -78,10 +80,11 @@ def test_a_phone_is_turned_away_before_anything_is_sent_and_the_link_stays_good(
                 expect(page).to_have_title("Please open your link on a computer - PersONAL study")
                 assert posts == []
         assert gateway.people.claimed == {}
-        with chromium() as computer:
-            page = computer.new_page()
-            page.goto(f"{gateway.address}/#good")
-            page.wait_for_url("**/view/**")
+        for computers_own in ({}, AT_200_PERCENT):
+            with chromium(**computers_own) as computer:
+                page = computer.new_page()
+                page.goto(f"{gateway.address}/#good")
+                page.wait_for_url("**/view/**")
 
 
 def test_the_profile_of_the_device_is_coarse(tmp_path: Path, browser: BrowserContext) -> None:

@@ -7,9 +7,11 @@ from typing import Literal
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
+from human_study.design.study import Condition
 from human_study.trial.events import Shown
 from personal_viz.study_app.home import homes as homes_module
 from personal_viz.study_app.home.homes import Home
+from sim.types import TaskKind
 
 from .fake_play import EmptySurface, MemoryLink, meshless_home
 from .flow_steps import HOLD_MS, see_step
@@ -29,6 +31,14 @@ _BUTTONS = """() => [...document.querySelectorAll('button')].filter((button) => 
 })"""
 _SCROLL_TO = """(number) => [...document.querySelectorAll('button')].filter((button) => button.offsetParent)[number]
     .scrollIntoView({ block: 'center' })"""
+_IN_VIEW = """(element) => {
+    const box = element.getBoundingClientRect();
+    const met = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
+    const isInside = box.left >= 0 && box.top >= 0 && box.right <= innerWidth && box.bottom <= innerHeight;
+    return isInside && element.contains(met);
+}"""
+_SCROLL_PANEL = """(share) => { for (const view of document.querySelectorAll('.mantine-ScrollArea-viewport'))
+    view.scrollTop = share * view.scrollHeight; }"""
 _KEEP_PRESSED = """() => { window.met = []; window.addEventListener('click', (event) => {
     window.met.push(event.target instanceof Element && event.target.closest('button')); }, true); }"""
 _MET_TWICE = "() => window.met.length > 1 && window.met.at(-1) !== null && window.met.at(-1) === window.met.at(-2)"
@@ -183,6 +193,27 @@ def test_no_second_press_meets_another_button(home: Home, browser: BrowserContex
                     end_twice(page, stage, "STOP here", "stop")
                 else:
                     confirm_twice(page, stage)
+
+
+@pytest.mark.parametrize(
+    ("task", "condition", "ending"), [("pan", "none", "STOP here"), ("pog", "map_open", "Confirm the mark")]
+)
+def test_the_query_and_the_buttons_that_end_a_search_are_always_in_view(
+    home: Home, browser: BrowserContext, task: TaskKind, condition: Condition, ending: str
+) -> None:
+    page = browser.new_page()
+    with staged(home, task, condition) as stage:
+        page.goto(stage.url)
+        needed = [page.get_by_role("button", name=name) for name in (ending, "Give up this search")]
+        needed.append(page.locator(".personal-query"))
+        expect(needed[0]).to_be_visible()
+        for font, large in (("100%", False), ("100%", True), ("200%", False)):
+            page.evaluate("(size) => { document.documentElement.style.fontSize = size; }", font)
+            set_up(page, (1024, 700), large=large)
+            for share in (0, 1):
+                page.evaluate(_SCROLL_PANEL, share)
+                found = [element.evaluate(_IN_VIEW) for element in needed]
+                assert found == [True] * 3, (font, large, share)
 
 
 def test_a_blocked_step_says_so_and_bumps_the_picture_and_moves_nothing(home: Home, browser: BrowserContext) -> None:

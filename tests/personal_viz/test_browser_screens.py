@@ -196,8 +196,8 @@ def test_page_up_shows_the_storey_above_and_the_mark_stays_below(home: Home, bro
         page.keyboard.press("PageUp", delay=HOLD_MS)
         expect(page.get_by_role("button", name="First floor: shown now")).to_be_visible()
         expect(page.get_by_role("button", name="Show ground floor: your mark is there")).to_be_visible()
-        page.get_by_role("button", name="Show names in the home").click()
-        expect(page.get_by_role("button", name="Hide names in the home")).to_be_visible()
+        page.get_by_role("button", name="Show labels in the home").click()
+        expect(page.get_by_role("button", name="Hide labels in the home")).to_be_visible()
         page.keyboard.press("PageDown", delay=HOLD_MS)
         expect(page.get_by_role("button", name="Ground floor: shown now")).to_be_visible()
         shown = [event.kind for event in stage.link.events() if event.kind in ("storey", "names_on")]

@@ -37,6 +37,7 @@ DEPLOY = ROOT / "docs" / "deploy.md"
 HOME = "/var/lib/study"
 """The studies' folder in the document."""
 SECRETS = {"keys.json", "secrets.json", "sessions.json"}
+HALF_WRITTEN = ("keys.json.part", "pay.db-journal", "pay.db-wal", "pay.db-shm")
 
 
 def settings() -> dict[str, str]:
@@ -154,10 +155,24 @@ def test_a_restored_backup_has_everything_but_what_came_after_it(tmp_path: Path)
         back_up()
         assert (keys / "my-study" / "pay.db").exists()
         (folder / "pay.db").unlink()
+        for name in HALF_WRITTEN:
+            (folder / name).write_text("key")
+            (copies / "my-study" / name).write_text("left by an earlier run")
+        migrated = folder / "backups" / "study-v2-1.db"
+        migrated.write_bytes(b"from before an upgrade")
+        for number in range(105):
+            (copies / "my-study" / "backups" / f"study-{number:03}.db").touch()
         back_up()
+        for name in HALF_WRITTEN:
+            (folder / name).unlink()
         do_next(store, "p01")
+    kept = sorted(path.name for path in (copies / "my-study" / "backups").iterdir())
+    assert (len(kept), kept[0], kept[-1]) == (101, "study-006.db", migrated.name)
     assert [path.name for path in (keys / "my-study").iterdir()] == ["keys.json"]
-    assert not any(path.name in SECRETS or path.name.startswith("study.db") for path in (copies / "my-study").iterdir())
+    unwanted = {*SECRETS, *HALF_WRITTEN}
+    assert not any(
+        path.name in unwanted or path.name.startswith("study.db") for path in (copies / "my-study").iterdir()
+    )
     folder.rename(lost)
 
     for line in commands("Backups"):
@@ -240,7 +255,7 @@ def test_a_study_moves_to_another_machine_and_an_open_page_goes_on_at_the_same_s
     assert not (old / "my-study").exists()
 
     run(next(lines).replace(HOME, str(new)))
-    assert next(lines) == "systemctl start study"
+    assert next(lines) == "systemctl enable --now study study-backup.timer"
     assert list(lines) == []
     with served(new / "my-study", dataset, port=port, ended_by=signal.SIGTERM) as second:
         assert second.links == first.links

@@ -203,5 +203,6 @@ def test_the_document_names_files_that_never_leave_and_flags_that_exist() -> Non
         assert f"`{name}`" in text
     known = {"--" + name.replace("_", "-") for name in ServeOptions.__dataclass_fields__} - {"--hosts"}
     known |= {"--host", "--dataset", "--url", "--link", "--insecure-ca", "--scenes-dir"}
-    of_others = {"--system", "--group", "--home", "--env-file", "--detach", "--build", "--now"}
+    of_others = {"--system", "--group", "--home", "--env-file", "--detach", "--build", "--now", "--rm"}
+    of_others |= {"--rotate", "--vacuum-time"}
     assert set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", text)) - of_others <= known

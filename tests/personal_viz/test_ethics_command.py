@@ -65,10 +65,11 @@ def test_the_command_says_when_the_first_trial_was_begun(tmp_path: Path, capsys:
 
 
 def test_an_export_names_answers_that_few_people_gave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    config = study(flow=("consent",), survey={"questions": ("age",)})
+    config = study(flow=("consent",), survey={"questions": ("age",)}, comments=True)
     with filled(tmp_path / "study", config) as store:
         store.keep_answer("p01", "survey", '{"age": "25_34"}')
     assert StudyExport(study=tmp_path / "study", out=tmp_path / "out").run() == 0
     printed = capsys.readouterr().out
     assert "survey.csv holds answers of single people" in printed
+    assert "comments.csv holds what people wrote" in printed
     assert "Fewer than 5 people each, who may be recognised: age 25_34 (1), 1 combinations of" in printed

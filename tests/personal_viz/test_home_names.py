@@ -4,6 +4,8 @@ import asyncio
 import contextlib
 import itertools
 import math
+import threading
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -142,12 +144,35 @@ def test_the_label_of_the_mark_keeps_its_room() -> None:
     assert label.position == (0.0, 0.0, -5.0)
 
 
+def test_names_that_go_while_they_are_laid_out_are_not_changed_afterwards() -> None:
+    client: Any = Client()
+    names = HomeNames(client)
+    names.show([Name("lamp", (0.0, 0.0, -5.0)), Name("sofa", (0.0, 0.0, -9.0))])
+    going, is_gone, changed_after = threading.Thread(target=names.remove), threading.Event(), list[bool]()
+
+    def gone(clear: Callable[[], None] = client.scene.root.remove) -> None:
+        is_gone.set()
+        clear()
+
+    def atomic() -> contextlib.nullcontext:
+        going.start()  # the participant's thread, in the middle of a lay-out
+        going.join(0.2)
+        changed_after.append(is_gone.is_set())
+        return contextlib.nullcontext()
+
+    client.scene.root.remove, client.atomic = gone, atomic
+    asyncio.run(names.camera_moved())
+    going.join()
+    assert (changed_after, client.scene.labels) == ([False], {})
+
+
 def thing(category: str, width: float) -> SceneObject:
     return SceneObject(3, f"{category}_3", category, (1.0, 0.5, 2.0), (width, 1.0, 1.0))
 
 
 def test_large_things_are_named_first_and_parts_of_the_building_never() -> None:
-    found = names_of_objects([thing("vase", 0.2), thing("Wall", 9.0), thing("sofa", 2.0)])
+    parts = [thing(category, 9.0) for category in ("Wall", "shower wall", "door frame", "unknown")]
+    found = names_of_objects([thing("vase", 0.2), *parts, thing("sofa", 2.0)])
     assert [name.text for name in found] == ["sofa", "vase"]
     assert found[0].place == pytest.approx((1.0, 1.1, 2.0))
 
@@ -206,6 +231,6 @@ def test_the_button_for_names_says_what_it_does_next(monkeypatch: pytest.MonkeyP
     button.show(is_shown=True)
     asyncio.run(page.buttons[0].press())
     assert ([command.is_shown for command in sent], told) == ([True, False], [False, True])
-    assert page.buttons[0].label == "Hide names in the home"
+    assert page.buttons[0].label == "Hide labels in the home"
     NamesButton(page, surface, send, is_there=False).show(is_shown=True)  # type: ignore[arg-type]
     assert len(page.buttons) == 1

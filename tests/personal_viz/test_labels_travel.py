@@ -115,7 +115,7 @@ def test_every_file_of_a_study_report_has_the_label(made: Compared, scans: Path,
     assert any(name.startswith("overlay-") for name in names)
     assert silent_files(tmp_path / "invented") == []
     assert ",shortest path," in (tmp_path / "invented" / "pan-ways.csv").read_text()
-    assert "nDTW with the shortest path (%)" in (tmp_path / "invented" / "report.md").read_text()
+    assert "nDTW with the shortest path" in (tmp_path / "invented" / "report.md").read_text()
     latex = (tmp_path / "invented" / "report.tex").read_text()
     assert "scenes: invented, rule paper" in latex
     assert all("%" not in line or r"\%" in line for line in latex.splitlines())  # no comment carries it

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from human_study.design.plan import save_plan
@@ -148,6 +148,7 @@ def awaiting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[StudySt
         yield store, dropped
 
 
+@settings(deadline=None)
 @given(STEPS, st.floats(0, 2000))
 def test_only_people_without_a_tab_who_left_long_ago_are_out(
     awaiting: tuple[StudyStore, list[str]], steps: list[tuple[str, str, float]], later_s: float
@@ -235,6 +236,20 @@ def test_a_failure_stops_neither_the_rest_of_a_round_nor_the_next_one(
         "its disk has 3 MB free; free some space soon. The study goes on.",
         "looking after the study",
     ]
+
+
+def test_each_time_that_the_log_is_taken_away_is_told(tmp_path: Path) -> None:
+    with kept(tmp_path, "arrived") as study:
+        rounds = Upkeep(study.store, study.keeper, tell=study.told.append)
+        line = f"{tmp_path / 'study.db'}-wal: was taken"
+        for told in (1, 2):
+            (tmp_path / "study.db-wal").unlink()
+            rounds.tick()
+            rounds.tick()
+            assert len(study.told) == told
+        (tmp_path / "study.db-wal").unlink()
+        rounds.end()
+        assert [said[: len(line)] for said in study.told] == [line] * 3
 
 
 def test_a_disk_that_gets_full_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -356,7 +356,10 @@ def test_a_comment_is_stored_once_as_plain_text(taking: Callable[..., Taking]) -
     assert '<textarea id="comment" name="comment" maxlength="2000" rows="4" required></textarea>' in shown
     who.send(choice="comment", comment=" \r\n\t ")
     assert stored_comment(who) is None
+    (at,) = re.findall(r'name="at" value="([^"]*)"', shown)
     who.send(choice="comment", comment="=1+1 <b>\r\nThe \x1b[31mmug\u202e was\x00 hidden 😀 ")
+    assert stored_comment(who) == "=1+1 <b>\nThe  [31mmug  was  hidden 😀"
+    who.post({"at": at, "choice": "comment", "comment": "once more"})
     assert stored_comment(who) == "=1+1 <b>\nThe  [31mmug  was  hidden 😀"
     shown = who.page()
     assert "Your comment is stored." in shown

@@ -121,13 +121,14 @@ def test_the_object_that_a_click_met_is_stored_and_is_the_answer_only_where_mark
     assert again.shown[0].mark == Mark(answer, HIT, 0, item)
 
 
-def test_homes_whose_objects_do_not_hold_the_target_do_not_say_what_a_click_met(fake_screens: Fakes) -> None:
+def test_where_objects_do_not_hold_the_target_clicks_tell_of_none_and_marks_stay(fake_screens: Fakes) -> None:
     other = dataclasses.replace(LAMP, name="another lamp_8")
     scene = dataclasses.make_dataclass("Scene", [], bases=(FakeScene,), namespace={"objects": (other,)})()
-    link = played(fake_screens, MemoryLink("pog"), RAY, Confirm(), home_options={"scene": scene}).link
-    assert link.outcome.measures.on_object is None
+    snap = {"pog": {"conditions": ["map_open"], "pointing": "snap"}}
+    link = played(fake_screens, MemoryLink("pog"), RAY, Confirm(), home_options={"scene": scene}, **snap).link
+    assert (link.outcome.measures.on_object, link.outcome.candidates) == (None, (HIT,))
     (clicked,) = [event for event in link.events() if isinstance(event, Clicked)]
-    assert clicked.object_name is None
+    assert (clicked.object_name, clicked.snapped) == (None, None)
 
 
 def test_the_time_runs_out_without_the_browser_and_a_later_click_does_not_count(fake_screens: Fakes) -> None:

@@ -1,6 +1,8 @@
 """From rays and moves of the mark to clicks: on the map exact to the rounding, on the home where the ray meets it."""
 
 import math
+import shutil
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +17,11 @@ from personal_viz.study_app.home.surfaces import map_click
 from personal_viz.study_app.home.top_view import TopView
 from personal_viz.study_app.screens.pog import Nudge, click_of
 from sim.copies.cut import StoreyCut
+from sim.episodes.dataset import PersonalDataset
+from sim.homes.open_home import open_scene
 from sim.mesh import SceneObject
+from sim.render.raycast import Raycaster
+from sim.tasks.pog import PogScene
 from sim.tasks.run_files import ClickRay, Vector3
 from sim.types import GridSpec
 
@@ -139,6 +145,30 @@ def test_a_mark_goes_to_the_middle_of_the_clicked_object_only_where_the_study_sa
     assert (free.object_name, free.snapped, free.hit) == ("lamp_7", None, snapped.hit)
     missed = click_of(beside, view(), home, is_map=is_map, snaps=True)
     assert (missed.object_name, missed.snapped) == (None, None)
+
+
+def test_a_click_on_the_floor_of_a_scan_is_known_as_one_and_stays_where_it_is(
+    tmp_path: Path, small_home_root: Path
+) -> None:
+    for file in (small_home_root / "scenes").glob("Small.*"):
+        shutil.copy(file, tmp_path)
+    text = tmp_path / "Small.semantic.txt"
+    lines = text.read_text(encoding="utf-8").splitlines(keepends=True)
+    number, colour, _, region = lines[1].split(",")
+    text.write_text("".join([lines[0], f'{number},{colour},"Shower floor",{region}', *lines[2:]]), encoding="utf-8")
+    scene = open_scene(PersonalDataset(small_home_root), "Small", scenes_dir=tmp_path)
+    pog_scene = PogScene(scene, make_renderer=Raycaster)
+    home: Any = SimpleNamespace(pog_scene=pog_scene)
+    clicks = []
+    for item in scene.objects[:2]:
+        (x, y, z), task = item.centre, study().task_for(episode(), "pog")
+        shown = PogView(task, pog_scene.storeys, 0, None, is_over=False)
+        ray = ray_to((x, y, z), (x, y + 9.0, z), storey_y=pog_scene.storeys[0])
+        clicks.append(click_of(ray, shown, home, is_map=False, snaps=True))
+    floor, other = clicks
+    assert (floor.object_name, floor.snapped) == (f"Shower floor_{number}", None)
+    assert floor.hit is not None
+    assert (other.object_name, other.snapped) == (scene.objects[1].name, pog_scene.middle_of(0, scene.objects[1]))
 
 
 def test_a_place_on_the_map_is_the_object_under_it_however_the_browsers_camera_stands() -> None:

@@ -99,6 +99,7 @@ def test_marks_go_to_objects_only_where_the_files_of_a_scan_tell_of_objects(tmp_
     StudyInit(study=study, dataset=demo_root, per_split=1, task=("pog",)).run()
     file = (study / STUDY_FILE).read_text(encoding="utf-8")
     assert "pointing: free" in file
+    assert load_study(study).storey_names == "texts"  # buttons and descriptions use the same words
     (study / STUDY_FILE).write_text(file.replace("pointing: free", "pointing: snap"), encoding="utf-8")
     scans.mkdir()
     shutil.copy(demo_root / "scenes" / "Demo.glb", scans)
@@ -107,11 +108,32 @@ def test_marks_go_to_objects_only_where_the_files_of_a_scan_tell_of_objects(tmp_
     (study / STUDY_FILE).write_text(file.replace("object_names: auto", "object_names: demand"), encoding="utf-8")
     with pytest.raises(StudyError, match=r"pog\.object_names is 'demand', but no file tells .* Take .*: off"):
         StudyPlanVerb(study=study, dataset=demo_root, scenes_dir=scans, pilot=True).run()
+    for end in (".semantic.glb", ".semantic.txt"):
+        shutil.copy(demo_root / "scenes" / f"Demo{end}", scans)
+    (study / STUDY_FILE).write_text(file.replace("pointing: free", "pointing: snap"), encoding="utf-8")
+    text = scans / "Demo.semantic.txt"
+    head, *lines = text.read_text(encoding="utf-8").splitlines(keepends=True)
+    missing = list[str]()
+    for _ in range(2):  # the file names the first missing target, then another one
+        kept = [line for line in lines if _label(line) in missing]
+        text.write_text("".join([head, *kept]), encoding="utf-8")
+        with pytest.raises(
+            StudyError, match=r"Demo\.semantic\.txt does not list '.*', a target of .*/Demo/"
+        ) as refused:
+            StudyPlanVerb(study=study, dataset=demo_root, scenes_dir=scans, pilot=True).run()
+        missing.append(str(refused.value).split("'")[3])
+    assert len({_label(line) for line in lines} & set(missing)) == 2
     assert not (study / PLAN_FILE).exists()
     file = file.replace("pointing: free", "pointing: snap").replace("room_names: 'off'", "room_names: 'on'")
     (study / STUDY_FILE).write_text(file, encoding="utf-8")
     assert load_study(study).pog.room_names == "on"
     assert StudyPlanVerb(study=study, dataset=demo_root, pilot=True).run() == 0  # the plan tells of objects and rooms
+
+
+def _label(line: str) -> str:
+    """The name of an object in a line of a semantic text."""
+    number, _, category, _ = line.split(",")
+    return category.strip('"') + f"_{number}"
 
 
 def test_rooms_of_a_scan_have_no_names(tmp_path: Path, demo_root: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.page_style import tokens_css
+from sim.page_style import light_token, tokens_css
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXTS = ("ink", "quiet", "link", "good", "bad", "warn")
@@ -14,8 +14,10 @@ FILLS = ("blue", "blue-dark", "red", "red-dark", "green", "green-dark", "gray", 
 OTHERS = {"on-fill", "line", "edge", "focus", "track", "done", "held", "free", "failed", "shade", "veil", "clear"}
 LITERAL = re.compile(
     r"#[0-9a-fA-F]{3,8}\b|\b(?:rgba?|hsla?|oklch)\(|font-family:(?!\s*(?:inherit|var\())|font:[^;}]*sans|monospace"
+    r"|font-family=(?!\"{{)"
 )
 STYLED = ("*.css", "*.html", "*.html.j2", "page.js", "forms.js", "enter.js", "updated.js", "dashboard.js")
+PACKAGES = ("sim", "human_study", "personal_viz")
 
 
 def tokens(scheme: str) -> dict[str, str]:
@@ -70,6 +72,7 @@ def test_two_typefaces_and_buttons_of_32_pixels() -> None:
 def test_no_other_style_sheet_has_a_colour_or_a_typeface() -> None:
     files = [path for pattern in STYLED for path in (ROOT / "personal_viz").rglob(pattern)]
     files += [ROOT / "human_study/report/page.py", ROOT / "personal_viz/annotate/panels.py"]
+    files += [path for package in PACKAGES for path in (ROOT / package).rglob("*.svg.j2")]
     found = {
         f"{path.relative_to(ROOT)}:{number}": line.strip()
         for path in files
@@ -78,6 +81,13 @@ def test_no_other_style_sheet_has_a_colour_or_a_typeface() -> None:
     }
     assert len(files) > 20
     assert found == {}
+
+
+def test_a_drawing_has_the_values_of_tokens() -> None:
+    assert light_token("ink") == tokens("light")["ink"]
+    assert light_token("font").endswith("sans-serif")
+    with pytest.raises(AssertionError, match="no such token"):
+        light_token("no such token")
 
 
 def test_every_token_that_a_style_sheet_names_exists() -> None:

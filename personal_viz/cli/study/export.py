@@ -46,5 +46,7 @@ class StudyExport:
             )
             if cells := small_cells(rows):
                 print(f"Fewer than {LEAST_IN_A_CELL} people each, who may be recognised: {', '.join(cells)}")
+        if any(name.startswith("comments.") for name in manifest.files):
+            print("comments.csv holds what people wrote: read all of it before you publish the folder.")
         print("exclusions.csv holds your own words: read it before you publish the folder.")
         return 0

@@ -67,6 +67,7 @@ class StudyInit:
             task=self.task,
             language=self.language,
             design=StudyDesign(kind=self.design),
+            storey_names="texts",
             aggregate=StudyAggregate(intervals="homes"),
         )
         if self.wizard:

@@ -100,7 +100,7 @@ class Gateway:
         self._page = page_of(self._version, pages.words)
         self._note_error = note_error
         self._admission, self._seats, self._tickets, self._options = admission, seats, tickets, options
-        self._pages = pages
+        self._pages, self._enter = pages, pages.message("enter")
         self._present = present or (lambda _: contextlib.nullcontext())
         self._screen_out_code = screen_out_code
         self._tell = tell or (lambda line: print(f"personal-viz: {line}", file=sys.stderr))
@@ -284,7 +284,7 @@ class Gateway:
         return HTMLResponse(self._pages.message("paused"), status_code=503, headers=_PAGE_HEADERS | later)
 
     def _enter_page(self) -> Response:
-        return HTMLResponse(self._pages.message("enter"))
+        return HTMLResponse(self._enter)
 
     def _view_address(self, request: Request, ticket_id: str) -> str:
         host = request.headers["host"]

@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from human_study.design.study import Condition, StudyConfig
 from human_study.journey import Journey, Person, Stage, has_reached, journey_of, last_detail
+from human_study.store.people import MAX_ANSWER
 from human_study.store.store import StudyStore
 from human_study.texts.catalogue import Catalogue, catalogue_of
 from human_study.texts.participants import (
@@ -36,8 +37,6 @@ from .device import MIN_HEIGHT, MIN_WIDTH, SMALLER, device_report, needs_webgl
 from .pauses import machine_time, pause_left_s, steady_detail
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
-MAX_COMMENT = 2000
-"""Most characters of a comment."""
 MAX_FORM_BYTES = 32 * 1024
 """Largest form: a comment takes 12 bytes per character at most."""
 _TEMPLATE_OF = {"declined": "end", "withdrawn": "end", "screened_out": "end", "full": "end", "finished": "end"}
@@ -107,7 +106,9 @@ class Pages:
 
     def message(self, name: str) -> str:
         """A page that belongs to no place in the study: `enter`, `paused`."""
-        return message_page(name, self.words)
+        least = {"width": round(SMALLER * MIN_WIDTH), "height": round(SMALLER * MIN_HEIGHT)}
+        template = self._templates.get_template(f"{name}.html")
+        return template.render(parts=(), part=0, base="", place="", may_leave=False, **least)
 
     def answer(self, code: str, form: Mapping[str, str]) -> None:
         """Stores the answer of a form; does nothing where the form answers another state than the present one.
@@ -257,7 +258,7 @@ class Pages:
             "debriefing": debriefing,
             "has_commented": has_commented,
             "may_comment": asks and not has_commented,
-            "max_comment": MAX_COMMENT,
+            "max_comment": MAX_ANSWER,
         }
 
     def _left_s(self, journey: Journey) -> float:
@@ -289,7 +290,8 @@ class Pages:
                     self._store.keep_answer(code, "survey", answers_to_json(given_answers(self._config, form)))
                 self._store.enter_stage(code, "survey_ended")
             case "finished", "comment" if self._config.comments and (comment := _tidy(form.get("comment", ""))):
-                self._store.keep_answer(code, "comment", comment)
+                if not self._store.has_answered(code, "comment"):
+                    self._store.keep_answer(code, "comment", comment)
             case "break", "next":
                 self._store.enter_stage(code, "break_ended", done)
             case "pause", "next" if self._left_s(journey) <= 0:
@@ -319,13 +321,6 @@ class Pages:
             quiz.answer(answer)
 
 
-def message_page(name: str, words: Catalogue) -> str:
-    """A page that belongs to no place in a study in this language: `enter`, `paused`."""
-    least = {"width": round(SMALLER * MIN_WIDTH), "height": round(SMALLER * MIN_HEIGHT)}
-    template = _environment(words).get_template(f"{name}.html")
-    return template.render(parts=(), part=0, base="", place="", may_leave=False, **least)
-
-
 def _environment(words: Catalogue) -> jinja2.Environment:
     found = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
@@ -350,7 +345,7 @@ def _shuffled(person: Person, question: Question) -> tuple[str, ...]:
 
 def _tidy(comment: str) -> str:
     """A comment without control characters and with plain ends of lines, cut at its largest length; '' = none."""
-    lines = comment.replace("\r\n", "\n")[:MAX_COMMENT].splitlines()
+    lines = comment.replace("\r\n", "\n")[:MAX_ANSWER].splitlines()
     return "\n".join("".join(letter if letter.isprintable() else " " for letter in line) for line in lines).strip()
 
 

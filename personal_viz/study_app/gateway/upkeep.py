@@ -45,9 +45,9 @@ class Upkeep:
     def tick(self) -> None:
         """Does one round; a part that fails is reported and tried again in a later round."""
         for work in (
+            self._look_after_log,  # first: what reads cannot open a database without its log
             self._do_requests,
             self._keeper.tick,
-            self._store.look_after_log,
             self._back_up,
             self._look_at_disk,
         ):
@@ -60,8 +60,9 @@ class Upkeep:
                 self._tell(f"{self._store.folder}: looking after the study failed ({error!r}); it is tried again.")
 
     def end(self) -> None:
-        """Makes a last copy if anything was written since the one before."""
+        """Looks after the log once more, and makes a last copy if anything was written since the one before."""
         try:
+            self._look_after_log()
             self._copy()
         except StudyError as error:
             self._tell(str(error))
@@ -69,6 +70,10 @@ class Upkeep:
     def _do_requests(self) -> None:
         """Does the changes that the researcher requested with a command: withdrawals and exclusions."""
         for line in take_requests(self._store):
+            self._tell(line)
+
+    def _look_after_log(self) -> None:
+        if line := self._store.look_after_log():
             self._tell(line)
 
     def _back_up(self) -> None:

@@ -7,6 +7,7 @@ screen, or left out until one comes closer. While the camera moves they are away
 
 import asyncio
 import math
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -33,11 +34,6 @@ _OVER = 0.1
 """Height of a name over its object or floor (metres)."""
 _NEAR = 0.1
 """Nothing nearer to the camera than this is named (metres)."""
-_BUILDING = frozenset({
-    "wall", "floor", "ceiling", "door frame", "doorframe", "window frame", "beam", "column", "unknown", "unlabeled",
-    "objects", "object", "remove", "void",
-})  # fmt: skip
-"""Categories of scans that name no thing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +55,7 @@ def no_names(index: int, is_asked: bool) -> Sequence[Name]:
 
 def names_of_objects(objects: Sequence[SceneObject]) -> list[Name]:
     """Categories over objects, the largest first; walls, floors and other parts of the building have none."""
-    named = [item for item in objects if item.category.lower() not in _BUILDING]
+    named = [item for item in objects if not item.is_building]
     named.sort(key=lambda item: (-item.size[0] * item.size[2], item.centre))
     above = [(item.centre[0], item.centre[1] + item.size[1] / 2 + _OVER, item.centre[2]) for item in named]
     return [Name(item.category, place) for item, place in zip(named, above, strict=True)]
@@ -77,11 +73,13 @@ def names_of_rooms(plan: HomePlan, heights: Sequence[float]) -> tuple[tuple[Name
 
 
 class HomeNames:
-    """The names of one storey at a time."""
+    """The names of one storey at a time; the participant's thread and viser's loop may both use them."""
 
     def __init__(self, client: viser.ClientHandle) -> None:
         """Shows nothing yet."""
         self._client = client
+        self._lock = threading.RLock()
+        """Held while labels change: viser refuses to change one that was removed."""
         self._root: Any = None
         self._labels: list[tuple[Name, Any]] = []
         self._mark: Name | None = None
@@ -90,44 +88,50 @@ class HomeNames:
 
     def show(self, names: Sequence[Name]) -> None:
         """Shows these names in place of others; the first ones are the last to be left out."""
-        self.remove()
-        if not names:
-            return
-        self._root = self._client.scene.add_frame("/labels", show_axes=False)
-        add = self._client.scene.add_label
-        self._labels = [
-            (name, add(f"/labels/{number}", name.text, position=name.place, anchor="center-center", visible=False))
-            for number, name in enumerate(names)
-        ]
-        self._lay_out()
+        with self._lock:
+            self.remove()
+            if not names:
+                return
+            self._root = self._client.scene.add_frame("/labels", show_axes=False)
+            add = self._client.scene.add_label
+            self._labels = [
+                (name, add(f"/labels/{number}", name.text, position=name.place, anchor="center-center", visible=False))
+                for number, name in enumerate(names)
+            ]
+            self._lay_out()
 
     def keep_free(self, mark: Name | None) -> None:
         """Keeps room for the label of the participant's mark, which is drawn elsewhere."""
-        if mark != self._mark:
-            self._mark = mark
-            if self._root is not None:
+        with self._lock:
+            if mark != self._mark:
+                self._mark = mark
                 self._lay_out()
 
     def remove(self) -> None:
         """Takes the names out of the browser."""
-        if self._root is not None:
-            self._root.remove()  # with all that stands on it
-        self._root, self._labels = None, []
+        with self._lock:
+            if self._root is not None:
+                self._root.remove()  # with all that stands on it
+            self._root, self._labels = None, []
 
     async def camera_moved(self) -> None:
         """Takes the names away until the camera rests."""
         self._move += 1
         move = self._move
-        if self._root is None:
-            return
-        if self._root.visible:
-            self._root.visible = False
+        with self._lock:
+            if self._root is None:
+                return
+            if self._root.visible:
+                self._root.visible = False
         await asyncio.sleep(REST_S)
-        if move == self._move and self._root is not None:
-            self._lay_out()
+        with self._lock:
+            if move == self._move:
+                self._lay_out()
 
     def _lay_out(self) -> None:
-        """Moves every name to its place for the present camera."""
+        """Moves every name to its place for the present camera; needs the lock."""
+        if self._root is None:
+            return
         camera = self._client.camera
         T_world_camera = np.eye(4)
         T_world_camera[:3, :3] = viser.transforms.SO3(np.asarray(camera.wxyz, float)).as_matrix()

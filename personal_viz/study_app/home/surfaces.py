@@ -267,9 +267,7 @@ class HomeSurface(Surface):
         low_xz, high_xz = self._copies.extent_xz
         floor_y, top_y = self._copies.storeys[index], self._copies.cuts[index].top_y
         low, high = np.insert(low_xz, 1, floor_y), np.insert(high_xz, 1, top_y)
-        camera = self._client.camera
-        distance = framing_distance(high - low, fov=camera.fov, aspect=camera.aspect)
-        place_camera(camera, (low + high) / 2, distance * _FROM_ABOVE, up=(0.0, 1.0, 0.0))
+        look_from_above(self._client.camera, low, high)
 
 
 class SceneView(HomeSurface):
@@ -373,17 +371,10 @@ def framing_distance(size: Sequence[float] | NDArray[np.float64], *, fov: float,
     return float(_FIT * (corners @ _FROM_ABOVE + beside).max())
 
 
-def look_from_above(
-    camera: viser.CameraHandle,
-    low_xz: Sequence[float] | NDArray[np.float64],
-    high_xz: Sequence[float] | NDArray[np.float64],
-    floor_y: float,
-) -> None:
-    """Makes a browser look at all of a floor between two corners (x, z), world metres, from VIEW_ANGLE above."""
-    low, high = np.array(low_xz), np.array(high_xz)
-    x, z = (low + high) / 2
-    distance = 0.62 * float(np.linalg.norm(high - low)) + 2.0
-    place_camera(camera, (x, floor_y, z), distance * _FROM_ABOVE, up=(0.0, 1.0, 0.0))
+def look_from_above(camera: viser.CameraHandle, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+    """Makes a browser look at all of a box between two corners (3,), world metres, from VIEW_ANGLE above."""
+    distance = framing_distance(high - low, fov=camera.fov, aspect=camera.aspect)
+    place_camera(camera, (low + high) / 2, distance * _FROM_ABOVE, up=(0.0, 1.0, 0.0))
 
 
 def place_camera(

@@ -178,7 +178,7 @@ def click_of(pointed: ClickRay | Nudge, view: PogView, home: Home, *, is_map: bo
         view: The present view.
         home: The trial's home.
         is_map: Whether the participant points at the home's map, not at the home.
-        snaps: Whether the mark goes to the middle of that object.
+        snaps: Whether the mark goes to the middle of that object, unless it is a part of the building.
     """
     ray = pointed if isinstance(pointed, ClickRay) else _straight_down(pointed, view, home, is_map=is_map)
     storey = view.storeys.index(ray.storey_y)
@@ -189,7 +189,8 @@ def click_of(pointed: ClickRay | Nudge, view: PogView, home: Home, *, is_map: bo
     item = home.pog_scene.object_at(storey, *object_ray(ray, click.hit, click.pixel)) if click.hit is not None else None
     if item is None:
         return click
-    return replace(click, object_name=item.name, snapped=home.pog_scene.middle_of(storey, item) if snaps else None)
+    snapped = home.pog_scene.middle_of(storey, item) if snaps and not item.is_building else None
+    return replace(click, object_name=item.name, snapped=snapped)
 
 
 def _straight_down(nudge: Nudge, view: PogView, home: Home, *, is_map: bool) -> ClickRay:

@@ -26,7 +26,8 @@
 
   const isTooSmall = () => {
     const { width, height } = document.querySelector("main").dataset;
-    const sides = [window.screen.width, window.screen.height];
+    const scale = window.devicePixelRatio || 1; // a system may show everything at 200 %
+    const sides = [scale * window.screen.width, scale * window.screen.height];
     const hasMouse = window.matchMedia("(pointer: fine)").matches || window.matchMedia("(any-pointer: fine)").matches;
     const isTouched = window.matchMedia("(pointer: coarse)").matches && !hasMouse;
     return isTouched || Math.max(...sides) < Number(width) || Math.min(...sides) < Number(height);

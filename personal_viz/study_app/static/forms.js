@@ -21,20 +21,28 @@
   }
 
   // --- a second press of the button that was pressed just now answers nothing twice; it need not be sent -----------
-  // nor is one without a connection: the browser's own page would take this one's place
-  let isSent = false;
-  const tellLine = () => { document.querySelector("[data-offline]").hidden = navigator.onLine; };
-  for (const change of ["online", "offline"]) window.addEventListener(change, tellLine);
-  document.addEventListener("submit", (event) => {
-    if (!navigator.onLine) {
-      event.preventDefault();
-      tellLine();
-      return;
-    }
-    if (isSent) event.preventDefault();
-    isSent = true;
+  // nor is one to a server that does not answer: the browser's own page would take this one's place. `navigator.onLine`
+  // would not tell: it is about the computer's network, and the server may be this computer or may be down.
+  const offline = document.querySelector("[data-offline]");
+  let sending = "";  // "asked" while the server is asked, then "sure", then "sent"
+  const tellLine = async () => {
+    let isThere = false;
+    try {
+      isThere = (await fetch("/page-version", { cache: "no-store", signal: AbortSignal.timeout(BACK_MS) })).ok;
+    } catch { /* silent */ }
+    offline.hidden = isThere;
+    return isThere;
+  };
+  document.addEventListener("submit", async (event) => {
+    if (sending === "sure") { sending = "sent"; return; }
+    event.preventDefault();
+    if (sending) return;
+    sending = "asked";
+    sending = await tellLine() ? "sure" : "";
+    if (sending) event.target.requestSubmit(event.submitter);
+    if (sending === "sure") sending = "";  // a field was emptied meanwhile
   });
-  window.addEventListener("pageshow", () => { isSent = false; });
+  window.addEventListener("pageshow", () => { sending = ""; });
 
   // --- the code of the last page, copied with one press --------------------------------------------------------------
   for (const button of all("[data-copies]")) {
@@ -54,7 +62,8 @@
   // --- while this page is open its participant is here, and keeps the place in the study ---------------------------
   const stayHere = () => {
     const socket = new WebSocket(location.origin.replace(/^http/, "ws") + base + "here");
-    socket.addEventListener("close", () => setTimeout(stayHere, BACK_MS));
+    socket.addEventListener("open", () => { offline.hidden = true; });
+    socket.addEventListener("close", () => setTimeout(() => { tellLine(); stayHere(); }, BACK_MS));
   };
   if (base) stayHere();
 

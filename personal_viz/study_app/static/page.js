@@ -135,6 +135,9 @@
     return isOwned(code) ? null : code;
   };
   const codeOf = (event) => event.code || (/^[a-z]$/i.test(event.key) ? 'Key' + event.key.toUpperCase() : event.key);
+  const isTrial = () => document.querySelector('.personal-page') === null;
+  const isScrolling = (code, target) =>  // a text that was reached with Tab, or a page to read
+    /^(Arrow|Page|Home|End)/.test(code) && (target.closest('.scroll') !== null || (code.startsWith('Page') && !isTrial()));
   window.addEventListener('keydown', (event) => {
     if (ours.has(event) || isUpdated()) return;
     const target = event.target instanceof Element ? event.target : document.body;
@@ -148,14 +151,13 @@
     const isPress = (code === 'Enter' || code === 'NumpadEnter' || code === 'Space') &&
       target.closest('button, a, summary, [role=button], [tabindex="0"]');
     event.stopImmediatePropagation();
-    if (event.repeat) { if (!['Tab', 'PageUp', 'PageDown'].includes(code)) event.preventDefault(); return; }
+    if (event.repeat) { if (code !== 'Tab' && !isScrolling(code, target)) event.preventDefault(); return; }
     if (isPress) { hold(); return; }  // the browser presses the focused button
-    if (/^(Arrow|Page|Home|End)/.test(code) && target.closest('.scroll')) return;  // reached with Tab: scrolls the text
+    if (isScrolling(code, target)) return;
     const known = viserCode(code);
     const key = known && keyOfCode(known);
     if (!key) return;
-    const isTrial = document.querySelector('.personal-page') === null;
-    if (isTrial && !code.startsWith('Page')) event.preventDefault();  // arrows and space must not scroll the panel
+    if (isTrial()) event.preventDefault();  // arrows, space and the keys of storeys must not scroll the panel
     waitingKeys.push({ code: code, t: event.timeStamp, twin: { key: key, code: known, bubbles: false, cancelable: true } });
     passKeys();
   }, true);
@@ -212,7 +214,10 @@
   document.addEventListener('visibilitychange', () => changed(document.hidden ? 'hidden' : 'visible'));
   window.addEventListener('webglcontextlost', () => changed('context_lost'), true);
   window.addEventListener('online', () => { if (state.seat) tell({ kind: 'ping' }); });
-  window.addEventListener('offline', () => showBanner(say('script.lost')));
+  window.addEventListener('offline', async () => {  // which says nothing about a server on this computer
+    const answer = window.personalVersion ? await window.personalVersion.ask() : '';
+    if (answer === 'silent') showBanner(say('script.lost'));
+  });
   let resizing = 0;
   window.addEventListener('resize', () => {
     clearTimeout(resizing);
