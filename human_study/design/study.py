@@ -247,7 +247,8 @@ class StudyEthics(BaseModel):
     complaint_body: str = ""
     """The office to which people can complain about the use of their data."""
     language_model: str = ""
-    """Which data of people goes to which language model, and who runs it where, as participants read it; "" = none."""
+    """Which data of people goes to which language model, and who runs it where, as participants read it; "" = none: the
+    texts then say that the study's program sends nothing of theirs to one."""
     duration_min: Annotated[int, Field(ge=1)] | None = None
     """Duration announced to participants, minutes; None = estimated from the plan."""
 
@@ -263,7 +264,10 @@ class StudySurvey(BaseModel):
 
 
 class StudyReporting(BaseModel):
-    """Facts for the report's checklist that only researchers know. Participants do not read them."""
+    """Facts for the report's checklist that only researchers know. Participants do not read them.
+
+    They may be written or corrected at any time, in the study's own folder: no hash of the study holds them.
+    """
 
     model_config = _MODEL
     population: str = ""
@@ -287,7 +291,7 @@ class StudyReporting(BaseModel):
     item_checks: str = ""
     """How the episodes were checked for errors before people did them."""
     invited: Annotated[int, Field(ge=1)] | None = None
-    """Number of invited people; None = each personal link is an invitation (`recruit.kind: local`), or not known."""
+    """Number of invited people; None = not known."""
     incentive: str = ""
     """A bonus and what it depends on, and whether everybody is paid alike."""
     place: str = ""
@@ -437,8 +441,9 @@ class StudyConfig(BaseModel):
         """The same text for the same choices: sorted keys, no spaces, only values that differ from the defaults.
 
         So a new field in a later version does not change the hash of a running study; a changed default does.
+        `reporting` is no choice: some of it is known only after the study.
         """
-        choices = self.model_dump(mode="json", exclude_defaults=True)
+        choices = self.model_dump(mode="json", exclude_defaults=True, exclude={"reporting"})
         return json.dumps(choices, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
     def task_for(self, episode: Episode, kind: TaskKind) -> Task:
@@ -458,7 +463,7 @@ class StudyConfig(BaseModel):
 
 
 def save_study(folder: Path, config: StudyConfig) -> Path:
-    """Writes `study.yaml`, commented, and its schema once; writing the same study again changes nothing.
+    """Writes `study.yaml`, commented, and its schema once; writing the same study again changes `reporting` at most.
 
     Returns:
         The path of `study.yaml`.
@@ -474,7 +479,8 @@ def save_study(folder: Path, config: StudyConfig) -> Path:
                 f"{path}: found study_version {found.study_version[:12]}; expected {config.study_version[:12]}. "
                 "A study never changes: give the new one another folder."
             )
-        return path
+        if found == config:
+            return path
     write_whole(folder / SCHEMA_FILE, json.dumps(schema_of(StudyConfig), indent=1) + "\n")
     write_whole(path, _HEAD + commented_yaml(config))
     make_private(folder)

@@ -81,7 +81,7 @@ def _table_files(
 
 def _study_files(reader: StudyReader, folder: Path) -> dict[str, tuple[bytes, int | None]]:
     """Content of the study file, and of the practice homes' episodes, which are in no public dataset."""
-    choices = reader.config.model_dump(mode="json", exclude_defaults=True)
+    choices = reader.reported_config().model_dump(mode="json", exclude_defaults=True)
     files: dict[str, tuple[bytes, int | None]] = {
         STUDY_FILE: (yaml.safe_dump(choices, sort_keys=False, allow_unicode=True).encode(), None)
     }

@@ -3,10 +3,14 @@
 `templates/checklist.md.j2` holds the questions, their sources and the answers.
 """
 
+import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+from pydantic import BaseModel
+
+from sim.tasks.run_files import Run
 from sim.words.english import how_many
 
 from ..design.study import StudyConfig, SurveyTopic
@@ -44,11 +48,15 @@ def checklist(
     flow: Sequence[FlowCount],
     exclusions: Sequence[ExclusionCount],
     is_pilot: bool,
+    runs: Sequence[Run] = (),
 ) -> list[ChecklistItem]:
-    """All questions of both lists; none without a study file."""
-    config = records.config
-    if config is None:
+    """All questions of both lists; none without a study file.
+
+    `runs` holds those of the report, from which it is known which agents ran on the study.
+    """
+    if records.config is None:
         return []
+    config = _on_one_line(records.config)
     measures = {row.measure for row in rows if row.measure not in WITHIN and row.split == TOTAL}
     reached = {count.point: count.n for count in flow}
     text = filled(
@@ -56,6 +64,7 @@ def checklist(
         study=config,
         words=words_of(config),
         agents=_agents(rows),
+        others=_not_on_study(runs, records.config.study_version),
         measures=sorted(measures),
         limits=_limits(config),
         conditions=[name for task in config.task for name in config.conditions(task)],
@@ -75,12 +84,40 @@ def checklist(
 def survey_words(rows: Sequence[SurveyRow]) -> dict[SurveyTopic, str]:
     """The number of people who gave each answer, by topic; small numbers are hidden (k-anonymity)."""
     return {
-        topic: ", ".join(
-            f"{answer} {num if num >= LEAST_IN_A_CELL else f'under {LEAST_IN_A_CELL}'}"
-            for answer, num in sorted(counts.items())
-        )
+        topic: ", ".join(f"{answer} {num}" for answer, num in sorted(_hidden(counts).items()))
         for topic, counts in survey_counts(rows).items()
     }
+
+
+def _hidden(counts: Mapping[str, int]) -> dict[str, int | str]:
+    """The counts in words, without small ones and without those from which a small one could be computed.
+
+    Who knows the number of people also knows the sum of all hidden answers: while a small one could be told from it,
+    the next smallest is hidden too.
+    """
+    ordered = sorted(counts.items(), key=lambda item: (item[1], item[0]))
+    at = sum(num < LEAST_IN_A_CELL for _, num in ordered)
+    while 0 < at < len(ordered) and (at == 1 or sum(num for _, num in ordered[:at]) < LEAST_IN_A_CELL):
+        at += 1
+    words = {answer: f"{'under' if num < LEAST_IN_A_CELL else 'at least'} {LEAST_IN_A_CELL}" for answer, num in ordered}
+    return {answer: words[answer] if place < at else num for place, (answer, num) in enumerate(ordered)}
+
+
+def _on_one_line(value: Any) -> Any:
+    """A text, or the texts of a model, without line breaks or marks that would begin a question of the template."""
+    if isinstance(value, str):
+        return re.sub(r"^#+ ", "", " ".join(value.split()))
+    if isinstance(value, tuple):
+        return tuple(map(_on_one_line, value))
+    if isinstance(value, BaseModel):
+        return value.model_copy(update={name: _on_one_line(each) for name, each in value})
+    return value
+
+
+def _not_on_study(runs: Sequence[Run], version: str) -> list[str]:
+    """Names of agents with a run that was not made on the study, of whose simulator and texts nothing is known."""
+    agents = [run.info for run in runs if run.info.who_kind != "human"]
+    return sorted({info.who for info in agents if info.config.get("study_version") != version})
 
 
 def _items(part: str) -> list[ChecklistItem]:
@@ -131,14 +168,13 @@ def _range(values: Collection[int]) -> str:
     return f"{most}" if least == most else f"{least} to {most}"
 
 
-def _response(config: StudyConfig, reached: Mapping[str, int]) -> dict[str, Any]:
-    """The number of people who were invited, and the share of them who finished."""
-    invited = config.reporting.invited
-    if invited is None and config.recruit.kind == "local":
-        invited = reached.get("places in the plan")  # each place is one personal link
-    finished = reached.get("finished", 0)
-    rate = f"{100 * finished / invited:.0f} % of the invited finished" if invited else ""
-    return {"invited": invited, "rate": rate}
+def _response(config: StudyConfig, reached: Mapping[str, int]) -> dict[str, str]:
+    """The number of people who were invited, or of links, and the share of the invited who finished."""
+    invited, links = config.reporting.invited, reached.get("places in the plan", 0)
+    if invited is None:  # a personal link for each place, spare ones too; nobody says how many were sent
+        return {"invited": f"{how_many(links, 'link')}, " if config.recruit.kind == "local" else "", "rate": ""}
+    rate = f"{100 * reached.get('finished', 0) / invited:.0f} % of the invited finished"
+    return {"invited": f"{invited} invited, ", "rate": rate}
 
 
 def _limits(config: StudyConfig) -> list[str]:

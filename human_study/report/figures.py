@@ -47,7 +47,9 @@ def person_dots_svg(groups: Sequence[TrialGroup], task: TaskKind) -> str:
     axes.set_yticks(range(conditions.ngroups), [row_label(*name) for name, _ in conditions])
     axes.set_ylim(conditions.ngroups - 0.4, -0.9 - 0.02 * max((len(", ".join(n)) for n in by_rate.values()), default=0))
     axes.set_xlim(-3, 103)
-    axes.set_xlabel("success rate of a person over their trials (%)")
+    axes.set_xlabel(
+        "success rate of a person (dot) or an agent (dashed) over all their trials, whatever their split (%)"
+    )
     return _svg(figure, trials["scene_kind"])
 
 

@@ -6,7 +6,7 @@ from itertools import combinations
 
 from scipy.special import stdtr
 
-from sim.types import TaskKind
+from sim.types import SPLITS, TaskKind
 
 from ..design.analysis import ALPHA, HYPOTHESIS_NAME
 from .effects import EffectRow, holm
@@ -31,6 +31,8 @@ class HypothesisRow(ReportValue):
     p_holm: float | None = None
     """p adjusted over all primary hypotheses, including those not tested."""
     n: int = 0
+    splits: tuple[str, ...] = ()
+    """Splits of the trials: those of the difference, not always all that people did."""
     method: str
 
     @property
@@ -90,7 +92,11 @@ def _tested(
         if len(effects) != 1:
             found = ", ".join(f"{row.task} {row.what}" for row in effects) or "none"
             return _untested(name, f"needs exactly one pair of conditions, found {found}")
-        return _of_effect(name, effects[0])
+        (effect,) = effects
+        parts = [
+            row.split for row in memory if (row.task, row.what, row.measure) == (effect.task, effect.what, measure)
+        ]
+        return _of_effect(name, effect, tuple(split for split in SPLITS if split in parts))
     groups = [
         group
         for group in differences
@@ -111,6 +117,8 @@ def _of_difference(name: str, group: TrialGroup, measure: str, aggregate: Aggreg
     if interval is None:
         return _untested(name, no_interval(group.trials, aggregate))
     variance, df = variance_of_mean(trials)
+    known = set(group.trials["split"][group.trials[measure].notna()])
+    splits = tuple(split for split in SPLITS if split in known)
     return HypothesisRow(
         name=name,
         value=trials.mean,
@@ -118,13 +126,16 @@ def _of_difference(name: str, group: TrialGroup, measure: str, aggregate: Aggreg
         high=interval.high,
         p=float(2 * stdtr(df, -abs(trials.mean) / variance**0.5)),
         n=len(trials.values),
-        method=f"{group.who}, {group.task}, {group.condition}: paired on the same episodes, {interval.method}",
+        splits=splits,
+        method=f"{group.who}, {group.task}, {group.condition}, {' and '.join(splits)}: paired on the same episodes, "
+        f"{interval.method}",
     )
 
 
-def _of_effect(name: str, row: EffectRow) -> HypothesisRow:
+def _of_effect(name: str, row: EffectRow, splits: tuple[str, ...]) -> HypothesisRow:
     found = row.effect.model_dump(include={"value", "low", "high", "p", "n"})
-    return HypothesisRow(name=name, **found, method=f"{row.what}, {row.task}: {row.effect.method}")
+    told = f"{row.what}, {row.task}, {' and '.join(splits)}" if splits else f"{row.what}, {row.task}"
+    return HypothesisRow(name=name, **found, splits=splits, method=f"{told}: {row.effect.method}")
 
 
 def _untested(name: str, why: str) -> HypothesisRow:

@@ -42,6 +42,7 @@ def markdown(report: StudyReport, pictures: Iterable[str] = ()) -> str:
         "grid": lambda rows, splits, measures: _cells(rows, [(split, m) for split in splits for m in measures]),
         "with_counts": _with_counts,
         "measures": MEASURES,
+        "skewed": _skewed(report),
         "within": WITHIN,
         "level": f"{LEVEL:.0%}",
         "num_intervals": num_intervals(report),
@@ -105,7 +106,8 @@ def _result_of(row: HypothesisRow) -> str:
     if row.p is None or row.p_holm is None:
         return f"{row.name}: {row.method}."
     found = "difference shown" if row.is_shown else "no difference shown"
-    return f"{row.name}: {found}; {interval_text(row)}, p {p_text(row.p_holm)} (Holm)."
+    where = f" in {' and '.join(row.splits)}" if row.splits else ""
+    return f"{row.name}: {found}{where}; {interval_text(row)}, p {p_text(row.p_holm)} (Holm)."
 
 
 def num_intervals(report: StudyReport) -> int:
@@ -153,6 +155,13 @@ def latex(report: StudyReport) -> str:
         ]
         parts.append(tex_table(heads, lines, below=said))
     return "\n".join(parts)
+
+
+def _skewed(report: StudyReport) -> list[str]:
+    """The measures of this report whose intervals are built on the log scale, in words."""
+    tasks = {row.task for row in report.rows}
+    steps = ["steps", "paths"] if "pan" in tasks else []
+    return ["times", *steps, *(["distances to a goal's centre"] if "pog" in tasks else [])]
 
 
 def _with_counts(cells: Sequence[ReportRow | None]) -> list[str]:

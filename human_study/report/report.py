@@ -205,7 +205,9 @@ def report_of(
         blocks=tuple(order_blocks(people, aggregate)),
         agent_pairs=tuple(agent_pairs(groups.agents, _episodes_of(people))),
         sensitivity=tuple(
-            row for group in (*people, *groups.differences) for row in sensitivity_rows(group, records.rows, aggregate)
+            row
+            for group in (*people, *groups.differences)
+            for row in sensitivity_rows(group, records.rows, aggregate, splits=_splits_beside(group, people))
         ),
         agreement=tuple(agreement_row(group) for group in people),
         places=tuple(place_row(group, objects) for group in people),
@@ -218,7 +220,7 @@ def report_of(
         exclusions=tuple(exclusions),
         left_out=groups.left_out,
         left_out_runs=source.left_out,
-        checklist=tuple(checklist(records, rows=rows, flow=flow, exclusions=exclusions, is_pilot=is_pilot)),
+        checklist=tuple(checklist(records, rows=rows, flow=flow, exclusions=exclusions, is_pilot=is_pilot, runs=runs)),
         outcomes=tuple(outcome for group in (*people, *groups.averaged) for outcome in _outcomes(group)),
         dataset_digest=runs[0].info.dataset_digest,
         edition=runs[0].info.edition,
@@ -322,6 +324,12 @@ def _may_stand_beside(people: TrialGroup, agent: TrialGroup) -> bool:
 
 def _episodes_of(groups: Sequence[TrialGroup]) -> set[str]:
     return {episode for group in groups for episode in group.trials["episode"]}
+
+
+def _splits_beside(group: TrialGroup, people: Sequence[TrialGroup]) -> set[str]:
+    """Splits in the table of a group of people, or of people minus an agent."""
+    beside = [other for other in people if (other.task, other.scene_kind) == (group.task, group.scene_kind)]
+    return {split for other in beside for split in other.trials["split"][other.trials["sr"].notna()]}
 
 
 def _outcomes(group: TrialGroup) -> list[PersonOutcome]:

@@ -1,9 +1,12 @@
 """Checks whether the main figures hold when trials are counted in other ways (HUMAN_STUDY.md, section 8)."""
 
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 from pandas import concat
+
+from sim.types import SPLITS
 
 from ..export.runs import run_condition
 from ..export.trial_table import TrialRow
@@ -20,7 +23,7 @@ class SensitivityRow(GroupRow):
 
     way: str
     value: float | None = None
-    """Percent, or percent points for differences; None = no trial is left, and `method` says why."""
+    """Percent, or percent points for differences; None = no trial is left, or not all splits; `method` says which."""
     low: float | None = None
     high: float | None = None
     k: int | None
@@ -28,12 +31,15 @@ class SensitivityRow(GroupRow):
     method: str
 
 
-def sensitivity_rows(group: TrialGroup, rows: Sequence[TrialRow], aggregate: Aggregate) -> list[SensitivityRow]:
+def sensitivity_rows(
+    group: TrialGroup, rows: Sequence[TrialRow], aggregate: Aggregate, *, splits: AbstractSet[str]
+) -> list[SensitivityRow]:
     """The group's total success rate in each way of counting; of people, or of people minus an agent.
 
     Args:
         group: People, or differences of people's trials.
         rows: Rows of the study's trials; () = they are missing, and the rows that need them say so.
+        splits: Splits of the table in which the group stands. A rate over others is no total beside its totals.
     """
     trials = group.trials
     ways = {MAIN: trials}
@@ -46,7 +52,7 @@ def sensitivity_rows(group: TrialGroup, rows: Sequence[TrialRow], aggregate: Agg
         if group.kind != "difference":
             ways["technical failures as failures"] = _with_failures(group, rows, "technical")
             ways["abandoned and never ended trials as failures"] = _with_failures(group, rows, "abandoned")
-    found = [_row(group, way, counted, aggregate) for way, counted in ways.items()]
+    found = [_row(group, way, counted, aggregate, splits) for way, counted in ways.items()]
     if aggregate.intervals == "homes":
         way, other = (
             "in these homes only: people and episodes random (two-way)",
@@ -54,7 +60,7 @@ def sensitivity_rows(group: TrialGroup, rows: Sequence[TrialRow], aggregate: Agg
         )
     else:
         way, other = "homes random too (three-way)", replace(aggregate, intervals="homes")
-    return [*found, _row(group, way, trials, other)]
+    return [*found, _row(group, way, trials, other, splits)]
 
 
 def _with_failures(group: TrialGroup, rows: Sequence[TrialRow], reason: str) -> Frame:
@@ -72,13 +78,17 @@ def _with_failures(group: TrialGroup, rows: Sequence[TrialRow], reason: str) -> 
     return concat([kept, trial_frame(failed.values())]) if failed else kept
 
 
-def _row(group: TrialGroup, way: str, trials: Frame, aggregate: Aggregate) -> SensitivityRow:
+def _row(group: TrialGroup, way: str, trials: Frame, aggregate: Aggregate, splits: AbstractSet[str]) -> SensitivityRow:
     """The rate of these trials."""
     known = trials[trials["sr"].notna()]
     is_difference = group.kind == "difference"
     counts = {"way": way, "k": None if is_difference else int((known["sr"] == 100).sum()), "n": len(known)}
     if known.empty:
         return SensitivityRow(**group.names, **counts, method="no such trials")
+    for word, odd in (("lacks", splits - set(known["split"])), ("adds", set(known["split"]) - splits)):
+        if odd:
+            method = f"no total: {word} {', '.join(split for split in SPLITS if split in odd)}"
+            return SensitivityRow(**group.names, **counts, method=method)
     estimate = estimate_of(known, "sr", aggregate, is_difference=is_difference)
     method = estimate.interval.method if estimate.interval else no_interval(known, aggregate)
     return SensitivityRow(

@@ -4,13 +4,13 @@ Runs of agents that cannot stand beside the people are left out, each with its r
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sim.errors import RunFileError, StudyError
 from sim.tasks.metrics import metric_rows, require_comparable
-from sim.tasks.run_files import Run
-from sim.tasks.run_folders import read_runs, with_controls
+from sim.tasks.run_files import Run, read_run_info
+from sim.tasks.run_folders import control_of, read_runs, run_folders
 
 from ..design.plan import AGENT_RUNS
 from ..design.study import STUDY_FILE, StudyConfig, load_study
@@ -55,7 +55,7 @@ class ReportSource:
     """In the order of their ids."""
     records: StudyRecords = StudyRecords()
     left_out: tuple[LeftOutRun, ...] = ()
-    """Runs of agents that cannot stand beside the people."""
+    """Runs of agents that cannot stand beside the people, or cannot be read."""
 
 
 def source_of(runs: Sequence[Run], records: StudyRecords | None = None) -> ReportSource:
@@ -119,9 +119,11 @@ def _why_not_beside(run: Run, people: Sequence[Run]) -> str:
 def read_source(folders: Sequence[Path]) -> ReportSource:
     """Everything in run folders, folders of run folders, and at most one study folder or export.
 
+    A run of an agent that cannot be read is left out, as one that cannot stand beside the people.
+
     Raises:
         StudyError: There are records of more than one study, records are damaged, or there is no run of people.
-        RunFileError: A folder holds no run, or a run is damaged.
+        RunFileError: A folder holds no run, or a run of people is damaged.
     """
     studies = [folder for folder in folders if (folder / DATABASE_FILE).is_file()]
     exports = [folder for folder in folders if folder not in studies and (folder / TRIALS_FILE).is_file()]
@@ -133,12 +135,41 @@ def read_source(folders: Sequence[Path]) -> ReportSource:
         )
     others = [folder for folder in folders if folder not in (*studies, *exports)]
     others += [found for study in studies if (found := own_agents(study, others)) is not None]
-    if not studies and not exports:
-        return source_of(read_runs(with_controls(others)))
-    people, records = _of_study(studies[0]) if studies else _of_export(exports[0])
-    if not people and not others:
-        raise _no_trial(folders[0])
-    return source_of([*people, *(read_runs(with_controls(others)) if others else ())], records)
+    people, records = [], None
+    if studies or exports:
+        people, records = _of_study(studies[0]) if studies else _of_export(exports[0])
+        if not people and not others:
+            raise _no_trial(folders[0])
+    runs, unread = _each_read(others, agents_only=records is not None)
+    source = source_of([*people, *runs], records)
+    left_out = sorted((*source.left_out, *unread), key=lambda left: left.run)
+    return replace(source, left_out=tuple(left_out))
+
+
+def _each_read(folders: Sequence[Path], *, agents_only: bool) -> tuple[list[Run], list[LeftOutRun]]:
+    """The runs in these folders, with the controls beside them, and those of agents that cannot be read.
+
+    Args:
+        agents_only: Whether people's runs come from elsewhere, so that a folder whose run.json is damaged holds none.
+
+    Raises:
+        RunFileError: A named folder holds no run, or a run of people is damaged.
+    """
+    waiting = run_folders(folders) if folders or not agents_only else []
+    runs, left_out = [], []
+    for folder in waiting:  # grows by the controls
+        try:
+            control = control_of(folder, among=waiting)
+            runs += read_runs([folder])
+            waiting += [control] if control is not None else []
+        except RunFileError as error:
+            if not (folder / "run.json").is_file():
+                raise
+            if not agents_only and read_run_info(folder).who_kind == "human":
+                raise
+            reason = str(error).removeprefix(str(folder)).lstrip(": /").partition("; ")[0]
+            left_out.append(LeftOutRun(run=folder.name, reason=reason))
+    return runs, left_out
 
 
 def own_agents(study: Path, given: Sequence[Path]) -> Path | None:
@@ -173,7 +204,7 @@ def _of_study(folder: Path) -> tuple[list[Run], StudyRecords]:
         reader.check()
         found = collect(reader)
         records = StudyRecords(
-            config=reader.config,
+            config=reader.reported_config(),
             rows=tuple(found.trials),
             people=tuple(found.participants),
             exclusions=tuple(found.exclusions),

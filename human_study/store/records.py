@@ -20,7 +20,7 @@ from sim.types import EpisodeKey, TaskKind
 
 from ..design.plan import Phase, StudyPlan
 from ..design.secrets import token_matches
-from ..design.study import Condition, StudyConfig
+from ..design.study import STUDY_FILE, Condition, StudyConfig, load_study
 from ..journey import AssignedTrial, ConsentEntry, Person, StageEntry
 from ..trial.events import Event, event_from_json
 from ..trial.outcome import Outcome
@@ -168,6 +168,16 @@ class StudyReader:
     def config(self) -> StudyConfig:
         """The study of these records."""
         return self._frozen("config", StudyConfig)
+
+    def reported_config(self) -> StudyConfig:
+        """The study of these records, with `reporting` as the folder's study file has it now.
+
+        Raises:
+            StudyError: The study file cannot be read.
+        """
+        if not (self.folder / STUDY_FILE).is_file():
+            return self.config
+        return self.config.model_copy(update={"reporting": load_study(self.folder).reporting})
 
     @property
     def study_version(self) -> str:

@@ -49,7 +49,7 @@ def page_of(runs: Sequence[Run], rows: Sequence[MetricRow]) -> str:
         pan=_table(rows, "pan"),
         pog=_table(rows, "pog"),
         pan_notes=[*reading_notes(_of(rows, "pan")), *rule_warnings(rows)],
-        pog_notes=pog_notes([run.info for run in runs if run.answers]),
+        pog_notes=[*reading_notes(_of(rows, "pog")), *pog_notes([run.info for run in runs if run.answers])],
         runs=[(run.info.run_id, len(run.episodes) + len(run.reported) + len(run.answers)) for run in runs],
     )
     return html_page(text, {})

@@ -34,17 +34,27 @@ def with_controls(folders: Sequence[Path]) -> list[Path]:
     """
     found = run_folders(folders)
     for folder in tuple(found):
-        config = read_run_info(folder).config
-        name, control = config.get(BESIDE), folder.parent / str(config.get(BESIDE))
-        if name is None or "shard" in config or name in [each.name for each in found]:
-            continue
-        if not control.is_dir():
-            raise RunFileError(
-                f"{folder}: found no run {name} beside it; expected its control, the same agent judged by geometry. "
-                "Move it there, or name its folder too."
-            )
-        found.append(control)
+        control = control_of(folder, among=found)
+        found += [control] if control is not None else []
     return found
+
+
+def control_of(folder: Path, *, among: Sequence[Path]) -> Path | None:
+    """The run folder that always stands beside this one; None where there is none, or where one of its name is there.
+
+    Raises:
+        RunFileError: It is missing, or the folder's run.json is missing or damaged.
+    """
+    config = read_run_info(folder).config
+    name, control = config.get(BESIDE), folder.parent / str(config.get(BESIDE))
+    if name is None or "shard" in config or name in [each.name for each in among]:
+        return None
+    if not control.is_dir():
+        raise RunFileError(
+            f"{folder}: found no run {name} beside it; expected its control, the same agent judged by geometry. "
+            "Move it there, or name its folder too."
+        )
+    return control
 
 
 def read_runs(folders: Sequence[Path], *, with_reported: bool = False) -> list[Run]:

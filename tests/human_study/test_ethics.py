@@ -226,7 +226,10 @@ def test_the_preregistration_takes_its_date_from_the_records(tmp_path: Path) -> 
         return " ".join(ethics_documents(config, plan(config), dates=dates)["preregistration.md"].split())
 
     config = study()
-    assert "it has not been served, and nobody has begun a trial" in text_of(None)
+    unknown = text_of(None)
+    assert unknown.startswith("# Plan of the analysis, to be registered: pilot")
+    assert "This folder holds no records, so this text cannot say whether a trial was begun." in unknown
+    assert "nobody" not in unknown.split("## 1.")[0]
     with filled_store(tmp_path, config) as store:
         with read_study(tmp_path) as reader:
             before = reader.dates()
@@ -246,6 +249,24 @@ def test_the_preregistration_takes_its_date_from_the_records(tmp_path: Path) -> 
         in text
     )
     assert "nobody" not in text.split("## 1.")[0]
+
+
+def test_the_log_scale_is_named_for_the_measures_that_have_it() -> None:
+    for task, told in (
+        (("pan",), "for times, steps and paths on the log scale"),
+        (("pog",), "for times and distances to a goal's centre on the log scale"),
+    ):
+        config = paged_study(task=task, aggregate={"intervals": "homes"})
+        assert told in " ".join(ethics_documents(config, None)["preregistration.md"].split())
+
+
+def test_the_protocol_names_the_languages_that_people_read() -> None:
+    for language, told in (
+        ("en", "adults who read English and use"),
+        ("de", "adults who read German, and English texts"),
+    ):
+        protocol = ethics_documents(paged_study(language=language), None)["protocol.md"]
+        assert told in " ".join(protocol.split())
 
 
 def test_a_trial_of_somebody_who_withdrew_still_counts_as_begun(tmp_path: Path) -> None:

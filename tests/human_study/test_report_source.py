@@ -4,10 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from human_study.design.study import StudyReporting, save_study
+from human_study.export.study_export import export_study
 from human_study.report.render import markdown
 from human_study.report.report import StudyReport, study_report
 from human_study.report.source import read_source
-from human_study.store.records import VerificationEntry
+from human_study.store.records import VerificationEntry, read_study
 from personal_viz.cli.study.report import StudyReportVerb
 from sim.errors import StudyError
 
@@ -46,6 +48,19 @@ def test_a_study_folder_is_read_without_an_export(finished: Path) -> None:
 
 def test_a_study_and_its_export_give_the_same_report(finished: Path) -> None:
     assert of_study(finished / "study").model_dump_json() == of_study(finished / "out").model_dump_json()
+
+
+def test_facts_that_are_known_after_the_study_reach_the_report_and_the_export(folder: Path) -> None:
+    study = folder / "study"
+    with open_small(study) as store:
+        do_trial(store, "p02", 3, TOO_FAR)
+    with read_study(study) as reader:
+        config = reader.config
+    save_study(study, config.model_copy(update={"reporting": StudyReporting(failures="See the appendix.")}))
+    export_study(study, folder / "again")
+    for place in (study, folder / "again"):
+        answers = {item.question: item.answer for item in of_study(place).checklist}
+        assert answers["Failure modes described?"].startswith("See the appendix.")
 
 
 def test_exclusions_and_verifications_of_the_store_are_in_the_report(folder: Path) -> None:

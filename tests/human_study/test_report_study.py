@@ -417,6 +417,63 @@ def test_the_command_prints_the_summary_within_80_columns(
     assert text.index("## Summary") < text.index("## How to read the numbers") < text.index("## Primary hypotheses")
 
 
+def test_totals_of_part_of_the_splits_stand_nowhere_beside_those_of_all(rows: list[TrialRow]) -> None:
+    part = agent_run("walker", 0, CONFIG, rate=0.5)
+    easy = part.model_copy(update={"episodes": tuple(item for item in part.episodes if item.key.split == "easy")})
+    checked = [row.model_copy(update={"verification": "verified" if row.split == "easy" else None}) for row in rows]
+    records = StudyRecords(CONFIG, tuple(checked))
+    report = study_report([*people_runs(checked, CONFIG), easy], records=records)
+    ways = {(way.who, way.condition, way.way): way for way in report.sensitivity}
+    whole, apart = (ways[who, "none", "intention to treat (as in the tables)"] for who in ("human", "human - walker"))
+    assert whole.value is not None
+    only_easy = ways["human", "none", "verified trials only"]
+    for way in (apart, only_easy):
+        assert (way.value, way.low, way.method) == (None, None, "no total: lacks medium, hard")
+    assert only_easy.k is not None
+    human = next(row for row in report.hypotheses if row.name == "human_minus_walker_SR")
+    assert human.splits == ("easy",)
+    assert any("walker_SR: " in line and " shown in easy; " in line for line in summary(report).remarks)
+
+
+def test_no_split_says_that_it_lacks_a_total() -> None:
+    """Where no row name has all splits, there is no total at all."""
+    have = {"none": ("easy", "medium"), "topdown": ("medium", "hard")}
+    some = [row for row in example_rows() if row.split in have[row.condition]]
+    report = study_report(people_runs(some, CONFIG), records=StudyRecords(CONFIG, tuple(some)))
+    lines = markdown(report).splitlines()
+    at = lines.index("| SR (%) | easy | medium | hard | total |")
+    assert len(lines[at + 2].split("no total: 2 of 3 splits")) == 2
+    assert lines[at + 2].split(" | ")[3:] == ["no such trials", "no total: 2 of 3 splits |"]
+
+
+def test_one_unfit_folder_of_an_agent_stops_no_report(tmp_path: Path, rows: list[TrialRow]) -> None:
+    write_export(tmp_path / "export", rows, CONFIG)
+    runs = tmp_path / "runs"
+    bad = [agent_run("walker", seed, CONFIG, rate=0.5) for seed in range(4)]
+    info = bad[2].info.model_copy(update={"config": {"beside": "control-9"}})
+    write_runs(runs, [AGENTS[1], *bad[1:2], bad[2].model_copy(update={"info": info}), bad[3]])
+    (runs / bad[0].info.run_id).mkdir()  # stopped before its first episode ended
+    (runs / bad[0].info.run_id / "run.json").write_text(bad[0].info.model_dump_json())
+    steps = runs / bad[1].info.run_id / "steps.jsonl"
+    steps.write_text(steps.read_text()[:-40] + "\n{}\n")
+    (runs / bad[3].info.run_id / "run.json").write_text("{")
+    source = read_source([tmp_path / "export", runs])
+    assert [run.info.run_id for run in source.runs if run.info.who_kind == "agent"] == [AGENTS[1].info.run_id]
+    reasons = {left.run: left.reason for left in source.left_out}
+    assert list(reasons) == [run.info.run_id for run in bad]
+    assert reasons["walker-0"] == "holds no finished episode or answer"
+    assert reasons["walker-1"].startswith("steps.jsonl")
+    assert reasons["walker-2"] == "found no run control-9 beside it"
+    assert reasons["walker-3"].startswith("run.json")
+    assert str(tmp_path) not in str(reasons)
+    with pytest.raises(RunFileError, match="missing"):
+        read_source([tmp_path / "export", tmp_path / "missing"])
+    people = next((tmp_path / "export").glob("*/run.json")).parent
+    (people / "steps.jsonl").write_text("{}\n")
+    with pytest.raises(RunFileError, match=r"steps\.jsonl"):
+        read_source([path.parent for path in (tmp_path / "export").glob("*/run.json")])
+
+
 def test_pilots_and_studies_that_still_run_are_labelled(rows: list[TrialRow], found: StudyReport) -> None:
     assert (found.num_open, found.is_pilot) == (0, False)
     for label in ("Interim", "Pilot:", "no human baseline"):

@@ -9,18 +9,20 @@ from types import SimpleNamespace
 import pytest
 
 from human_study.design.study import StudyEthics, StudyReporting
+from human_study.export.runs import study_facts
 from human_study.export.survey import SurveyRow
 from human_study.export.text_tables import csv_lines
-from human_study.report.checklist import NOT_ANSWERED, ChecklistItem, checklist
+from human_study.report.checklist import NOT_ANSWERED, ChecklistItem, checklist, survey_words
 from human_study.report.counts import FlowCount
 from human_study.report.effects import memory_effects
 from human_study.report.glmm import glmm_csv, glmm_script
 from human_study.report.hypotheses import hypothesis_rows
 from human_study.report.page import html_page, interval_text
-from human_study.report.report import report_groups
-from human_study.report.rows import Aggregate
+from human_study.report.report import report_groups, study_report
+from human_study.report.rows import Aggregate, ReportRow
 from human_study.report.source import ReportSource, StudyRecords
 from human_study.store.records import StudyDates
+from sim.tasks.run_files import Run
 
 from .report_examples import agent_run, example_rows, people_runs, study_config
 
@@ -63,9 +65,10 @@ def test_hypotheses_are_found_by_their_names() -> None:
     named, with_map, memory = hypotheses_named(
         "human_minus_seer_SR", "pan_human_memory_topdown_minus_walker_SPL", "memory_topdown_effect_steps"
     )
-    assert named.method.startswith("human - seer, pan, none: paired")
+    assert named.method.startswith("human - seer, pan, none, easy and medium and hard: paired")
     assert with_map.method.startswith("human - walker, pan, memory_topdown")
-    assert memory.method.startswith("memory_topdown - none, pan")
+    assert memory.method.startswith("memory_topdown - none, pan, easy and medium and hard:")
+    assert named.splits == memory.splits == ("easy", "medium", "hard")
     assert all(
         row.p_holm is not None and row.p is not None and row.p_holm >= row.p for row in (named, with_map, memory)
     )
@@ -80,8 +83,10 @@ def test_a_hypothesis_that_cannot_be_tested_says_why_and_still_counts_in_holm() 
     assert one.p_holm == pytest.approx(min(1, 3 * one.p))
 
 
-def answers_of(records: StudyRecords, *, flow: Sequence[FlowCount] = ()) -> dict[str, ChecklistItem]:
-    found = checklist(records, rows=(), flow=flow, exclusions=(), is_pilot=False)
+def answers_of(
+    records: StudyRecords, *, flow: Sequence[FlowCount] = (), rows: Sequence[ReportRow] = (), runs: Sequence[Run] = ()
+) -> dict[str, ChecklistItem]:
+    found = checklist(records, rows=rows, flow=flow, exclusions=(), is_pilot=False, runs=runs)
     return {item.question: item for item in found}
 
 
@@ -132,7 +137,7 @@ def test_the_checklist_counts_answers_to_the_survey_and_hides_small_numbers() ->
     rows += [SurveyRow(participant="p06", topic="age", answer="65_or_older")]
     rows += [SurveyRow(participant="p06", topic="ai_tools", answer="no")]
     items = answers_of(StudyRecords(config=study_config(), survey=tuple(rows)))
-    assert items["5.1 Demographics of the people?"].answer == "age: 25_34 5, 65_or_older under 5"
+    assert items["5.1 Demographics of the people?"].answer == "age: 25_34 at least 5, 65_or_older under 5"
     assert items["3.5 Which tools were allowed, AI included, and who watched?"].answer == "ai_tools: no under 5"
 
 
@@ -141,14 +146,77 @@ def test_the_checklist_gives_the_response_rate_and_the_days() -> None:
     dates = StudyDates("2027-01-10", 40, "2027-01-12", "2027-02-03")
     told = StudyReporting(place="A room of the university.")
     items = answers_of(StudyRecords(config=study_config(reporting=told), dates=dates), flow=flow)
-    response = items["5.1 Response rate: invited, consented, finished?"].answer
-    assert response == "20 invited, 15 came, 12 consented, 10 finished (50 % of the invited finished)"
+    asked = "5.1 Response rate: invited, consented, finished?"
+    assert items[asked].answer == "20 links, 15 came, 12 consented, 10 finished"
+    invited = study_config(reporting=StudyReporting(invited=16))
+    assert answers_of(StudyRecords(config=invited), flow=flow)[asked].answer == (
+        "16 invited, 15 came, 12 consented, 10 finished (62 % of the invited finished)"
+    )
     assert "from 2027-01-12 to 2027-02-03" in items["When and where?"].answer
     assert "since 2027-01-10, first counted trial on 2027-01-12" in items["Fixed before the first trial?"].answer
-    linked = study_config(recruit={"kind": "link"})
-    assert answers_of(StudyRecords(config=linked), flow=flow)[
-        "5.1 Response rate: invited, consented, finished?"
-    ].answer.startswith("15 came")
+    linked = answers_of(StudyRecords(config=study_config(recruit={"kind": "link"}), dates=dates), flow=flow)
+    assert linked[asked].answer.startswith("15 came")
+    assert linked["When and where?"].answer == "counted trials from 2027-01-12 to 2027-02-03; where: not answered"
+
+
+@pytest.mark.parametrize(
+    ("counts", "told"),
+    [
+        ({"a": 12, "b": 3}, "a at least 5, b under 5"),  # else 15 people told that b was 3
+        ({"a": 12, "b": 7, "c": 3}, "a 12, b at least 5, c under 5"),
+        ({"a": 12, "b": 3, "c": 3}, "a 12, b under 5, c under 5"),
+        ({"a": 12, "b": 1, "c": 1}, "a at least 5, b under 5, c under 5"),  # a sum of 2 is 1 and 1
+        ({"a": 12, "b": 5}, "a 12, b 5"),
+    ],
+)
+def test_a_small_number_cannot_be_computed_from_the_others(counts: dict[str, int], told: str) -> None:
+    given = [answer for answer, num in counts.items() for _ in range(num)]
+    rows = [
+        SurveyRow.model_construct(participant=f"p{at}", topic="age", answer=answer) for at, answer in enumerate(given)
+    ]
+    assert survey_words(rows) == {"age": told}
+
+
+def test_the_checklist_claims_for_agents_only_what_their_runs_say() -> None:
+    strange = agent_run("walker", 0, CONFIG, rate=0.4)
+    facts = study_facts(CONFIG, ("none",))
+    own = strange.model_copy(update={"info": strange.info.model_copy(update={"config": facts})})
+    report = study_report(RUNS, records=StudyRecords(CONFIG, tuple(ROWS)))
+    names = (
+        "3.3 Same interface for people and AI?",
+        "3.4 Same instructions and information?",
+        "Comparisons interleaved?",
+    )
+    for runs, is_known in (([own], True), ([own, strange], False)):
+        items = answers_of(StudyRecords(config=CONFIG), rows=report.rows, runs=runs)
+        for name in names:
+            assert ("not known for walker, which did not run on the study" in items[name].answer) != is_known
+        assert (
+            items["3.4 Same instructions and information?"].answer.endswith("the same text, query and limits")
+            == is_known
+        )
+        assert ("both are in the same simulator" in items["3.3 Same interface for people and AI?"].answer) == is_known
+
+
+def test_the_checklist_says_what_the_study_does_not_do() -> None:
+    usual = answers_of(StudyRecords(config=study_config()))
+    other = answers_of(StudyRecords(config=study_config(hidden_max_s=None, comments=True, task=("pog",))))
+    for question, words in (
+        ("3.2 Quality control of people during the study?", "pages hidden for more than 60 s are flagged"),
+        ("1.7 Equal effort and limits?", "success within a number of steps is tabulated"),
+    ):
+        assert words in usual[question].answer
+        assert words not in other[question].answer
+    assert "a comment in words at the end" in other["3.6 Explanations by people?"].answer
+    assert "comment" not in usual["3.6 Explanations by people?"].answer
+
+
+def test_a_text_with_lines_like_a_heading_makes_no_question() -> None:
+    told = StudyReporting(pretest="## Changes\n## After it | x\n\n# More: of it")
+    items = answers_of(StudyRecords(config=study_config(reporting=told)))
+    assert set(items) == set(answers_of(StudyRecords(config=study_config())))
+    name = "1.6 Developed in steps: pretests, checks of the items?"
+    assert items[name].answer == "Changes ## After it | x # More: of it"
 
 
 def test_markdown_becomes_one_safe_page() -> None:

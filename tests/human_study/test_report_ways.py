@@ -71,7 +71,7 @@ def test_two_people_and_a_person_and_an_agent_are_compared_without_homes() -> No
     assert (pair["participant"], pair["decision"], pair["ndtw"]) == ("run-human-p01/p01", "5", "")
     assert float(pair["dtw_m"]) == pytest.approx(2.5 / 9)
     assert "| Human | scan | 2 | 2 | 0.14 (0.07 to 0.21) | 0.50 (0.25 to 0.75) | 5 (5 to 5) | 1 |" in markdown(found)
-    assert "| Human - walker | scan | 1 | 2 |" in markdown(found)
+    assert "| Human and walker | scan | 1 | 2 |" in markdown(found)
 
 
 def test_a_person_alone_at_every_episode_has_no_pair_and_no_section() -> None:

@@ -278,3 +278,11 @@ def test_fields_of_later_versions_leave_the_hash_of_earlier_studies_alone() -> N
     assert study().study_version == study(survey={}, smallest_effect=None, sample_size_reason="").study_version
     assert '"survey"' not in study().canonical_json()
     assert study(smallest_effect=5.0).study_version != study().study_version
+
+
+def test_facts_for_the_report_can_be_written_at_any_time_and_change_no_hash(tmp_path: Path) -> None:
+    later = study(reporting={"preregistration": "registry.example/17"})
+    assert later.study_version == study().study_version
+    save_study(tmp_path, study())
+    save_study(tmp_path, later)
+    assert load_study(tmp_path) == later

@@ -330,7 +330,9 @@ def test_a_consent_form_must_say_what_goes_to_a_language_model(tmp_path: Path) -
             frozen(tmp_path / "own", config)
     frozen(tmp_path / "none", paged_study(**FILLED))
     consent = (tmp_path / "none" / told_name("consent.md", "pan")).read_text(encoding="utf-8")
-    assert "Nothing that you do or write is sent to a language model" in " ".join(consent.split())
+    assert "The program of this study sends nothing that you do or write to a language model" in " ".join(
+        consent.split()
+    )
 
 
 def test_a_consent_form_must_say_that_comments_are_stored(tmp_path: Path) -> None:

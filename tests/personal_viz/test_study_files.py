@@ -182,8 +182,10 @@ def test_the_wizard_asks_for_what_only_a_person_knows_and_checks_each_answer(
         "design.kind": "hous-once\ncrossed",
         "design.trials_per_person": "many\n12",
         "ethics.pay": "12 EUR: an hour # paid at the end",
-        "ethics.irb": "2026-11-22",
-        "ethics.contact": "[A, b@c.example",
+        "ethics.insurance": "[A, yes",
+        "ethics.legal_basis": "2026-11-22",
+        "ethics.irb": "IRB #2026-14",
+        "ethics.contact": "Dr. X, room #12, x@y.example",
         "privacy.retention": "2027-02-31\n2027-12-31",
     }
     places = (*ALWAYS, *empty_fields(StudyConfig(study="x", dataset=StudyDataset(sha256="x"), task=("pan",))))
@@ -192,11 +194,8 @@ def test_the_wizard_asks_for_what_only_a_person_knows_and_checks_each_answer(
     config = load_study(tmp_path / "study")
     assert (config.study, config.task, config.design.kind) == ("our-study", ("pan", "pog"), "crossed")
     assert (config.design.trials_per_person, config.design.raters_per_episode) == (12, 5)
-    assert config.ethics.model_dump(include={"pay", "irb", "contact"}) == {
-        "pay": answers["ethics.pay"],
-        "irb": answers["ethics.irb"],
-        "contact": answers["ethics.contact"],
-    }
+    texts = ("pay", "irb", "contact", "insurance", "legal_basis")
+    assert config.ethics.model_dump(include=set(texts)) == {name: answers[f"ethics.{name}"] for name in texts}
     assert config.privacy.retention == datetime.date(2027, 12, 31)
     assert "answer: study is 'our study'; expected: String should match pattern" in done.stdout
     assert "answer: design.kind is 'hous-once'; expected: Input should be 'house-once' or 'crossed'. Did you mean" in (

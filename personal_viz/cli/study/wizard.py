@@ -32,7 +32,7 @@ def asked(config: StudyConfig) -> StudyConfig:
         meaning, allowed = field_told(schema, place)
         print(f"\n{number}/{len(places)} {place}: {meaning}\n  {allowed}")
         config = _answered(config, place)
-    print()
+    print("\nFacts for the report (reporting: in the study file) can be written there at any time.")
     return config
 
 
@@ -43,7 +43,8 @@ def _answered(config: StudyConfig, place: str) -> StudyConfig:
     inner = values
     for parent in parents:
         inner = inner[parent]
-    shown = json.dumps(inner[name], ensure_ascii=False)
+    kept = inner[name]
+    shown = kept if isinstance(kept, str) else json.dumps(kept, ensure_ascii=False)
     while True:
         try:
             answer = input(f"  [{shown}] ").strip()
@@ -60,15 +61,19 @@ def _answered(config: StudyConfig, place: str) -> StudyConfig:
             try:
                 return StudyConfig.model_validate_json(json.dumps(values, default=str), strict=True)
             except ValidationError as error:
-                problem = problem or line_from_validation_error("answer", error, advice="Answer again.")
+                if not problem or not isinstance(value, (str, list)):
+                    problem = line_from_validation_error("answer", error, advice="Answer again.")
         print(f"  {problem}")
 
 
 def _readings(answer: str) -> Iterator[Any]:
-    """The ways in which an answer can be read: as a value, as a list without brackets, and as plain text."""
+    """The ways in which an answer can be read: as plain text, as a value, and as a list without brackets.
+
+    The whole text comes first, because YAML would cut `IRB #12` at the number sign.
+    """
+    yield answer
     for text in (answer, f"[{answer}]"):
         try:
             yield yaml.safe_load(text)
         except (yaml.YAMLError, ValueError):  # ValueError: the 32nd of May
             continue
-    yield answer
