@@ -180,7 +180,7 @@ class Annotator:
         """Builds the panels, shows the lowest storey and starts to listen."""
         self._client, self._place, self._session = client, place, place.session()
         self._work = WorkQueue(client, lambda line: self._notice.warn(line))
-        self._view = StoreyView(client, place.shown)
+        self._view = StoreyView(client, place.shown, self._work)
         self._slow = WorkQueue(client, lambda line: self._notice.warn(line))
         """Draws pictures, so that a drag does not wait for them."""
         self._boxes = Boxes(client, self._work, self._drag)
@@ -190,7 +190,7 @@ class Annotator:
         self._list = ObjectList(client, self._work, self._obey)
         self._list.listen_to_search(self._work, self._draw_list)
         free_keys(client.gui, _KEYS, _SAVING)
-        self._view.listen_to_clicks(self._work, self._click)
+        self._view.listen_to_clicks(self._click)
         place.join(self)
         self._work.put(partial(self._show_storey, 0))
         self._work.put(self._draw)
@@ -210,7 +210,7 @@ class Annotator:
         gui, work, place, session = self._client.gui, self._work, self._place, self._session
         open_panel(gui, f"Annotate {place.shown.name}", PANEL_WIDTH)
         self._name = gui.add_text("Your name", place.who, hint="Each edit has it.")
-        self._view.add_buttons(work, self._show_storey)
+        self._view.add_buttons(self._show_storey)
         self._notice = Notice(gui, _WELCOME)
         self._fields = Fields(gui)
         for field in self._fields.all:

@@ -12,8 +12,8 @@ import viser
 
 from sim.mesh import SceneObject
 
-from ..browse.layers import MARKED_RGB, OBJECT_RGB, box_edges, remove_nodes
-from ..study_app.home.surfaces import add_ball
+from ..browse.layers import MARKED_RGB, OBJECT_RGB, remove_nodes
+from ..study_app.home.surfaces import add_ball, box_edges
 from ..view.stage import WorkQueue
 from .session import Session, Side
 

@@ -17,13 +17,12 @@ from sim.tasks.run_files import Answer, EpisodeRun, Vector3
 from sim.types import Camera, Pose
 from sim.walk.storeys import same_storey
 
-from ..study_app.home.surfaces import VIEW_ANGLE, place_camera
+from ..study_app.home.looks import VIEW_ANGLE, place_camera
+from ..study_app.home.surfaces import box_edges
 from ..study_app.screens.camera import three
 from .library import OpenHome, ShownEpisode
 
 Array = NDArray[np.float32]
-_EDGES = np.array([(a, b) for a in range(8) for b in range(8) if a < b and (a ^ b) in (1, 2, 4)])
-_CORNERS = np.array([[(k >> 2) & 1, (k >> 1) & 1, k & 1] for k in range(8)], np.float32) - 0.5
 HEADING_VERTICES = np.array([[0, 0, -0.5], [0.3, 0, 0.35], [0, 0, 0.15], [-0.3, 0, 0.35], [0, 0.12, 0.1]], np.float32)
 """(5, 3) a dart that points along -z at yaw 0, one metre long; its spine is a little higher, so that light shows it."""
 HEADING_FACES = np.array([[0, 4, 1], [0, 3, 4], [1, 4, 2], [3, 2, 4], [0, 1, 2], [0, 2, 3]], np.uint32)
@@ -311,11 +310,6 @@ def look_at_object(client: viser.ClientHandle, centre: Vector3, size: Vector3) -
     side = flat / norm if norm > 0.1 else np.array([0.0, 0.0, 1.0])
     offset = (_NEAR + max(size)) * (math.cos(VIEW_ANGLE) * side + np.array([0.0, math.sin(VIEW_ANGLE), 0.0]))
     place_camera(client.camera, centre, offset, up=(0.0, 1.0, 0.0))
-
-
-def box_edges(centre: Sequence[float], size: Sequence[float] | NDArray[np.floating]) -> Array:
-    """(12, 2, 3) edges of an upright box."""
-    return (np.asarray(centre, np.float32) + _CORNERS * np.asarray(size, np.float32))[_EDGES].astype(np.float32)
 
 
 def path_segments(positions: NDArray[np.floating], floor_y: float, *, lift: float) -> Array:

@@ -35,6 +35,7 @@ class Part(NamedTuple):
 
     glb: bytes
     floor_y: float
+    top_y: float
     low_xz: tuple[float, float]
     high_xz: tuple[float, float]
     """Bounds of its floor, or of all of it, world metres."""
@@ -95,7 +96,9 @@ def _with_floor(scene: Scene, *, notes: tuple[str, ...]) -> ShownScan:
     parts = []
     for index, floor_y in enumerate(copies.storeys):
         xz = copies.walkable_xz(index)
-        parts.append(Part(copies.glbs[index], floor_y, _pair(xz.min(axis=0)), _pair(xz.max(axis=0))))
+        parts.append(
+            Part(copies.glbs[index], floor_y, copies.cuts[index].top_y, _pair(xz.min(axis=0)), _pair(xz.max(axis=0)))
+        )
     caster = Raycaster(scene.mesh)
     return ShownScan(scene.name, scene.mesh, tuple(parts), cuts.hit, caster, scene.navigation, scene.objects, notes)
 
@@ -110,7 +113,7 @@ def _without_floor(path: Path, *, up: Up | None, why: str) -> ShownScan:
         x, y, z = hits.positions[0].tolist()
         return (x, y, z) if np.isfinite(hits.range_m[0]) else None
 
-    part = Part(whole_glb(mesh), float(low[1]), _pair(low[[0, 2]]), _pair(high[[0, 2]]))
+    part = Part(whole_glb(mesh), float(low[1]), float(high[1]), _pair(low[[0, 2]]), _pair(high[[0, 2]]))
     note = f"It opens for looking and pointing only: {why}"
     return ShownScan(path.name.split(".")[0], mesh, (part,), hit, caster, None, notes=(note,))
 

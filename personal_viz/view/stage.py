@@ -19,7 +19,7 @@ from sim.errors import PersonalVizError
 
 from ..browse.layers import remove_nodes
 from ..browse.panel_html import style_html
-from ..study_app.home.surfaces import look_from_above
+from ..study_app.home.looks import FirstLook, look_from_above
 from .shown import Part, Point, ShownScan
 
 Ray = tuple[Point, Point]
@@ -83,12 +83,17 @@ class WorkQueue:
 class StoreyView:
     """The storeys of a scan in one browser's 3-D view, one at a time."""
 
-    def __init__(self, client: viser.ClientHandle, shown: ShownScan) -> None:
-        """Shows nothing yet."""
-        self._client, self._shown = client, shown
+    def __init__(self, client: viser.ClientHandle, shown: ShownScan, work: WorkQueue) -> None:
+        """Shows nothing yet; what the browser does is put on `work`."""
+        self._client, self._shown, self._work = client, shown, work
         self._home: list[Any] = []
+        self._first_look: FirstLook | None = None
         self.index = 0
         client.scene.configure_default_lights(True, cast_shadow=False)
+
+        @client.camera.on_update
+        async def _(_: viser.CameraHandle) -> None:
+            work.put(self._camera_moved)
 
     @property
     def part(self) -> Part:
@@ -100,18 +105,16 @@ class StoreyView:
         self.index = index
         remove_nodes(self._home)
         self._home = [self._client.scene.add_glb("/scan", self.part.glb)]
-        if look:
-            low, high = (np.insert(corner, 1, self.part.floor_y) for corner in (self.part.low_xz, self.part.high_xz))
-            look_from_above(self._client.camera, low, high)
+        self._first_look = FirstLook(self._client.camera, self._look) if look else None
 
-    def add_buttons(self, work: WorkQueue, obey: Callable[[int], None]) -> None:
+    def add_buttons(self, obey: Callable[[int], None]) -> None:
         """A button for each of several storeys."""
         if len(self._shown.parts) > 1:
             storeys = {f"Storey {index + 1}": index for index in range(len(self._shown.parts))}
             buttons = self._client.gui.add_button_group("Storey", tuple(storeys))
-            work.listen(buttons, lambda name: obey(storeys.get(name, 0)))
+            self._work.listen(buttons, lambda name: obey(storeys.get(name, 0)))
 
-    def listen_to_clicks(self, work: WorkQueue, obey: Callable[[Point, Ray], None]) -> None:
+    def listen_to_clicks(self, obey: Callable[[Point, Ray], None]) -> None:
         """Calls `obey` with the place that a click meets, and the click's ray."""
 
         def clicked(ray: Ray) -> None:
@@ -120,9 +123,18 @@ class StoreyView:
                 obey(point, ray)
 
         async def put(event: viser.SceneClickEvent) -> None:
-            work.put(partial(clicked, (event.ray_origin, event.ray_direction)))
+            self._work.put(partial(clicked, (event.ray_origin, event.ray_direction)))
 
         self._client.scene.on_click()(put)  # type: ignore[arg-type]  # viser awaits it
+
+    def _look(self) -> None:
+        part = self.part
+        low, high = np.insert(part.low_xz, 1, part.floor_y), np.insert(part.high_xz, 1, part.top_y)
+        look_from_above(self._client.camera, low, high)
+
+    def _camera_moved(self) -> None:
+        if self._first_look is not None:
+            self._first_look.renew()
 
 
 def open_panel(gui: viser.GuiApi, name: str, width: int) -> None:

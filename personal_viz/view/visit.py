@@ -37,7 +37,7 @@ class Visit:
         """Builds the panel, shows the lowest storey and starts to listen."""
         self._client, self._shown = client, shown
         self._work = WorkQueue(client, self._warn)
-        self._view = StoreyView(client, shown)
+        self._view = StoreyView(client, shown, self._work)
         self._points: list[Point] = []
         self._marks: list[Any] = []
         self._walker = Walker(client)
@@ -58,7 +58,7 @@ class Visit:
         notes = "".join(f'<p class="warn">{html.escape(note)}</p>' for note in shown.notes)
         facts = f"{len(shown.mesh.faces):,} triangles, {len(shown.mesh.textures)} textures"
         gui.add_html(panel_html(f"<h2>{html.escape(shown.name)}</h2><p>{facts}</p>{notes}"))
-        self._view.add_buttons(work, self._show)
+        self._view.add_buttons(self._show)
         self._texts = gui.add_html("")
         work.listen(gui.add_button("Clear the points"), lambda _: self._clear())
         if shown.navigation is not None:
@@ -71,7 +71,7 @@ class Visit:
             for key, (_, action) in HOTKEYS.items():
                 work.listen_to_key(words(f"pan.{action.value}"), key, partial(self._move, action))
         free_keys(gui)
-        self._view.listen_to_clicks(work, self._point)
+        self._view.listen_to_clicks(self._point)
 
     def _show(self, index: int) -> None:
         """Shows one storey from above, and puts the robot on it."""

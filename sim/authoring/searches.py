@@ -164,8 +164,10 @@ def _draw_search(
     wants_several = split != "easy" and rng.random() < ONE_OF_SHARE
     failed: Counter[str] = Counter()
     for attempt in range(_TRIES):
-        # not every home has two pieces of a category for a "one of" query
-        search = _drawn(home, split, storey, asked, rng, rule, wants_several=wants_several and attempt < _TRIES // 2)
+        # not every home has two pieces of a category for a "one of" query, or a start for each object
+        is_choosy = attempt < _TRIES // 2
+        avoided = asked if is_choosy else set[str]()
+        search = _drawn(home, split, storey, avoided, rng, rule, wants_several=wants_several and is_choosy)
         if isinstance(search, str):
             failed[search] += 1
             continue

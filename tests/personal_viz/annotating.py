@@ -13,6 +13,8 @@ from personal_viz.annotate.app import Annotator, Workplace
 from personal_viz.browse.app import loopback_app
 from personal_viz.view.shown import Point
 
+from .gateways import wait_until
+
 ARROW_MIDDLE_PIXELS = 50
 """An arrow is twice as long."""
 
@@ -35,6 +37,11 @@ class AnnotatePage:
             box["x"] + box["width"] / 2 + focal * right / ahead,
             box["y"] + box["height"] / 2 + focal * down / ahead,
         )
+
+    def is_framed(self) -> bool:
+        """Whether the server has heard of the window's shape and framed the scan in it; the panel docks late."""
+        box, camera = self.page.locator("canvas").first.bounding_box(), self.client.camera
+        return box is not None and abs(camera.aspect - box["width"] / box["height"]) < 0.01
 
     def draw_box(self, first: Point, second: Point) -> None:
         """Begins a new box by two clicks."""
@@ -67,8 +74,9 @@ def annotated(place: Workplace, browser: BrowserContext) -> Iterator[AnnotatePag
         return Annotator(client, place)
 
     with loopback_app(welcome) as address:
-        page = opened(browser, address)
-        yield AnnotatePage(page, clients[0])
+        shown = AnnotatePage(opened(browser, address), clients[0])
+        wait_until(shown.is_framed)
+        yield shown
 
 
 def opened(browser: BrowserContext, address: str) -> Page:

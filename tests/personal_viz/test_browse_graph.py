@@ -7,9 +7,10 @@ from unittest.mock import MagicMock
 
 import numpy as np
 
-from personal_viz.browse.layers import Layers, box_edges, path_segments, thinned
+from personal_viz.browse.layers import Layers, path_segments, thinned
 from personal_viz.browse.object_links import ObjectLink, SceneTexts, object_links
 from personal_viz.browse.panel_html import graph_html
+from personal_viz.study_app.home.surfaces import box_edges
 from sim.episodes.ownership import ownership_graph
 from sim.mesh import SceneObject
 

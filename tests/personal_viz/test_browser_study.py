@@ -316,3 +316,24 @@ def test_a_lost_3d_picture_ends_the_trial_as_technical_and_it_comes_again(
     assert trials[0].outcome.reason == "technical"
     assert [trial.attempt for trial in trials] == [1, 2]
     assert trials[0].key == trials[1].key
+
+
+def test_graphics_that_are_lost_before_the_page_has_begun_load_it_again(
+    quick_study: PlannedStudy, browser: BrowserContext
+) -> None:
+    code, page, loaded = quick_study.newcomer("pan"), browser.new_page(), list[str]()
+    page.on("request", lambda request: loaded.append(request.url) if "/view/?" in request.url else None)
+    page.add_init_script(
+        """const own = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+            const context = own.call(this, kind, ...more);
+            if (context && kind === 'webgl2' && this.isConnected && !sessionStorage.getItem('lost')) {
+                sessionStorage.setItem('lost', 'once');
+                context.getExtension('WEBGL_lose_context').loseContext();
+            }
+            return context;
+        };"""
+    )
+    start(page, quick_study.links[code])
+    see_step(page, 0)
+    assert len(loaded) == 2

@@ -12,7 +12,8 @@ import pytest
 
 from human_study.texts.catalogue import catalogue_of
 from human_study.trial.commands import ShowStorey
-from personal_viz.study_app.home.surfaces import VIEW_ANGLE, Surface, framing_distance, place_camera
+from personal_viz.study_app.home.looks import VIEW_ANGLE, framing_distance, place_camera
+from personal_viz.study_app.home.surfaces import Surface
 from personal_viz.study_app.screens.camera import (
     ELEVATIONS,
     TURN,

@@ -72,7 +72,9 @@ def test_a_thing_without_floor_opens_for_looking_and_pointing(statue: Path) -> N
     assert shown.hit(0, (2.0, 2.0, 0.0), (0.0, -1.0, 0.0)) is None
     assert shown.walk((0.0, 0.0, 0.0), (0.1, 0.0, 0.0)) is None
     part = shown.parts[0]
-    assert (*part.low_xz, *part.high_xz, part.floor_y) == pytest.approx((-0.15, -0.1, 0.15, 0.1, -0.25))
+    assert (*part.low_xz, *part.high_xz, part.floor_y, part.top_y) == pytest.approx(
+        (-0.15, -0.1, 0.15, 0.1, -0.25, 0.25)
+    )
 
 
 def test_up_decides_and_without_it_the_doubt_is_said(demo_root: Path, tmp_path: Path) -> None:

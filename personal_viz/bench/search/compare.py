@@ -22,7 +22,7 @@ from sim.tasks.run_files import read_run
 
 from ...cli.invent import Invent
 from ...cli.runs.run import Run
-from .figures import GEOMETRY, Outcome, Search, group_figures, search_document
+from .figures import GEOMETRY, GroupFigures, Outcome, Search, group_figures, search_document
 
 LEVELS = ("oracle:clean", "oracle:mild", "oracle:strong")
 SEEING = ("vlfm", "onemap", GEOMETRY, "nearest-frontier")
@@ -56,12 +56,12 @@ class Compare:
             shutil.rmtree(part, ignore_errors=True)
             _quietly(Invent(out=part, homes=NUM_INVENTED, seed=_SEED).run)
             part.rename(invented)
+        groups, commits = list[GroupFigures](), list[str | None]()
         roots: dict[Homes, Path] = {"schematic": self.dataset, "invented": invented}
-        runs = {homes: {name: read_run(run) for name, run in self._runs(homes, root)} for homes, root in roots.items()}
-        groups = [
-            group_figures(homes, {name: _outcomes(run) for name, run in found.items()}) for homes, found in runs.items()
-        ]
-        commits = [run.info.git_commit for found in runs.values() for run in found.values()]
+        for homes, root in roots.items():
+            runs = {name: read_run(run) for name, run in self._runs(homes, root)}
+            groups.append(group_figures(homes, {name: _outcomes(run) for name, run in runs.items()}))
+            commits += [run.info.git_commit for run in runs.values()]
         write_whole(self.json, search_document(groups, git_commits=commits).model_dump_json(indent=1) + "\n")
         print(f"Written to {self.json}")
 

@@ -23,26 +23,18 @@ from sim.copies.cut import storey_cut
 from sim.mesh import Scene, SceneObject
 from sim.tasks.run_files import ClickRay, Vector3
 
+from .looks import BOX_CORNERS, FIT, FirstLook, look_from_above, place_camera
 from .names import HomeNames, Name, NamesOf, no_names
 from .top_view import MARGIN, STRIP, TopView, top_views
 
 MARK_COLOR = (214, 0, 110)
-VIEW_ANGLE = math.radians(55)
-"""Elevation from which a storey is first shown."""
-_FROM_ABOVE = np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)])
-"""Direction from a storey to its first camera."""
 JPEG_QUALITY = 90
 _BALL = 0.12
 """Radius of a mark in the home (metres)."""
 _OUTLINE = 0.03
 """Thickness of the lines around a marked object (metres)."""
-_CORNERS = [(x, y, z) for y in (-1, 1) for x, z in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
 _EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
-"""The corners of a box, the lower four first, and its edges as pairs of them."""
-_SAME_SHAPE = 1e-3
-"""Windows whose width over height differs by less have the same shape."""
-_FIT = 1.04
-"""The first view shows this many times the size of the home or its map."""
+"""The edges of a box as pairs of BOX_CORNERS."""
 _ABOVE = 0.02
 """Height of the mark over the map (metres)."""
 _QUAT_WXYZ_LYING = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
@@ -121,8 +113,7 @@ class Surface(ABC):
         self._index = 0
         self._floor_y: float | None = None
         """Floor height of the shown storey; None before the first one."""
-        self._first_look: tuple[float, Vector3] | None = None
-        """The window's width over its height at the first look, and the camera's place; None before it."""
+        self._first_look: FirstLook | None = None
 
     def show_storey(self, index: int) -> None:
         """Shows one storey, without a mark.
@@ -131,23 +122,16 @@ class Surface(ABC):
         """
         self.remove()
         floor_y, before = self._floor(index), self._floor_y
-        self._floor_y = floor_y
+        self._index, self._floor_y = index, floor_y
         camera = self._client.camera
         if before is None:
-            self._look_first(index)
+            self._first_look = FirstLook(camera, lambda: self._look_at_home(self._index))
         elif before != floor_y:
             target = np.asarray(camera.look_at, float)
             offset = np.asarray(camera.position, float) - target
             place_camera(camera, target + np.array([0.0, floor_y - before, 0.0]), offset)
-        self._index = index
         self._show(index)
         self._client.flush()
-
-    def _look_first(self, index: int) -> None:
-        self._look_at_home(index)
-        camera = self._client.camera
-        x, y, z = np.asarray(camera.position, float).tolist()
-        self._first_look = float(camera.aspect), (x, y, z)
 
     @abstractmethod
     def _floor(self, index: int) -> float:
@@ -162,15 +146,8 @@ class Surface(ABC):
         """Shows a storey."""
 
     async def camera_moved(self, camera: viser.CameraHandle) -> None:
-        """Hears of each change of the browser's camera; a window of another shape gets its own first look.
-
-        A window tells its shape late: the panel docks after the page was opened. Nobody's own view is changed.
-        """
-        if self._first_look is None:
-            return
-        aspect, position = self._first_look
-        if abs(aspect - camera.aspect) > _SAME_SHAPE and np.allclose(camera.position, position, atol=1e-3):
-            self._look_first(self._index)
+        """Hears of each change of the browser's camera; a window of another shape gets its own first look."""
+        if self._first_look is not None and self._first_look.renew():
             self._client.flush()
 
     def show_mark(self, position: Vector3, label: str, item: MarkedObject | None = None) -> None:
@@ -258,7 +235,7 @@ class HomeSurface(Surface):
         """The outline of the object's box; the ball stands on it, because in it nobody would see it."""
         top_y = item.centre[1] + item.size[1] / 2
         marked = self._mark_at((position[0], top_y + _BALL, position[2]), label)
-        return [self._outline(box_edges(item)), *marked]
+        return [self._outline(box_edges(item.centre, item.size)), *marked]
 
     def _floor(self, index: int) -> float:
         return self._copies.storeys[index]
@@ -294,7 +271,7 @@ class MapView(Surface):
         """Looks straight down; the pictures of all storeys have the same ground."""
         centre, (width, height) = self._ground(index)
         camera = self._client.camera
-        distance = _FIT * max(height, width / max(camera.aspect, 0.1)) / 2 / math.tan(camera.fov / 2)
+        distance = FIT * max(height, width / max(camera.aspect, 0.1)) / 2 / math.tan(camera.fov / 2)
         place_camera(camera, centre, (0.0, distance, 0.0), up=(0.0, 0.0, -1.0))
 
     def _ground(self, index: int) -> tuple[Vector3, tuple[float, float]]:
@@ -335,7 +312,7 @@ class MapView(Surface):
         """The outline of the object from above, and a dot in its middle, on the floor."""
         x, _, z = position
         y = (self._floor_y or 0.0) + _ABOVE
-        edges = box_edges(item)[:4] * np.array([1.0, 0.0, 1.0]) + np.array([0.0, y, 0.0])
+        edges = box_edges(item.centre, item.size)[:4] * np.array([1.0, 0.0, 1.0]) + np.array([0.0, y, 0.0])
         return [
             self._outline(edges),
             add_ball(self._client, "/mark/dot", 0.06, (x, y, z)),
@@ -343,9 +320,11 @@ class MapView(Surface):
         ]
 
 
-def box_edges(item: MarkedObject) -> NDArray[np.float64]:
-    """The 12 edges (12, 2, 3) of an object's box, world metres; the first four are those of its bottom."""
-    corners = np.array(item.centre) + np.array(_CORNERS) * np.array(item.size) / 2
+def box_edges(
+    centre: Sequence[float] | NDArray[np.floating], size: Sequence[float] | NDArray[np.floating]
+) -> NDArray[np.float64]:
+    """The 12 edges (12, 2, 3) of an upright box; the first four are those of its bottom."""
+    corners = np.asarray(centre, float) + BOX_CORNERS * np.asarray(size, float) / 2
     return corners[np.array(_EDGES)]
 
 
@@ -354,49 +333,6 @@ def add_ball(client: viser.ClientHandle, name: str, radius: float, position: Vec
     return client.scene.add_icosphere(
         name, radius, MARK_COLOR, material="toon5", cast_shadow=False, receive_shadow=False, position=position
     )
-
-
-def framing_distance(size: Sequence[float] | NDArray[np.float64], *, fov: float, aspect: float) -> float:
-    """Least distance from the middle of a box at which a camera VIEW_ANGLE above it has the whole box in its window.
-
-    Args:
-        size: Sides of the box along x, y, z, metres; the camera looks along -z and down.
-        fov: The window's vertical field of view, radians.
-        aspect: The window's width over its height.
-    """
-    corners = np.array(_CORNERS) * np.asarray(size, float) / 2
-    up = np.array([0.0, _FROM_ABOVE[2], -_FROM_ABOVE[1]])
-    vertical = math.tan(fov / 2)
-    beside = np.maximum(np.abs(corners[:, 0]) / (vertical * max(aspect, 0.1)), np.abs(corners @ up) / vertical)
-    return float(_FIT * (corners @ _FROM_ABOVE + beside).max())
-
-
-def look_from_above(camera: viser.CameraHandle, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
-    """Makes a browser look at all of a box between two corners (3,), world metres, from VIEW_ANGLE above."""
-    distance = framing_distance(high - low, fov=camera.fov, aspect=camera.aspect)
-    place_camera(camera, (low + high) / 2, distance * _FROM_ABOVE, up=(0.0, 1.0, 0.0))
-
-
-def place_camera(
-    camera: viser.CameraHandle,
-    centre: Sequence[float] | NDArray[np.float64],
-    offset: Sequence[float] | NDArray[np.float64],
-    *,
-    up: tuple[float, float, float] | None = None,
-) -> None:
-    """Makes a browser look at a point.
-
-    Args:
-        camera: The browser's camera.
-        centre: The point (3,), world metres.
-        offset: The way (3,) from the point to the camera.
-        up: The new up direction; None keeps the old one.
-    """
-    with camera.client.atomic():
-        if up is not None:
-            camera.up_direction = up
-        camera.position = np.asarray(centre, float) + np.asarray(offset, float)
-        camera.look_at = np.asarray(centre, float)
 
 
 def map_click(view: TopView, ray: ClickRay) -> Click:

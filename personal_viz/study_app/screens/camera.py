@@ -16,7 +16,8 @@ from human_study.trial.commands import LookFrom, ShowNames, ShowStorey
 from human_study.trial.trial_session import CAMERA_EVERY_S
 from sim.homes.storey_names import StoreyNaming, floors_above_ground
 
-from ..home.surfaces import HomeSurface, Surface, place_camera
+from ..home.looks import place_camera
+from ..home.surfaces import HomeSurface, Surface
 from .page import Page, Send, relabel
 
 TURN = math.radians(15)

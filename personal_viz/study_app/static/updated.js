@@ -9,14 +9,14 @@
   const dialog = document.createElement('dialog');
   dialog.className = 'personal-updated';
 
-  // By itself a page is loaded again once for a version and once a minute: one that comes back as old as it was, from
+  // By itself a page is loaded again once for a reason and once a minute: one that comes back as old as it was, from
   // whatever keeps it on the way, must not be loaded for ever. Nor while somebody chooses keys, or whether to leave.
-  const mayLoad = (served) => {
+  const mayLoad = (reason) => {
     if (document.querySelector('dialog.personal-dialog[open]')) return false;
     try {
       const [known, at] = JSON.parse(sessionStorage.getItem(LOADED) || '["", 0]');
-      if (known === served || Date.now() < at + ONCE_WITHIN_MS) return false;
-      sessionStorage.setItem(LOADED, JSON.stringify([served, Date.now()]));
+      if (known === reason || Date.now() < at + ONCE_WITHIN_MS) return false;
+      sessionStorage.setItem(LOADED, JSON.stringify([reason, Date.now()]));
       return true;
     } catch { return false; }  // a browser that keeps nothing
   };
@@ -69,5 +69,9 @@
     if (window.personalPage) clearInterval(timer);
     else if (performance.now() > BEGINS_WITHIN_MS) ask();
   }, ASK_EVERY_MS);
+  // Graphics that are lost before the page's script has come would leave an empty page, and nobody to say so.
+  window.addEventListener('webglcontextlost', () => {
+    if (!window.personalPage && mayLoad('graphics of ' + performance.timeOrigin)) window.location.reload();
+  }, true);
   window.personalVersion = { ask: ask };
 })();
