@@ -74,7 +74,8 @@ def _goals_where(is_hit: Callable[[Goal], NDArray[np.bool_]]) -> Find:
 def _with_non_targets(survey: Survey) -> Iterator[Hit]:
     for episode in survey.episodes:
         split, scene, _ = episode.key
-        listed = goals_of(scene, episode.record, survey.contents[(split, scene)])
+        record, content = episode.record, survey.contents[(split, scene)]
+        listed = goals_of(scene, record.object_category, content.goals_by_category, suffix=record.scan_suffix)
         if listed is not None and len(listed) > len(episode.targets):
             yield Hit((split,), str(episode.key))
 

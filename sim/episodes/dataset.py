@@ -274,11 +274,11 @@ def read_bytes(path: Path) -> bytes:
         ) from None
 
 
-def read_scene_file(path: Path) -> SceneFile:
-    """Reads and checks one content file.
+def content_text(path: Path) -> tuple[bytes, int]:
+    """The JSON text of a content file, and the number of its objects.
 
     Raises:
-        DatasetError: The file is unreadable, not JSON, or not in the format.
+        DatasetError: The file is unreadable, or has more objects than any home.
     """
     text = read_bytes(path)
     num_objects = text.count(b"{")
@@ -286,6 +286,16 @@ def read_scene_file(path: Path) -> SceneFile:
         raise DatasetError(
             f"{path}: found {num_objects} JSON objects; expected at most {MOST_OBJECTS}. Give a file per scene."
         )
+    return text, num_objects
+
+
+def read_scene_file(path: Path) -> SceneFile:
+    """Reads and checks one content file.
+
+    Raises:
+        DatasetError: The file is unreadable, not JSON, or not in the format.
+    """
+    text, num_objects = content_text(path)
     try:
         if num_objects <= MANY_OBJECTS:
             return SceneFile.model_validate_json(text, strict=True)

@@ -6,6 +6,7 @@ called `captions` here, is ground truth and never leaves `Episode`; `summary` be
 
 import math
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -35,6 +36,11 @@ def scene_name_from_id(scene_id: str) -> str:
     return scene_id.rsplit("/", 1)[-1].split(".", 1)[0]
 
 
+def scan_suffix_from_id(scene_id: str) -> str:
+    """`.basis.glb`, or the suffix of another scan's file."""
+    return scene_id.rsplit("/", 1)[-1].removeprefix(scene_name_from_id(scene_id))
+
+
 def _require_unit(quat_xyzw: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
     norm = math.hypot(*quat_xyzw)
     if abs(norm - 1) > _UNIT_TOLERANCE:
@@ -44,7 +50,8 @@ def _require_unit(quat_xyzw: tuple[float, float, float, float]) -> tuple[float, 
     return quat_xyzw
 
 
-def _require_scene_name(scene_id: str) -> str:
+def require_scene_name(scene_id: str) -> str:
+    """The id; raises where it does not lead to a file that is named after a scene."""
     name = scene_name_from_id(scene_id)
     if not re.fullmatch(NAME_PATTERN, name):
         raise PydanticCustomError("scene_name", "a path to <SceneName>.glb, the name of 1-64 letters, digits, _ or -")
@@ -52,13 +59,14 @@ def _require_scene_name(scene_id: str) -> str:
 
 
 QuatXyzw = Annotated[tuple[Finite, Finite, Finite, Finite], AfterValidator(_require_unit)]
-_STRICT_SHAPE = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+STRICT_SHAPE = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+"""Of everything in a content file."""
 
 
 class AgentState(BaseModel):
     """A place to stand, world frame."""
 
-    model_config = _STRICT_SHAPE
+    model_config = STRICT_SHAPE
     position: Place
     """Feet, metres."""
     rotation: QuatXyzw
@@ -68,7 +76,7 @@ class AgentState(BaseModel):
 class ViewPoint(BaseModel):
     """A place near a goal: one that sees it (original), or one that the generator added (extra, no `iou`)."""
 
-    model_config = _STRICT_SHAPE
+    model_config = STRICT_SHAPE
     agent_state: AgentState
     iou: Finite | None = None
     """Coverage score of GOAT, up to 2.94 in the release; absent on extra points."""
@@ -77,7 +85,7 @@ class ViewPoint(BaseModel):
 class Goal(BaseModel):
     """One object instance of a scene, with the places around it."""
 
-    model_config = _STRICT_SHAPE
+    model_config = STRICT_SHAPE
     position: Place
     """Centre of the object's box, metres."""
     object_id: int
@@ -114,7 +122,7 @@ class Goal(BaseModel):
 class EpisodeInfo(BaseModel):
     """Distances that the generator stored. We recompute them (DESIGN.md); these are a named alternative only."""
 
-    model_config = _STRICT_SHAPE
+    model_config = STRICT_SHAPE
     geodesic_distance: Metres
     """Metres from the start to view_points[0] of the target."""
     euclidean_distance: Metres
@@ -125,9 +133,9 @@ class EpisodeInfo(BaseModel):
 class EpisodeRecord(BaseModel):
     """One entry of `episodes` in a content file, as released."""
 
-    model_config = _STRICT_SHAPE
+    model_config = STRICT_SHAPE
     episode_id: str = Field(pattern=NAME_PATTERN)
-    scene_id: Annotated[str, AfterValidator(_require_scene_name)]
+    scene_id: Annotated[str, AfterValidator(require_scene_name)]
     scene_dataset_config: str
     object_category: str = Field(min_length=1)
     object_id: str | tuple[str, ...]
@@ -152,7 +160,7 @@ class EpisodeRecord(BaseModel):
     @property
     def scan_suffix(self) -> str:
         """`.basis.glb`, or the suffix of another scan's file."""
-        return self.scene_id.rsplit("/", 1)[-1].removeprefix(scene_name_from_id(self.scene_id))
+        return scan_suffix_from_id(self.scene_id)
 
     @property
     def object_names(self) -> tuple[str, ...]:
@@ -176,7 +184,7 @@ class EpisodeRecord(BaseModel):
 class SceneFile(BaseModel):
     """One content file `<split>/content/<SceneName>.json.gz`."""
 
-    model_config = _STRICT_SHAPE
+    model_config = STRICT_SHAPE
     goals_by_category: dict[str, tuple[Goal, ...]]
     """`goals_key` of each category to all goal objects of that category in the scene."""
     episodes: tuple[EpisodeRecord, ...]
@@ -208,30 +216,51 @@ def goals_key(scene: str, category: str, *, suffix: str = ".basis.glb") -> str:
     return f"{scene}{suffix}_{category}"
 
 
-def goals_of(scene: str, record: EpisodeRecord, content: SceneFile) -> tuple[Goal, ...] | None:
-    """All goals of the episode's category; None without its key, by the scan's file name or by the release's."""
-    for suffix in (record.scan_suffix, ".basis.glb"):
-        goals = content.goals_by_category.get(goals_key(scene, record.object_category, suffix=suffix))
+def goals_of(
+    scene: str, category: str, goals_by_category: Mapping[str, tuple[Goal, ...]], *, suffix: str
+) -> tuple[Goal, ...] | None:
+    """All goals of a category; None without its key, by the scan's file name (it ends in `suffix`) or the release's."""
+    for ending in (suffix, ".basis.glb"):
+        goals = goals_by_category.get(goals_key(scene, category, suffix=ending))
         if goals is not None:
             return goals
     return None
+
+
+def resolve_goals(
+    scene: str,
+    category: str,
+    names: Sequence[str],
+    goals_by_category: Mapping[str, tuple[Goal, ...]],
+    *,
+    suffix: str,
+) -> tuple[Goal, ...]:
+    """The goals with these names.
+
+    Raises:
+        KeyError: The goal list is missing or a name does not resolve exactly once; args[0] says which one.
+    """
+    key = goals_key(scene, category, suffix=suffix)
+    goals = goals_of(scene, category, goals_by_category, suffix=suffix)
+    if goals is None:
+        raise KeyError(f"goals_by_category has no key {short(key, most=80)}")
+    targets = tuple(goal for name in names for goal in goals if goal.object_name == name)
+    if [goal.object_name for goal in targets] != list(names):
+        found = [goal.object_name for goal in targets]
+        raise KeyError(
+            f"object_id {short(list(names), most=80)} resolves to {short(found, most=80)} in {short(key, most=80)}, "
+            "expected each once"
+        )
+    return targets
 
 
 def resolve_episode(split: Split, scene: str, record: EpisodeRecord, content: SceneFile) -> Episode:
     """The episode with its targets.
 
     Raises:
-        KeyError: The goal list is missing or a name does not resolve exactly once; args[0] says which one.
+        KeyError: As `resolve_goals`.
     """
-    key = goals_key(scene, record.object_category, suffix=record.scan_suffix)
-    goals = goals_of(scene, record, content)
-    if goals is None:
-        raise KeyError(f"goals_by_category has no key {short(key, most=80)}")
-    targets = tuple(goal for name in record.object_names for goal in goals if goal.object_name == name)
-    if [goal.object_name for goal in targets] != list(record.object_names):
-        found = [goal.object_name for goal in targets]
-        names = short(list(record.object_names), most=80)
-        raise KeyError(
-            f"object_id {names} resolves to {short(found, most=80)} in {short(key, most=80)}, expected each once"
-        )
+    targets = resolve_goals(
+        scene, record.object_category, record.object_names, content.goals_by_category, suffix=record.scan_suffix
+    )
     return Episode(EpisodeKey(split, scene, record.episode_id), record, targets)
