@@ -448,7 +448,7 @@ def test_totals_of_part_of_the_splits_stand_nowhere_beside_those_of_all(rows: li
     spreads, _, _ = spreads.partition("###")
     whole = {line.split(" | ")[0] for line in spreads.splitlines() if " | all | " in line}
     assert whole == {"| Human", "| Human with memory (top-down map)", "| seer"}
-    assert "| walker | steps | easy | " in spreads
+    assert "| walker | steps to decision | easy | " in spreads
     picture = person_dots_svg((*groups.people, *groups.averaged), "pan")
     assert ("walker" in picture, "seer" in picture) == (False, True)
 
