@@ -21,8 +21,8 @@ from .trials import row_label
 NOBODY = "no such trials"
 FEWEST_IN_CONTENTS = 4
 """A page with fewer sections has no table of contents."""
-_NUMBERS = re.compile(r"(?:n )?-?\d(?:[-\d.,/\[\]() ]|to|of)*")
-"""A cell of numbers, such as `45.0 [12.1, 81.0] 9/20`."""
+_NUMBERS = re.compile(r"(?:n )?-?\d(?:[\d.,/\[\]() ]|(?<=[ \[(])-|to|of)*")
+"""A cell of numbers, such as `45.0 [-12.1, 81.0] 9/20`; a `-` after a digit is no minus: dates and ids are texts."""
 _NUMBER = re.compile(r"(-?)(\d+)((?:\.\d+)?)")
 _FIGURE_SPACE = "\u2007"
 """A space as wide as a digit."""
