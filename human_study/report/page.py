@@ -108,7 +108,7 @@ def html_page(markdown: str, pictures: Mapping[str, str], *, beside_px: int | No
     style = tokens_css() + _STYLE + ("" if beside_px is None else _BESIDE.format(beside_px))
     title = next((tokens[at + 1].content for at, token in enumerate(tokens) if token.tag == "h1"), "Report")
     return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<link rel="icon" href="data:,">\n'
         f"<title>{escape(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n{body}</body>\n</html>\n"
     )
 

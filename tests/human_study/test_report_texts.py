@@ -5,6 +5,7 @@ import io
 import re
 from collections.abc import Sequence
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -15,6 +16,7 @@ from human_study.export.text_tables import csv_lines
 from human_study.report.checklist import NOT_ANSWERED, ChecklistItem, checklist, survey_words
 from human_study.report.counts import FlowCount
 from human_study.report.effects import memory_effects
+from human_study.report.figures import flow_svg
 from human_study.report.glmm import glmm_csv, glmm_script
 from human_study.report.hypotheses import hypothesis_rows
 from human_study.report.page import html_page, interval_text
@@ -235,6 +237,19 @@ def test_the_size_of_the_sample_and_the_smallest_effect_are_sentences(
     config = study_config(sample_size_reason=reason, smallest_effect=effect)
     asked = "1.8 Size of the sample justified? Smallest effect?"
     assert answers_of(StudyRecords(config=config))[asked].answer == answer
+
+
+def test_the_words_of_a_flow_of_many_people_fit_their_boxes() -> None:
+    names = ("came", "failed the quiz at least once", "withdrew", "withdrew, records deleted")
+    counts = [FlowCount(point=name, n=1000, is_aside=name != "came") for name in names]
+    report: Any = SimpleNamespace(flow=counts, scene_labels=[])
+    drawing = flow_svg(report)
+    (whole,) = re.findall(r'viewBox="0 0 (\d+) ', drawing)
+    boxes = re.findall(r'<rect x="(\d+)" y="\d+" width="(\d+)".*\n<text.*>(.*)</text>', drawing)
+    assert [words for _, _, words in boxes] == [f"{name}: 1000" for name in names]
+    ends = [int(x) + int(width) for x, width, _ in boxes]
+    assert all(6 * len(words) < int(width) for _, width, words in boxes)  # a letter is up to 6 wide on average
+    assert all(end < int(x) for end, x in zip(ends, [*(x for x, _, _ in boxes[1:]), whole], strict=True))
 
 
 def test_markdown_becomes_one_safe_page() -> None:
