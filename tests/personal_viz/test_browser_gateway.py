@@ -99,7 +99,8 @@ def test_a_phone_is_turned_away_before_anything_is_sent_and_the_link_stays_good(
 def test_a_phone_with_a_pen_is_turned_away_too(tmp_path: Path, chromium: Profiles) -> None:
     with running(tmp_path, recruit="link") as gateway, chromium(**PHONE, device_scale_factor=3) as phone:
         phone.add_init_script(  # Chromium's emulated phones have no pen
-            "window.matchMedia = (query) => ({ matches: ['(pointer: coarse)', '(any-pointer: fine)'].includes(query) });"
+            "const found = ['(pointer: coarse)', '(any-pointer: fine)'];"
+            "window.matchMedia = (query) => ({ matches: found.includes(query) });"
         )
         page = phone.new_page()
         page.goto(f"{gateway.address}/#good")
