@@ -159,7 +159,8 @@ class StudyPog(BaseModel):
     """Names of rooms in the 3-D home; scans have none."""
     object_names: NamesShown | Literal["auto"] = "auto"
     """Categories of objects in the 3-D home. `auto`: off in scans and on in other homes, whose plain shapes are hard to
-    tell apart. They give away what is what: the text then only has to be matched with words."""
+    tell apart. They give away what is what: the text then only has to be matched with words. Not for maps, which name
+    every object but a scan's, nor for the look at a 3-D home before PAN, which has `auto`."""
 
     @property
     def has_names_on_demand(self) -> bool:
