@@ -273,7 +273,8 @@ def test_pointing_shows_no_word_that_is_not_of_the_study_s_language(screen: Call
     view = PogView(TASK, (0.0, 3.0), 0, None, is_over=False, left_s=90)
     item = MarkedObject(marked_text("chair"), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     mark = Mark((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0)
-    shown = PogScreen(page, view, nothing, surface=surface, **options(page.words, StudyPog(object_names="demand")))
+    given = options(page.words, StudyPog(object_names="demand", pointing="snap"))
+    shown = PogScreen(page, view, nothing, surface=surface, things=[item.category], **given)
     for changed in (replace(view, mark=mark), replace(view, mark=replace(mark, item=item), is_giving_up=True)):
         shown.show(changed)
     told += [call.args[1] for call in surface.show_mark.call_args_list]
