@@ -198,7 +198,7 @@ def way_out(entries: Sequence[StageEntry]) -> WayOut | None:
     return next((entry.stage for entry in entries if entry.stage in OUT), None)
 
 
-def is_refused(reached: Set[Stage]) -> bool:
+def is_refused(reached: Set[str]) -> bool:
     """Whether the device check kept out a participant who reached these stages, in `study status` and in the report.
 
     Going away since, or telling a panel that the device cannot be changed, does not alter it; leaving otherwise does.
