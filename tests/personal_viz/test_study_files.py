@@ -183,7 +183,7 @@ def test_the_wizard_asks_for_what_only_a_person_knows_and_checks_each_answer(
         "design.kind": "hous-once\ncrossed",
         "primary": "more success\nhuman_minus_agent_SR, memory_effect_SPL",
         "survey.eligibility": "none\nI am 18 or older, and read English.",
-        "ethics.language_model": '""\nNONE\n',
+        "ethics.language_model": 'NONE\n""',
         "ethics.pay": "12 EUR: an hour # paid at the end",
         "ethics.insurance": "[A, yes",
         "ethics.legal_basis": "2026-11-22",
@@ -207,7 +207,7 @@ def test_the_wizard_asks_for_what_only_a_person_knows_and_checks_each_answer(
         "ethics.language_model is 'NONE'; ",
     ):
         assert f"answer: {said}expected: Value error, a " in done.stdout
-    assert done.stdout.count("leave it empty if there is none. Answer again.") == 3
+    assert done.stdout.count("leave it empty if there is none. Answer again.") == 2
     texts = ("pay", "irb", "contact", "insurance", "legal_basis")
     assert config.ethics.model_dump(include=set(texts)) == {name: answers[f"ethics.{name}"] for name in texts}
     assert config.privacy.retention == datetime.date(2027, 12, 31)
