@@ -24,7 +24,7 @@ def main():
     """Exit code: 0 when everything is installed."""
     LOG.unlink(missing_ok=True)
     locked, extra = "--locked" in sys.argv, "".join(sys.argv[1:2])
-    how = "from the locks, every digest checked" if locked else extra or "about 3 GB, some minutes the first time"
+    how = "from the locks, every digest checked" if locked else extra or "about 2.5 GB, some minutes the first time"
     print(f"Installing into {LOG.parent} ({how})", flush=True)
     code = install_locked() if locked else install_constrained(f".[{extra}]" if extra else ".")
     if code == 0 and (locked or extra == "test"):

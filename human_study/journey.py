@@ -4,7 +4,7 @@ Nothing else decides it. The answer follows only from stored facts: the study fi
 reached, and the participant's trials. So a reload, a restart or another clock changes nothing.
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -196,6 +196,14 @@ def has_reached(entries: Sequence[StageEntry], stage: Stage) -> bool:
 def way_out(entries: Sequence[StageEntry]) -> WayOut | None:
     """The stage by which the participant left for good; None if there is none."""
     return next((entry.stage for entry in entries if entry.stage in OUT), None)
+
+
+def is_refused(reached: Set[str]) -> bool:
+    """Whether the device check kept out a participant who reached these stages, in `study status` and in the report.
+
+    Going away since, or telling a panel that the device cannot be changed, does not alter it; leaving otherwise does.
+    """
+    return "device_failed" in reached and reached.isdisjoint(("device_ok", "declined", "withdrawn", "full"))
 
 
 def has_dropped_out(entries: Sequence[StageEntry]) -> bool:

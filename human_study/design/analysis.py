@@ -8,7 +8,7 @@ ALPHA = 0.05
 """Error rate of all hypotheses together (family-wise)."""
 
 HYPOTHESIS_NAME = re.compile(
-    r"^(?:(?P<task>pan|pog)_)?(?:human(?:_(?P<condition>[a-z0-9_]+?))?_minus_(?P<agent>.+)|(?P<memory>[a-z0-9_]+)_effect)"
+    r"^(?:(?P<task>pan|pog)_)?(?:human(?:_(?P<condition>[a-z0-9_]+?))?_minus_(?P<agent>[^,]+)|(?P<memory>[a-z0-9_]+)_effect)"
     r"_(?P<measure>SR|SPL|SoftSPL|DTG|steps|time)$"
 )
 """Pattern of the hypotheses' names in `primary` of the study file.

@@ -72,6 +72,17 @@ def _as_tuple(value: object) -> object:
     return tuple(value) if isinstance(value, list) else value
 
 
+_NO_TEXT = {"", "no", "none", "nothing", "n/a", "na", "null", "nein", "kein", "keine", "keins", "nichts"}
+"""Answers, without marks around them, that mean an empty field and that participants would read as they are."""
+
+
+def _text_to_read(text: str) -> str:
+    """The text itself. Raises ValueError for a word that only says that there is none."""
+    if text and text.strip(" .-–—\"'").casefold() in _NO_TEXT:
+        raise ValueError("a text that participants can read; leave it empty if there is none")
+    return text
+
+
 def _require_order(least_s: float, most_s: float | None, least: str, most: str) -> None:
     """Raises ValueError for a look whose shortest time exceeds its longest time."""
     if most_s is not None and least_s > most_s:
@@ -148,7 +159,8 @@ class StudyPog(BaseModel):
     """Names of rooms in the 3-D home; scans have none."""
     object_names: NamesShown | Literal["auto"] = "auto"
     """Categories of objects in the 3-D home. `auto`: off in scans and on in other homes, whose plain shapes are hard to
-    tell apart. They give away what is what: the text then only has to be matched with words."""
+    tell apart. They give away what is what: the text then only has to be matched with words. Not for maps, which name
+    every object but a scan's, nor for the look at a 3-D home before PAN, which has `auto`."""
 
     @property
     def has_names_on_demand(self) -> bool:
@@ -246,19 +258,23 @@ class StudyEthics(BaseModel):
     """Legal basis for storing the data, such as `your consent, Art. 6 (1) (a) GDPR`."""
     complaint_body: str = ""
     """The office to which people can complain about the use of their data."""
-    language_model: str = ""
-    """Which data of people goes to which language model, and who runs it where, as participants read it; "" = none: the
-    texts then say that the study's program sends nothing of theirs to one."""
+    language_model: Annotated[str, AfterValidator(_text_to_read)] = ""
+    """Which data of people goes to which language model, and who runs it where, as participants read it. Leave it empty
+    if nothing goes to one: the texts then say that the study's program sends nothing of theirs to one."""
     duration_min: Annotated[int, Field(ge=1)] | None = None
     """Duration announced to participants, minutes; None = estimated from the plan."""
+
+
+EligibilitySentence = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_text_to_read)]
 
 
 class StudySurvey(BaseModel):
     """Questions to people about themselves. Every answer is optional, chosen from a few, and encrypted."""
 
     model_config = _MODEL
-    eligibility: Annotated[tuple[Annotated[str, Field(min_length=1, max_length=200)], ...], Field(max_length=8)] = ()
-    """Sentences that people must confirm to take part, such as `I have not seen these homes before.`"""
+    eligibility: Annotated[tuple[EligibilitySentence, ...], Field(max_length=8)] = ()
+    """Sentences that people must confirm to take part. Several stand in quotes, in brackets, with commas between them:
+    `["I have not seen these homes before.", "I am 18 or older."]`"""
     questions: tuple[SurveyTopic, ...] = ()
     """Asked after the last search, before the completion code."""
 

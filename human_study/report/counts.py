@@ -10,7 +10,7 @@ from sim.types import SPLITS, EndReason, TaskKind
 from ..export.rows import ExclusionRow, ParticipantRow
 from ..export.runs import run_condition
 from ..export.trial_table import TrialRow
-from ..journey import Stage
+from ..journey import Stage, is_refused
 from .measures import MEASURES
 from .trials import GroupRow, PeopleRow, ReportValue, TrialGroup, is_first_condition
 
@@ -165,16 +165,17 @@ def flow_counts(people: Sequence[ParticipantRow], rows: Sequence[TrialRow], *, n
 
 
 def _points_of(person: ParticipantRow, opened: Set[str]) -> set[str]:
-    """The points that one person passed, whose trials of these phases were opened."""
+    """The points that one person passed, whose trials of these phases were opened; a person has one way out."""
     reached = {entry.stage for entry in person.stages}
     left = [entry.stage for entry in person.stages if entry.stage in ("dropped_out", "returned")]
     is_true = {
         "places in the plan": True,
         "came": bool(reached),
-        "device refused": "device_failed" in reached and "device_ok" not in reached,
+        "device refused": is_refused(reached),
+        "screened out": "screened_out" in reached and not is_refused(reached),
         "began practice": "practice" in opened,
         "began counted trials": "main" in opened,
-        "dropped out": left[-1:] == ["dropped_out"] and person.left_by is None,
+        "dropped out": left[-1:] == ["dropped_out"] and person.left_by is None and not is_refused(reached),
     }
     return {point for point, (stage, _) in _POINTS.items() if is_true.get(point, stage in reached)}
 
@@ -186,7 +187,7 @@ _POINTS: dict[str, tuple[Stage | None, bool]] = {
     "study was full": ("full", True),
     "declined consent": ("declined", True),
     "consented": ("consented", False),
-    "screened out": ("screened_out", True),
+    "screened out": (None, True),
     "failed the quiz at least once": ("quiz_failed", True),
     "passed the quiz": ("quiz_passed", False),
     "began practice": (None, False),

@@ -27,7 +27,10 @@ _MOST_LABELS = 60
 
 
 def person_dots_svg(groups: Sequence[TrialGroup], task: TaskKind) -> str:
-    """Success rate of each person as a dot, one row per condition; rates of agents as dashed lines with their names."""
+    """Success rate of each person as a dot, one row per condition; rates of agents as dashed lines with their names.
+
+    Agents that lack a split of the people's are not drawn: their rates are of other episodes.
+    """
     trials = _trials_of(groups, task)
     is_person = trials["kind"] == "human"
     conditions = trials[is_person].groupby(_ROW, sort=False)
@@ -39,8 +42,10 @@ def person_dots_svg(groups: Sequence[TrialGroup], task: TaskKind) -> str:
             heights = place + 0.09 * (np.arange(number) - (number - 1) / 2)
             axes.plot(np.full(number, rate), heights, "o", color=_PERSON, markersize=6, alpha=0.8)
     by_rate: dict[float, list[str]] = {}
-    for name, rate in trials[~is_person].groupby(_ROW, sort=False)["sr"].mean().items():
-        by_rate.setdefault(rate, []).append(row_label(*name))
+    splits = set(trials["split"][is_person])
+    for name, own in trials[~is_person].groupby(_ROW, sort=False):
+        if splits <= set(own["split"]):
+            by_rate.setdefault(own["sr"].mean(), []).append(row_label(*name))
     for rate, names in by_rate.items():
         axes.axvline(rate, color=_AGENT, linestyle="--", linewidth=1)
         axes.annotate(", ".join(names), (rate, -0.5), color=_AGENT, fontsize=8, rotation=20)

@@ -21,8 +21,8 @@ from .trials import row_label
 NOBODY = "no such trials"
 FEWEST_IN_CONTENTS = 4
 """A page with fewer sections has no table of contents."""
-_NUMBERS = re.compile(r"(?:n )?-?\d(?:[-\d.,/\[\]() ]|to|of)*")
-"""A cell of numbers, such as `45.0 [12.1, 81.0] 9/20`."""
+_NUMBERS = re.compile(r"(?:n )?-?\d(?:[\d.,/\[\]() ]|(?<=[ \[(])-|to|of)*")
+"""A cell of numbers, such as `45.0 [-12.1, 81.0] 9/20`; a `-` after a digit is no minus: dates and ids are texts."""
 _NUMBER = re.compile(r"(-?)(\d+)((?:\.\d+)?)")
 _FIGURE_SPACE = "\u2007"
 """A space as wide as a digit."""
@@ -108,7 +108,7 @@ def html_page(markdown: str, pictures: Mapping[str, str], *, beside_px: int | No
     style = tokens_css() + _STYLE + ("" if beside_px is None else _BESIDE.format(beside_px))
     title = next((tokens[at + 1].content for at, token in enumerate(tokens) if token.tag == "h1"), "Report")
     return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<link rel="icon" href="data:,">\n'
         f"<title>{escape(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n{body}</body>\n</html>\n"
     )
 

@@ -332,7 +332,7 @@ _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(40)
 
 @functools.cache
 def _centre(rate: float, spread: float) -> float:
-    """Logit around which draws of this spread succeed at this rate, by the usual approximation, then one step."""
+    """Logit around which draws of this spread succeed at this rate, by the usual approximation, then Newton steps."""
     centre = float(logit(rate)) * math.sqrt(1 + spread**2 / 2.9)
     for _ in range(4):
         share = expit(centre + spread * _NODES)

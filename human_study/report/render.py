@@ -133,8 +133,11 @@ def power_markdown(report: PowerReport) -> str:
 
 
 def csv_text(report: StudyReport) -> str:
-    """Every row with all its fields, as CSV."""
-    return csv_lines(ReportRow.model_fields, [tuple(row.model_dump().values()) for row in report.rows])
+    """Every row of the tables with all its fields, as CSV."""
+    tables = [_comparable(_of_homes(report.rows, task, kind)) for task, kind in _table_kinds(report)]
+    shown = {id(row) for table in tables for row in table}
+    lines = [tuple(row.model_dump().values()) for row in report.rows if id(row) in shown]
+    return csv_lines(ReportRow.model_fields, lines)
 
 
 def latex(report: StudyReport) -> str:
@@ -182,14 +185,14 @@ def _of_homes(rows: Iterable[Any], task: TaskKind, kind: str) -> list[Any]:
     return [row for row in rows if row.task == task and row.scene_kind in (kind, "oracle-map")]
 
 
-def _comparable(rows: Sequence[ReportRow]) -> list[ReportRow]:
-    """The rows without the totals of row names that lack a split of others: totals of different splits differ."""
+def _comparable(rows: Sequence[Any]) -> list[Any]:
+    """Rows of figures or spreads without the totals of row names that lack a split of others, which would differ."""
     splits: dict[str, dict[tuple[str, str], set[str]]] = {}
     for row in rows:
         splits.setdefault(row.measure, {}).setdefault((row.who, row.condition), set()).add(row.split)
     most = {measure: set().union(*found.values()) for measure, found in splits.items()}
     whole = [(row, splits[row.measure][row.who, row.condition] == most[row.measure]) for row in rows]
-    return [row for row, is_whole in whole if is_whole or row.split != TOTAL]
+    return [row for row, is_whole in whole if is_whole or row.split in SPLITS]
 
 
 def _splits(rows: Sequence[ReportRow]) -> list[str]:

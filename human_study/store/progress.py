@@ -13,7 +13,7 @@ from typing import Literal
 from sim.types import SPLITS, Split, TaskKind
 
 from ..design.study import Condition, StudyConfig
-from ..journey import GONE, Person, Place, has_reached, journey_of
+from ..journey import GONE, Person, Place, is_refused, journey_of
 from .database import BACKUP_FOLDER, free_mb
 from .records import DATABASE_FILE, StudyReader
 
@@ -22,8 +22,8 @@ MOST_TIMES = 120
 STUCK_AFTER_S = 180.0
 """Seconds without stored events in a trial after which the participant may need help."""
 State = Literal["not_arrived", "refused", "active", "stuck", "away", "finished", "out"]
-"""`refused`: the check of the device has failed so far, as in the report; `active`: a record was stored within
-`lease_s`; `stuck`: in a trial, but silent; `away`: silent for longer."""
+"""`refused`: the check of the device has failed so far, also for people who went away since, as in the report;
+`active`: a record was stored within `lease_s`; `stuck`: in a trial, but silent; `away`: silent for longer."""
 # The newest event is read only for running trials: an outcome is newer than the events before it.
 _LATEST = """
 SELECT code, max(at_ns) FROM (
@@ -182,7 +182,7 @@ def _people_progress(
                 task=person.task,
                 place=journey.place,
                 state="refused"
-                if journey.place == "device" and has_reached(person.stages, "device_failed")
+                if is_refused({entry.stage for entry in person.stages})
                 else _state(config, journey.place, silent_s, stuck_after_s if is_in_trial else None),
                 num_done=sum(trial.is_done for trial in person.trials if trial.phase == "main"),
                 num_planned=journey.num_all,

@@ -87,6 +87,7 @@ def make_pilot(
         "checks": StudyChecks(every=None),
         "practice": StudyPractice(pan=0, pog=0),
         "breaks": StudyBreaks(every=None, sitting_max=None),
+        "storey_names": "texts",  # as `study init` writes
         "aggregate": StudyAggregate(intervals="homes"),
     }
     config = StudyConfig(**(usual | choices))

@@ -24,8 +24,8 @@ from sim.tasks.run_files import Answer, EpisodeRun
 
 from .library import ShownEpisode
 
-PEOPLE_COLORS = ("#1f77b4", "#c05a00", "#2a7f3a", "#b0306a", "#6b4fa0", "#7a5230", "#007f86", "#8a8a00")
-"""One per person, in the graph's order; more people begin it again."""
+PEOPLE_COLORS = ("#1f77b4", "#b55300", "#2a7f3a", "#b0306a", "#6b4fa0", "#7a5230", "#007f86", "#727200")
+"""One per person, in the graph's order; more people begin it again. Names are written in them on white."""
 _ROW = 54
 """Height of a row of the graph, in its own units (pixels where the panel is as wide as the drawing)."""
 _LINE = 35

@@ -143,7 +143,8 @@ function leadToViewer(link) {
   const path = link.getAttribute("href");
   if (isServed) {
     const address = encodeURIComponent(new URL(path, location.href).href);
-    link.href = `/viewer/?url=${address}&hide_welcome_screen=1&persist=0`;
+    const viewer = document.documentElement.dataset.viewer ?? "/viewer/"; // a copy on a static host says its own
+    link.href = `${viewer}?url=${address}&hide_welcome_screen=1&persist=0`;
     link.target = "_blank";
   } else {
     link.title = `Open with: rerun ${path}`;

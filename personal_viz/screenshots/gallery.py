@@ -4,7 +4,6 @@ Bots take part in a small study through the real gateway; agents do the same epi
 and report, and Rerun's web viewer lie beside one page. Every address is relative; nothing is fetched from elsewhere.
 """
 
-import re
 import shutil
 import sys
 import tempfile
@@ -101,6 +100,7 @@ def make_gallery(out: Path, size: GallerySize | None = None) -> Path:
         _work("compare", str(study), "--out", str(made / "compare"))
         for page in (made / "report" / "report.html", made / "compare" / "index.html"):
             _label(page)
+        _lead_to_viewer(made / "compare" / "index.html")
         recordings = _compared(made)
         if size.explored_steps:
             (made / "recordings").mkdir()
@@ -143,11 +143,15 @@ def _study(folder: Path, size: GallerySize) -> Path:
 
 
 def _label(page: Path) -> None:
-    """Says at the top of a page who made it, for readers who come from elsewhere."""
-    text = page.read_text(encoding="utf-8")
-    write_whole(
-        page, re.sub(r"<body[^>]*>", lambda found: f"{found[0]}\n<p><strong>{_BY_BOTS}</strong></p>", text, count=1)
-    )
+    """Says below the title of a page who made it, for readers who come from elsewhere."""
+    notice = f'</h1>\n<p class="note"><strong>{_BY_BOTS}</strong></p>'
+    write_whole(page, page.read_text(encoding="utf-8").replace("</h1>", notice, 1))
+
+
+def _lead_to_viewer(page: Path) -> None:
+    """Tells the script of the comparison's page that the viewer lies beside the page's folder."""
+    viewer = '<html data-viewer="../viewer/index.html"'
+    write_whole(page, page.read_text(encoding="utf-8").replace("<html", viewer, 1))
 
 
 def _compared(made: Path) -> list[_Recording]:

@@ -91,7 +91,7 @@ class OwnKeys(_Said, frozen=True, tag="keys"):
 
 
 class Told(_Said, frozen=True, tag="told"):
-    """The press of a button in our own HTML (`data-tell`)."""
+    """The answer to a question of the page's own dialog, such as whether to withdraw."""
 
     name: Annotated[str, msgspec.Meta(max_length=32)]
 

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from human_study.export.collect import collect
+from human_study.report.counts import flow_counts
 from human_study.store.progress import (
     MOST_TIMES,
     STUCK_AFTER_S,
@@ -156,6 +158,32 @@ def test_a_device_that_failed_is_refused_until_another_one_passes(tmp_path: Path
         assert (found.num_in("refused"), found.num_in("active", "away")) == (1, 0)
         store.enter_stage("p01", "device_ok")
         assert person(tmp_path, "p01").state == "active"
+
+
+@pytest.mark.parametrize("end", ["dropped_out", "screened_out", "withdrawn"])
+def test_a_person_whose_device_was_refused_counts_once_and_alike_in_status_and_report(tmp_path: Path, end: str) -> None:
+    with started(tmp_path, **FLOW, privacy={"on_withdraw": "keep"}) as store:
+        for code in ("p01", "p02"):
+            store.enter_stage(code, "arrived")
+        store.enter_stage("p01", "device_failed", {"width": 400})
+        store.enter_stage("p02", "device_failed", {"width": 400})
+        store.enter_stage("p02", "device_ok")
+        for code in ("p01", "p02"):
+            match end:
+                case "dropped_out":
+                    store.drop_out(code, "away")
+                case "withdrawn":
+                    store.withdraw(code)
+                case _:
+                    store.enter_stage(code, end)
+        shown = progress_of(tmp_path)
+        with read_study(tmp_path) as reader:
+            found = collect(reader)
+    counts = {count.point: count.n for count in flow_counts(found.participants, found.trials, num_deleted=0)}
+    num_refused = 0 if end == "withdrawn" else 1
+    point = {"dropped_out": "dropped out", "screened_out": "screened out", "withdrawn": "withdrew"}[end]
+    assert (shown.num_in("refused"), shown.num_in("out")) == (num_refused, 2 - num_refused)
+    assert (counts["device refused"], counts[point]) == (num_refused, 2 - num_refused)
 
 
 def test_withdrawn_and_dropped_out_people_give_their_slots_back(tmp_path: Path) -> None:

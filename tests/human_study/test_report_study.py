@@ -1,5 +1,7 @@
 """The report of a whole study from its export: conditions, order, exclusions, flow, hypotheses, same bytes twice."""
 
+import csv
+import io
 import json
 import re
 from collections.abc import Sequence
@@ -12,9 +14,10 @@ from human_study.design.study import Condition, StudyAggregate
 from human_study.export.runs import study_facts
 from human_study.export.trial_table import TrialRow
 from human_study.report.counts import flow_counts
-from human_study.report.render import html_text, markdown, summary
-from human_study.report.report import NOBODY_YET, StudyReport, study_report
-from human_study.report.source import StudyRecords, own_agents, read_source
+from human_study.report.figures import person_dots_svg
+from human_study.report.render import csv_text, html_text, markdown, summary
+from human_study.report.report import NOBODY_YET, StudyReport, report_groups, report_of, study_report
+from human_study.report.source import StudyRecords, own_agents, read_source, source_of
 from human_study.report.trials import trial_groups
 from personal_viz.cli.study.report import StudyReportVerb
 from sim.errors import PersonalVizError, RunFileError, StudyError
@@ -208,7 +211,9 @@ def test_intervals_take_homes_for_random_as_the_study_says_and_episodes_in_studi
         in_these = ways["in these homes only: people and episodes random (two-way)"]
         assert (in_these.low, in_these.high) == (alone.low, alone.high)
     assert "people, homes and the episodes in them for random" in markdown(new)
-    assert "people and episodes for random, as registered" in markdown(found)
+    assert "people and episodes for random (two-way; success rates on the logit scale), as the study file says;" in (
+        markdown(found)
+    )
     (effect,) = [row.effect for row in new.memory if (row.split, row.measure) == ("all", "sr")]
     assert "three-way" in effect.method
     steps = value(new, "human", "none", measure="steps")
@@ -422,7 +427,9 @@ def test_totals_of_part_of_the_splits_stand_nowhere_beside_those_of_all(rows: li
     easy = part.model_copy(update={"episodes": tuple(item for item in part.episodes if item.key.split == "easy")})
     checked = [row.model_copy(update={"verification": "verified" if row.split == "easy" else None}) for row in rows]
     records = StudyRecords(CONFIG, tuple(checked))
-    report = study_report([*people_runs(checked, CONFIG), easy], records=records)
+    source = source_of([*people_runs(checked, CONFIG), easy, AGENTS[1]], records)
+    groups = report_groups(source)
+    report = report_of(source, groups)
     ways = {(way.who, way.condition, way.way): way for way in report.sensitivity}
     whole, apart = (ways[who, "none", "intention to treat (as in the tables)"] for who in ("human", "human - walker"))
     assert whole.value is not None
@@ -433,6 +440,17 @@ def test_totals_of_part_of_the_splits_stand_nowhere_beside_those_of_all(rows: li
     human = next(row for row in report.hypotheses if row.name == "human_minus_walker_SR")
     assert human.splits == ("easy",)
     assert any("walker_SR: " in line and " shown in easy; " in line for line in summary(report).remarks)
+    lines = list(csv.DictReader(io.StringIO(csv_text(report))))
+    totals = {"walker": set(), "human - walker": set(), "seer": {"total"}, "human": {"total"}}
+    for who, expected in totals.items():
+        assert {line["split"] for line in lines if line["who"] == who} - {"easy", "medium", "hard"} == expected
+    _, _, spreads = markdown(report).partition("### Spread")
+    spreads, _, _ = spreads.partition("###")
+    whole = {line.split(" | ")[0] for line in spreads.splitlines() if " | all | " in line}
+    assert whole == {"| Human", "| Human with memory (top-down map)", "| seer"}
+    assert "| walker | steps to decision | easy | " in spreads
+    picture = person_dots_svg((*groups.people, *groups.averaged), "pan")
+    assert ("walker" in picture, "seer" in picture) == (False, True)
 
 
 def test_no_split_says_that_it_lacks_a_total() -> None:

@@ -5,6 +5,7 @@ import io
 import re
 from collections.abc import Sequence
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -15,6 +16,7 @@ from human_study.export.text_tables import csv_lines
 from human_study.report.checklist import NOT_ANSWERED, ChecklistItem, checklist, survey_words
 from human_study.report.counts import FlowCount
 from human_study.report.effects import memory_effects
+from human_study.report.figures import flow_svg
 from human_study.report.glmm import glmm_csv, glmm_script
 from human_study.report.hypotheses import hypothesis_rows
 from human_study.report.page import html_page, interval_text
@@ -219,6 +221,37 @@ def test_a_text_with_lines_like_a_heading_makes_no_question() -> None:
     assert items[name].answer == "Changes ## After it | x # More: of it"
 
 
+@pytest.mark.parametrize(
+    ("reason", "effect", "answer"),
+    [
+        ("Power of 0.9 for 15 points.", 10.0, "Power of 0.9 for 15 points. Smallest effect of interest: 10 points."),
+        ("All we can pay", 2.5, "All we can pay. Smallest effect of interest: 2.5 points."),
+        ("", 10.0, "Size: not answered. Smallest effect of interest: 10 points."),
+        ("All we can pay", None, "All we can pay"),
+        ("", None, NOT_ANSWERED),
+    ],
+)
+def test_the_size_of_the_sample_and_the_smallest_effect_are_sentences(
+    reason: str, effect: float | None, answer: str
+) -> None:
+    config = study_config(sample_size_reason=reason, smallest_effect=effect)
+    asked = "1.8 Size of the sample justified? Smallest effect?"
+    assert answers_of(StudyRecords(config=config))[asked].answer == answer
+
+
+def test_the_words_of_a_flow_of_many_people_fit_their_boxes() -> None:
+    names = ("came", "failed the quiz at least once", "withdrew", "withdrew, records deleted")
+    counts = [FlowCount(point=name, n=1000, is_aside=name != "came") for name in names]
+    report: Any = SimpleNamespace(flow=counts, scene_labels=[])
+    drawing = flow_svg(report)
+    (whole,) = re.findall(r'viewBox="0 0 (\d+) ', drawing)
+    boxes = re.findall(r'<rect x="(\d+)" y="\d+" width="(\d+)".*\n<text.*>(.*)</text>', drawing)
+    assert [words for _, _, words in boxes] == [f"{name}: 1000" for name in names]
+    ends = [int(x) + int(width) for x, width, _ in boxes]
+    assert all(6 * len(words) < int(width) for _, width, words in boxes)  # a letter is up to 6 wide on average
+    assert all(end < int(x) for end, x in zip(ends, [*(x for x, _, _ in boxes[1:]), whole], strict=True))
+
+
 def test_markdown_becomes_one_safe_page() -> None:
     text = "# A <b>\n\n| h | i |\n|---|---|\n| a\\|b | <c> |\n\nsee <https://x.y>\n\n![P & q](p.svg)\n\n![Q](q.svg)\n"
     page = html_page(text, {"p.svg": '<?xml version="1.0"?>\n<svg id="s"></svg>'})
@@ -233,6 +266,7 @@ def test_markdown_becomes_one_safe_page() -> None:
 
 def test_numbers_of_a_column_stand_digit_below_digit_and_texts_stay() -> None:
     cells = ["9.0 [-1.5, 20.0] 9/20", "100.0 20/20", "45.5 [12.0, 8.0] 11/20", "p-1 and 2", "no such trials"]
+    cells += ["2026-17", "2026-11-23"]
     text = "# T\n\n| h | i |\n|---|---|\n" + "".join(f"| r | {cell} |\n" for cell in cells)
     found = re.findall("<td>(.*)</td>", html_page(text, {}))
     space = "\u2007"

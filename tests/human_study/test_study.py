@@ -77,6 +77,20 @@ def test_intervals_of_a_study_without_the_field_take_episodes_for_random_and_its
     assert new.study_version != old.study_version
 
 
+@pytest.mark.parametrize("word", ["none", "No", " nothing. ", "-", "n/a", "Keine", "nein", "'\"\"'"])
+@pytest.mark.parametrize("field", ["ethics: {language_model: %s}", "survey: {eligibility: [%s]}"])
+def test_a_word_that_says_there_is_none_is_not_printed_for_participants(field: str, word: str, tmp_path: Path) -> None:
+    quoted = word if word.startswith("'") else f"'{word}'"
+    (tmp_path / "study.yaml").write_text(EXAMPLE + field % quoted)
+    with pytest.raises(StudyError, match=r"expected: .*leave it empty if there is none\. Correct the field"):
+        load_study(tmp_path)
+
+
+def test_a_text_that_begins_with_such_a_word_is_one_for_participants(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text(EXAMPLE + "ethics: {language_model: None of your data leaves this room.}")
+    assert load_study(tmp_path).ethics.language_model == "None of your data leaves this room."
+
+
 def test_a_study_file_comes_back_as_it_was_and_is_never_replaced(tmp_path: Path) -> None:
     config = study(camera={"width": 320, "height": 240}, actions="paper6", privacy={"retention": "2027-12-31"})
     path = save_study(tmp_path, config)

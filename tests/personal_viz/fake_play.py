@@ -14,7 +14,7 @@ from human_study.store.store import SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
 from human_study.texts.catalogue import catalogue_of
 from human_study.trial.events import Event, event_from_json, event_to_json
-from human_study.trial.views import LookView, MarkedObject, PanView, PogView, RateView
+from human_study.trial.views import LookView, Mark, PanView, PogView, RateView
 from personal_viz.study_app.home import homes as homes_module
 from personal_viz.study_app.home.frames import Frames, RenderThreads
 from personal_viz.study_app.home.homes import Home
@@ -195,7 +195,7 @@ class FakeScene:
     kind = "invented"
     digest = "d" * 64
     navigation = SquareRoom()
-    objects = (LAMP,)
+    objects: tuple[SceneObject, ...] = (LAMP,)
 
 
 @dataclasses.dataclass
@@ -257,14 +257,14 @@ class EmptySurface(SceneView):
 
     def show_storey(self, index: int) -> None: ...
 
-    def show_mark(self, position: Vector3, label: str, item: MarkedObject | None = None) -> None: ...
+    def show_mark(self, mark: Mark, label: str) -> None: ...
 
 
-def meshless_home() -> Home:
-    """A home with two storeys for real screens: pictures of one colour, and a place for a mark."""
+def meshless_home(*, category: str = "lamp") -> Home:
+    """A home with two storeys for real screens: pictures of one colour, and a place for a mark on a thing."""
     return fake_home(
         Watches(None, make_env=make_env),
-        scene=_TwoStoreyScene(),
+        scene=_TwoStoreyScene(objects=(dataclasses.replace(LAMP, category=category),)),
         renderer=Frames(PoseColours(), RenderThreads(1)),
         episodes={episode(name).key: episode(name) for name in ("0", "1", "2")},
         storeys=[(0.0, 0.0), (3.0, 3.0)],

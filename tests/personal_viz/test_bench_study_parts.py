@@ -9,7 +9,7 @@ from personal_viz.bench.study.kills import KillSettings, measure_kills
 from personal_viz.bench.study.load import LoadSettings, measure_load
 from personal_viz.bench.study.pog_view import PogViewSettings, measure_pog_view
 from personal_viz.bench.study.restart import RestartSettings, measure_restarts
-from personal_viz.bench.study.soak import SoakSettings, measure_soak
+from personal_viz.bench.study.soak import SoakSettings, drift_percent, measure_soak
 from personal_viz.bots.site import HOME
 
 from .invented import invented_dataset
@@ -55,8 +55,15 @@ def test_nothing_is_left_of_people_who_left(tmp_path: Path, dataset: Path) -> No
     assert found["actions"] > 10
     assert found["gateway_mb"] + found["workers_mb"] <= found["peak_mb"]
     assert min(found["gateway_mb"], found["workers_mb"]) > 1
-    assert abs(found["gateway_drift_percent"]) < 100
+    assert 0 <= found["gateway_drift_percent"] < 100
     assert (found["at_start"]["clients"], found["clients_growth"], found["clients_left"]) == (4, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("later", "percent"), [([130, 100], 30.0), ([100, 80], 20.0), ([110, 95], 10.0), ([100, 100], 0.0)]
+)
+def test_memory_drifts_by_its_largest_change_after_the_third_minute(later: list[float], percent: float) -> None:
+    assert drift_percent([40, 60, 90, 100, *later]) == pytest.approx(percent)
 
 
 @pytest.mark.slow

@@ -54,9 +54,11 @@ def test_a_key_that_is_stored_without_the_pages_time_is_not_lost(tmp_path: Path)
 
 def test_a_bot_study_gives_everybody_every_episode(tmp_path: Path, demo_root: Path) -> None:
     make_bot_study(tmp_path, participants=3, seed=1, dataset=demo_root)
-    planned = load_plan(tmp_path / "study", load_study(tmp_path / "study"))
+    config = load_study(tmp_path / "study")
+    planned = load_plan(tmp_path / "study", config)
     assert [len(person.trials) for person in planned.participants] == [24, 24, 24]
     assert planned.is_pilot
+    assert config.storey_names == "texts"
     copy_plan(tmp_path / "study", tmp_path / "copy")
     assert load_plan(tmp_path / "copy", load_study(tmp_path / "copy")) == planned
     assert not (tmp_path / "copy" / "secrets.json").exists()

@@ -9,11 +9,12 @@ import numpy as np
 
 from personal_viz.browse.layers import Layers, path_segments, thinned
 from personal_viz.browse.object_links import ObjectLink, SceneTexts, object_links
-from personal_viz.browse.panel_html import graph_html
+from personal_viz.browse.panel_html import PEOPLE_COLORS, graph_html
 from personal_viz.study_app.home.surfaces import box_edges
 from sim.episodes.ownership import ownership_graph
 from sim.mesh import SceneObject
 
+from ..sim.test_page_style import contrast
 from .browse_worlds import CAPTIONS, episode, goal, library
 
 SENTENCES = (
@@ -79,6 +80,10 @@ def test_the_drawing_has_a_node_per_person_and_object_and_an_edge_per_thing_owne
     assert 'data-click="object 3"' not in drawing, "no place to go to"
     assert drawing.count("guess") == 1
     assert "4 objects: 1 asked for, 2 linked by the words of captions, 1 not linked" in drawing
+
+
+def test_names_can_be_read_in_every_colour_of_people() -> None:
+    assert {color: ratio for color in PEOPLE_COLORS if (ratio := contrast(color, "#ffffff")) < 4.5} == {}
 
 
 def test_a_marked_object_is_marked_with_its_edges_and_owners() -> None:

@@ -1,5 +1,6 @@
 """The gateway's own pages in real Chromium: the open link, a full study, links that do not work, the device."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,8 @@ def test_a_full_study_says_so_and_shows_the_code(tmp_path: Path, browser: Browse
         expect(page.get_by_text("The study is full")).to_be_visible()
         expect(page.get_by_text("You will be paid")).to_be_visible()
         expect(page.get_by_text("FULL-1")).to_be_visible()
+        page.get_by_role("button", name="Copy the code").click()
+        expect(page.get_by_text(re.compile("The code is (copied|marked)"))).to_be_visible()
 
 
 @pytest.mark.parametrize(
@@ -60,6 +63,12 @@ PHONE = {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touc
 SMALL = {"viewport": {"width": 900, "height": 560}}
 AT_200_PERCENT = {"viewport": {"width": 960, "height": 540}, "device_scale_factor": 2}
 """A screen of 1920 x 1080 pixels on which the system shows everything twice as large."""
+ZOOMED_OUT = {
+    "viewport": {"width": 2039, "height": 970},
+    "screen": {"width": 1366, "height": 768},
+    "device_scale_factor": 0.67,
+}
+"""A small laptop whose page is at 67 %: Chrome's zoom changes the ratio and the window, not the screen."""
 TABLET = {"viewport": {"width": 1366, "height": 1024}, "is_mobile": True, "has_touch": True}
 
 
@@ -80,11 +89,23 @@ def test_a_phone_is_turned_away_before_anything_is_sent_and_the_link_stays_good(
                 expect(page).to_have_title("Please open your link on a computer - PersONAL study")
                 assert posts == []
         assert gateway.people.claimed == {}
-        for computers_own in ({}, AT_200_PERCENT):
+        for computers_own in ({}, AT_200_PERCENT, ZOOMED_OUT):
             with chromium(**computers_own) as computer:
                 page = computer.new_page()
                 page.goto(f"{gateway.address}/#good")
                 page.wait_for_url("**/view/**")
+
+
+def test_a_phone_with_a_pen_is_turned_away_too(tmp_path: Path, chromium: Profiles) -> None:
+    with running(tmp_path, recruit="link") as gateway, chromium(**PHONE, device_scale_factor=3) as phone:
+        phone.add_init_script(  # Chromium's emulated phones have no pen
+            "const found = ['(pointer: coarse)', '(any-pointer: fine)'];"
+            "window.matchMedia = (query) => ({ matches: found.includes(query) });"
+        )
+        page = phone.new_page()
+        page.goto(f"{gateway.address}/#good")
+        expect(page.get_by_role("heading", name="Please open your link on a computer")).to_be_visible()
+        assert gateway.people.claimed == {}
 
 
 def test_the_profile_of_the_device_is_coarse(tmp_path: Path, browser: BrowserContext) -> None:

@@ -152,6 +152,7 @@ def test_storeys_are_named_in_the_studys_habit() -> None:
     assert storey_names(WORDS, "british", (1, 2)) == ["ground floor", "first floor"]
     assert storey_names(WORDS, "texts", (1, 2)) == ["first floor", "second floor"]
     assert storey_names(WORDS, "american", (-1, 0, 4)) == ["basement", "first floor", "floor 5"]
+    assert storey_names(WORDS, "british", (-3, -2, -1)) == ["basement 3", "basement 2", "basement"]
 
 
 @pytest.mark.parametrize("size", [(10.0, 2.0, 6.0), (4.0, 2.0, 20.0), (30.0, 0.0, 1.0)])

@@ -7,7 +7,9 @@ import shutil
 import signal
 import subprocess
 import sys
-from pathlib import Path
+import tomllib
+from fnmatch import fnmatchcase
+from pathlib import Path, PurePosixPath
 
 import pytest
 import yaml
@@ -36,6 +38,7 @@ FILES = ROOT / "docs" / "deploy"
 DEPLOY = ROOT / "docs" / "deploy.md"
 HOME = "/var/lib/study"
 """The studies' folder in the document."""
+PROGRAM = "/opt/personal-viz/.venv/bin/personal-viz"
 SECRETS = {"keys.json", "secrets.json", "sessions.json"}
 HALF_WRITTEN = ("keys.json.part", "pay.db-journal", "pay.db-wal", "pay.db-shm")
 
@@ -74,7 +77,7 @@ def commands(heading: str) -> list[str]:
 def test_docker_and_systemd_serve_alike_and_as_the_gateway_allows() -> None:
     gateway, service = compose()["services"]["gateway"], unit("study.service")
     program, *words = shlex.split(service["ExecStart"][0])
-    assert program == "/opt/personal-viz/.venv/bin/personal-viz"
+    assert program == PROGRAM
     by_systemd, by_docker = parse(words), parse(gateway["command"])
     assert isinstance(by_systemd, StudyServe)
     assert isinstance(by_docker, StudyServe)
@@ -108,6 +111,33 @@ def test_every_file_that_is_named_is_there() -> None:
     assert {Path(link).name for link in linked} == {path.name for path in FILES.iterdir()} - {"Dockerfile.dockerignore"}
 
 
+def is_copied(path: str) -> bool:
+    """Whether Docker copies a file: the ignore file's last line that names it, or a folder of it, decides."""
+    lines = (FILES / "Dockerfile.dockerignore").read_text(encoding="utf-8").splitlines()
+    places = [path, *map(str, PurePosixPath(path).parents)]
+    decided = [
+        line.startswith("!")
+        for line in lines
+        if not line.startswith("#") and any(fnmatchcase(place, line.removeprefix("!")) for place in places)
+    ]
+    return not decided or decided[-1]
+
+
+def test_the_image_holds_all_that_is_installed_and_no_study() -> None:
+    recipe = re.search(r"^\$\(VENV\)/\.demo: (.*)\n((?:\t.*\n)+)", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
+    assert recipe is not None
+    program = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    packages = [name.rstrip("*") for name in program["tool"]["setuptools"]["packages"]["find"]["include"]]
+    texts = [program["project"]["readme"], *program["project"]["license-files"], "requirements-torch.lock"]
+    scripts = [*re.findall(r"\.ci/\w+\.py", recipe[2]), "Makefile", "docs/deploy/backup"]
+    needed = [*recipe[1].split(), *texts, *scripts, *(f"{name}/__init__.py" for name in packages)]
+    assert [path for path in needed if not (ROOT / path).is_file()] == []
+    assert [path for path in needed if not is_copied(path)] == []
+    private = ["my-study/study.db", "my-study/keys.json", "split/demo.json.gz", "runs/a/run.json", ".git/config"]
+    private += [".venv/bin/python", "docs/deploy/key.pem", "sim/__pycache__/types.pyc", "study.db"]
+    assert [path for path in private if is_copied(path)] == []
+
+
 def test_the_health_check_asks_the_gateway(tmp_path: Path) -> None:
     kind, program, *words = compose()["services"]["gateway"]["healthcheck"]["test"]
     assert (kind, program) == ("CMD", "python")
@@ -135,7 +165,7 @@ def test_systemd_takes_the_units_and_finds_the_service_shut_off(tmp_path: Path) 
 
 
 def test_a_restored_backup_has_everything_but_what_came_after_it(tmp_path: Path) -> None:
-    folder, lost, copies, keys = (tmp_path / name for name in ("served", "lost", "copies", "keys"))
+    folder, copies, keys = (tmp_path / name for name in ("served", "copies", "keys"))
     (copies / "my-study").mkdir(parents=True)
     (keys / "my-study").mkdir(parents=True)
     asked = [str(FILES / "backup"), str(folder), str(copies / "my-study"), str(keys / "my-study")]
@@ -173,9 +203,12 @@ def test_a_restored_backup_has_everything_but_what_came_after_it(tmp_path: Path)
     assert not any(
         path.name in unwanted or path.name.startswith("study.db") for path in (copies / "my-study").iterdir()
     )
-    folder.rename(lost)
+    (folder / "study.db").write_bytes(b"damaged")
 
-    for line in commands("Backups"):
+    stops, *lines, starts = commands("Backups")
+    assert stops == "systemctl stop study study-backup.timer study-backup.service"
+    assert starts == "systemctl start study study-backup.timer"
+    for line in lines:
         line = line.replace("/mnt/backup", str(copies)).replace("/mnt/keys", str(keys))
         run(line.replace(f"{HOME}/my-study", str(folder)))
     with read_study(folder) as reader:
@@ -207,8 +240,10 @@ def test_a_backup_without_its_disk_fails_and_writes_nothing(tmp_path: Path, miss
 
 def run(line: str) -> None:
     """A command of the document, our own program in this process."""
-    if line.startswith("personal-viz "):
-        done = personal_viz(*shlex.split(line)[1:])
+    as_study, is_ours, words = line.partition(f"{PROGRAM} ")
+    if is_ours:
+        assert as_study == "runuser -u study -- "
+        done = personal_viz(*shlex.split(words))
         assert (done.returncode, done.stderr) == (0, ""), line
     else:
         subprocess.run(["/bin/sh", "-ec", line], check=True, timeout=60)
@@ -245,7 +280,7 @@ def test_a_study_moves_to_another_machine_and_an_open_page_goes_on_at_the_same_s
             for step, key in enumerate("AW"):
                 press(walker, step, key)
             walker.see_step(2)
-            assert next(lines) == "systemctl stop study"
+            assert next(lines) == "systemctl disable --now study study-backup.timer"
             first.process.send_signal(signal.SIGTERM)
             assert first.process.wait(timeout=60) == 0
     before = acts(old / "my-study", "p01")

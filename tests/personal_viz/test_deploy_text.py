@@ -1,5 +1,6 @@
 """The proxy settings of docs/deploy.md and docs/deploy work: nginx and Caddy read them where they are installed."""
 
+import http.client
 import os
 import re
 import shutil
@@ -7,6 +8,7 @@ import signal
 import socket
 import ssl
 import subprocess
+import threading
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator, Mapping
@@ -24,6 +26,7 @@ from .tls_proxy import self_signed
 
 DEPLOY = Path(__file__).parents[2] / "docs" / "deploy.md"
 CADDYFILE = DEPLOY.with_suffix("") / "Caddyfile"
+EXCLUDED = "exclude http.log.error http.handlers.reverse_proxy"
 NGINX, CADDY = shutil.which("nginx"), shutil.which("caddy")
 Proxy = Callable[..., AbstractContextManager[None]]
 needs_nginx = pytest.mark.skipif(NGINX is None, reason="found no nginx; install it to check the text of docs/deploy.md")
@@ -166,7 +169,13 @@ def logged_without_gateway(proxy: Proxy, folder: Path, *, changed: tuple[str, st
     ("proxy", "setting", "address"),
     [
         pytest.param(nginx, "error_log /dev/null emerg;", "client: 127.0.0.1", marks=needs_nginx, id="nginx"),
-        pytest.param(caddy, "exclude http.log.error", '"remote_ip":"127.0.0.1"', marks=needs_caddy, id="caddy"),
+        pytest.param(
+            caddy,
+            EXCLUDED,
+            '"remote_ip":"127.0.0.1"',
+            marks=needs_caddy,
+            id="caddy",
+        ),
     ],
 )
 def test_nothing_of_a_participant_is_logged_while_the_gateway_is_away(
@@ -178,6 +187,42 @@ def test_nothing_of_a_participant_is_logged_while_the_gateway_is_away(
     assert address not in logged
     assert "canary" not in logged
     assert address in logged_without_gateway(proxy, tmp_path / "without", changed=(setting, ""))
+
+
+def logged_of_half_an_answer(folder: Path, *, changed: tuple[str, str] = ("", "")) -> str:
+    """Caddy's log after the server behind it has ended in the middle of an answer."""
+    ports = {"tls": free_port(), "http": free_port()}
+    folder.mkdir()
+    with socket.create_server(("127.0.0.1", 0)) as behind:
+
+        def answer() -> None:
+            line, _ = behind.accept()
+            with line:
+                line.recv(65536)
+                line.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 1000\r\n\r\nhalf")
+
+        ending = threading.Thread(target=answer, daemon=True)
+        ending.start()
+        with caddy(folder, ports, behind.getsockname()[1], changed=changed):
+            context = ssl.create_default_context(cafile=folder / "cert.pem")
+            url = f"https://localhost:{ports['tls']}/join?PROLIFIC_PID=canary"
+            with (
+                pytest.raises(http.client.IncompleteRead),
+                urllib.request.urlopen(url, context=context, timeout=30) as got,
+            ):
+                got.read()
+        ending.join(timeout=30)
+    return (folder / "caddy.log").read_text()
+
+
+@pytest.mark.slow
+@needs_caddy
+def test_caddy_logs_nothing_of_a_participant_whose_answer_breaks_off(tmp_path: Path) -> None:
+    """Before 2.7 Caddy's line names neither address nor page: so it must be absent as a whole."""
+    logged = logged_of_half_an_answer(tmp_path / "documented")
+    assert not any(found in logged for found in ("remote_ip", "canary", "incomplete response"))
+    changed = (EXCLUDED, "exclude http.log.error")
+    assert "incomplete response" in logged_of_half_an_answer(tmp_path / "without", changed=changed)
 
 
 @pytest.mark.parametrize(

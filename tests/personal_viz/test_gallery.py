@@ -1,6 +1,7 @@
 """`make gallery`: a folder that any static host serves, in which every address is relative and leads somewhere."""
 
 import functools
+import shutil
 import threading
 import urllib.request
 from collections.abc import Iterator
@@ -13,14 +14,15 @@ import pytest
 
 from personal_viz.screenshots import gallery
 from personal_viz.screenshots.gallery import GallerySize, make_gallery
+from recordings.sinks import open_recording
 from recordings.viewer.web import VIEWER_FILES, viewer_file
 from sim.errors import RecordingError
+from sim.types import EpisodeKey
 
+from ..recordings.green_picture import GREEN, log_green, watched_picture
 from .html_tags import Tags
 
-SMALLEST = GallerySize(
-    tasks=("pan",), bots=2, splits={"easy": 1}, steps=8, seconds=120.0, agents=("random",), explored_steps=0
-)
+SMALLEST = GallerySize(bots=2, splits={"easy": 1}, steps=8, seconds=120.0, agents=("random",), explored_steps=5)
 
 
 class Quiet(SimpleHTTPRequestHandler):
@@ -48,14 +50,18 @@ def read(address: str) -> bytes:
         return reply.read()
 
 
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small gallery; only read."""
+    out = tmp_path_factory.mktemp("site") / "gallery"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(gallery, "RELEASE", out / "nowhere")
+        assert make_gallery(out, SMALLEST) == out / "index.html"
+    return out
+
+
 @pytest.mark.slow
-def test_a_static_host_serves_the_gallery_and_every_address_leads_somewhere(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(gallery, "RELEASE", tmp_path / "nowhere")
-    out = tmp_path / "site" / "gallery"
-    page = make_gallery(out, SMALLEST)
-    assert page == out / "index.html"
+def test_a_static_host_serves_the_gallery_and_every_address_leads_somewhere(out: Path) -> None:
     with static_host(out) as home:
         pages, seen, recordings = [home], set[str](), list[bytes]()
         while pages:
@@ -68,6 +74,7 @@ def test_a_static_host_serves_the_gallery_and_every_address_leads_somewhere(
             if "/viewer/" in here:
                 continue  # the viewer's own page, whose links to other hosts its policy makes useless
             tags = Tags(text).found
+            assert "icon" in [names.get("rel") for _, names in tags], here  # else browsers ask the host's root for one
             for address in [found for _, names in tags for name in ("href", "src") if (found := names.get(name))]:
                 target = urljoin(here, address.partition("#")[0]) if not address.startswith("data:") else here
                 assert not urlsplit(address).netloc, address
@@ -82,7 +89,7 @@ def test_a_static_host_serves_the_gallery_and_every_address_leads_somewhere(
                     pages.append(target)
                 if target.endswith(".rrd"):
                     recordings.append(content)
-        assert [content[:4] for content in recordings] == [b"RRF2"]
+        assert [content[:4] for content in recordings] == 2 * [b"RRF2"]  # an episode and an exploration
         assert {f"{home}{name}" for name in ("report/report.html", "compare/index.html", "gallery.js")} <= seen
         for name in VIEWER_FILES[1:]:
             assert read(f"{home}viewer/{name}") == viewer_file(name)
@@ -90,6 +97,22 @@ def test_a_static_host_serves_the_gallery_and_every_address_leads_somewhere(
     assert viewer.index('http-equiv="Content-Security-Policy"') < viewer.index("<script")
     assert "connect-src 'self'; base-uri 'none'" in viewer
     assert not [path for path in out.rglob("*") if path.suffix in (".db", ".key") or path.name == "keys.json"]
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+@pytest.mark.parametrize(("page", "link"), [("index.html", "a[data-recording]"), ("compare/index.html", "a.replay")])
+def test_a_link_to_a_recording_opens_it_in_the_viewer_of_the_gallery(
+    page: str, link: str, out: Path, tmp_path: Path
+) -> None:
+    copy = shutil.copytree(out, tmp_path / "gallery")
+    for recording in copy.rglob("*.rrd"):
+        with open_recording(recording, EpisodeKey("easy", "Invented7", "1")) as stream:
+            log_green(stream)
+    with static_host(copy) as home:
+        asked, refused = watched_picture(f"{home}{page}", GREEN, link=link)
+        assert asked == {urlsplit(home).netloc}
+    assert "tel.rerun.io" in refused, "the viewer no longer tries; the policy could be simpler"
 
 
 def test_a_folder_with_other_files_is_left_alone(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ from human_study.trial.views import LookView, Mark, MarkedObject, PanView, PogVi
 from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.home.surfaces import HomeSurface, MapView
 from personal_viz.study_app.home.top_view import STRIP, TopView
-from personal_viz.study_app.page_script import LABEL, STATIC, page_html, page_of
+from personal_viz.study_app.page_script import LABEL, STATIC, page_html, page_of, sign_html
 from personal_viz.study_app.recruit_codes import EndCode
 from personal_viz.study_app.screens.camera import storey_names
 from personal_viz.study_app.screens.cards import (
@@ -41,7 +41,7 @@ from personal_viz.study_app.screens.cards import (
 )
 from personal_viz.study_app.screens.look import LookScreen
 from personal_viz.study_app.screens.page import Page
-from personal_viz.study_app.screens.pan import PanScreen
+from personal_viz.study_app.screens.pan import PanScreen, key_name
 from personal_viz.study_app.screens.pog import PogScreen
 from sim.types import EpisodeKey, GridSpec, Task
 from tests.human_study.small_world import study
@@ -254,6 +254,8 @@ def test_walking_shows_no_word_that_is_not_of_the_study_s_language(screen: Calla
     page.own_keys = {"forward": "ArrowUp", "stop": "Space"}
     for change in ({"is_armed": True}, {"is_giving_up": True}, {"is_blocked": True, "step": 2}):
         shown.show(replace(view, **change))
+    armed = page.words("pan.armed", keys=key_name("Space", page.words))
+    assert sign_html(armed, 0) in told, "STOP has another key"
     page.tools(has_keys=True, on_leave=leave_text(study()))
     require_marked(told)
 
@@ -271,7 +273,8 @@ def test_pointing_shows_no_word_that_is_not_of_the_study_s_language(screen: Call
     view = PogView(TASK, (0.0, 3.0), 0, None, is_over=False, left_s=90)
     item = MarkedObject(marked_text("chair"), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     mark = Mark((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0)
-    shown = PogScreen(page, view, nothing, surface=surface, **options(page.words, StudyPog(object_names="demand")))
+    given = options(page.words, StudyPog(object_names="demand", pointing="snap"))
+    shown = PogScreen(page, view, nothing, surface=surface, things=[item.category], **given)
     for changed in (replace(view, mark=mark), replace(view, mark=replace(mark, item=item), is_giving_up=True)):
         shown.show(changed)
     told += [call.args[1] for call in surface.show_mark.call_args_list]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from personal_viz.study_app.home import pictures
 from personal_viz.study_app.home.frames import RenderThreads
+from personal_viz.study_app.home.names import REST_S
 from personal_viz.study_app.home.pictures import MOVING_PIXELS, RESTING_PIXELS, Painter
 from sim.types import Camera
 
@@ -95,7 +96,7 @@ def test_pictures_are_small_while_the_camera_moves_and_large_when_it_rests(
         """A timer that ends when the test says so."""
 
         def __init__(self, seconds: float, call: Callable[..., object], arguments: tuple[Any, ...]) -> None:
-            assert 0 <= seconds <= pictures.REST_S
+            assert 0 <= seconds <= REST_S
             self.end = lambda: call(*arguments)
 
         def start(self) -> None:

@@ -123,7 +123,7 @@ def test_the_object_that_a_click_met_is_stored_and_is_the_answer_only_where_mark
 
 def test_where_objects_do_not_hold_the_target_clicks_tell_of_none_and_marks_stay(fake_screens: Fakes) -> None:
     other = dataclasses.replace(LAMP, name="another lamp_8")
-    scene = dataclasses.make_dataclass("Scene", [], bases=(FakeScene,), namespace={"objects": (other,)})()
+    scene = FakeScene(objects=(other,))
     snap = {"pog": {"conditions": ["map_open"], "pointing": "snap"}}
     link = played(fake_screens, MemoryLink("pog"), RAY, Confirm(), home_options={"scene": scene}, **snap).link
     assert (link.outcome.measures.on_object, link.outcome.candidates) == (None, (HIT,))

@@ -15,13 +15,14 @@ from human_study.design.study import STUDY_FILE, StudyConfig, StudyDataset, load
 from human_study.texts.words import empty_fields
 from personal_viz.cli.study.init import StudyInit
 from personal_viz.cli.study.plan import StudyPlanVerb
-from personal_viz.cli.study.wizard import ALWAYS
+from personal_viz.cli.study.wizard import ALWAYS, TRIALS, asked
 from personal_viz.study_app.study_files import require_texts
 from sim.errors import StudyError
 
 from .invented import invented_dataset
 from .program import Done, assert_one_line, personal_viz
 
+UNTOLD = StudyConfig(study="x", dataset=StudyDataset(sha256="x"), task=("pan",))
 ETHICS = {
     "irb": "2026-17",
     "institution": "The University of Anywhere",
@@ -45,14 +46,14 @@ def test_a_study_is_planned_when_its_texts_are_whole_and_says_what_it_could_not_
     fields = f"ethics.institution, ethics.contact, ethics.pay, ethics.pay_if_leaving, {law}, ethics.irb"
     assert f"{fields}, privacy.retention\n" in capsys.readouterr().out
     file = (study / STUDY_FILE).read_text(encoding="utf-8")
-    for asked, instead in (
+    for before, instead in (
         ("trials_per_person: null", "trials_per_person: 4"),
         ("  pan: 2\n", "  pan: 0\n"),
         ("  pog: 2\n", "  pog: 0\n"),
         ("  every: 15\n", "  every: null\n"),
     ):
-        assert asked in file
-        file = file.replace(asked, instead)
+        assert before in file
+        file = file.replace(before, instead)
     (study / STUDY_FILE).write_text(file, encoding="utf-8")
     with pytest.raises(StudyError, match=r"consent\.md: ethics\.institution, .*Correct study\.yaml or the text"):
         StudyPlanVerb(study=study, dataset=dataset).run()
@@ -180,7 +181,9 @@ def test_the_wizard_asks_for_what_only_a_person_knows_and_checks_each_answer(
         "study": "our study\nour-study",
         "task": "pan, pog",
         "design.kind": "hous-once\ncrossed",
-        "design.trials_per_person": "many\n12",
+        "primary": "more success\nhuman_minus_agent_SR, memory_effect_SPL",
+        "survey.eligibility": "none\nI am 18 or older, and read English.",
+        "ethics.language_model": 'NONE\n""',
         "ethics.pay": "12 EUR: an hour # paid at the end",
         "ethics.insurance": "[A, yes",
         "ethics.legal_basis": "2026-11-22",
@@ -188,12 +191,23 @@ def test_the_wizard_asks_for_what_only_a_person_knows_and_checks_each_answer(
         "ethics.contact": "Dr. X, room #12, x@y.example",
         "privacy.retention": "2027-02-31\n2027-12-31",
     }
-    places = (*ALWAYS, *empty_fields(StudyConfig(study="x", dataset=StudyDataset(sha256="x"), task=("pan",))))
+    places = [place for place in (*ALWAYS, *empty_fields(UNTOLD)) if place != TRIALS]  # crossed: everybody does all
     done = init_with(monkeypatch, dataset, "".join(answers.get(place, "") + "\n" for place in places))
     assert (done.returncode, done.stderr) == (0, "")
     config = load_study(tmp_path / "study")
     assert (config.study, config.task, config.design.kind) == ("our-study", ("pan", "pog"), "crossed")
-    assert (config.design.trials_per_person, config.design.raters_per_episode) == (12, 5)
+    assert (config.design.trials_per_person, config.design.raters_per_episode) == (None, 5)
+    assert f"\n5/{len(places)} primary: " in done.stdout
+    assert config.primary == ("human_minus_agent_SR", "memory_effect_SPL")
+    assert config.survey.eligibility == ("I am 18 or older, and read English.",)
+    assert config.ethics.language_model == ""
+    for said in (
+        "primary.0 is 'more success'; ",
+        "survey.eligibility.0 is 'none'; ",
+        "ethics.language_model is 'NONE'; ",
+    ):
+        assert f"answer: {said}expected: Value error, a " in done.stdout
+    assert done.stdout.count("leave it empty if there is none. Answer again.") == 2
     texts = ("pay", "irb", "contact", "insurance", "legal_basis")
     assert config.ethics.model_dump(include=set(texts)) == {name: answers[f"ethics.{name}"] for name in texts}
     assert config.privacy.retention == datetime.date(2027, 12, 31)
@@ -205,6 +219,38 @@ def test_the_wizard_asks_for_what_only_a_person_knows_and_checks_each_answer(
     left = [line for line in done.stdout.splitlines() if line.startswith("Before people take part")]
     assert "ethics.institution" in left[0]
     assert "ethics.pay," not in left[0]
+
+
+@pytest.mark.parametrize(
+    ("place", "answer", "said", "taken"),
+    [
+        (TRIALS, "many\n0\n12", ("is 'many'; ", "is 0; expected: Input should be greater"), 12),
+        (TRIALS, "&a [*a]\n12", ("is '&a [*a]'; ",), 12),
+        (TRIALS, f"{'[' * 1200}\n12", ("is '[[[[",), 12),
+        (TRIALS, "2027-12-31: the end\n12", ("is '2027-12-31: the end'; ",), 12),
+        ("survey.eligibility", '"I see well.", "I can hear, too."', (), ("I see well.", "I can hear, too.")),
+        ("survey.eligibility", '["I see well.", "I can hear."]', (), ("I see well.", "I can hear.")),
+        ("survey.eligibility", "keine\n", ("eligibility.0 is 'keine'; expected",), ()),
+        ("ethics.language_model", "no\n-\n", ("is 'no'; expected", "is '-'; expected"), ""),
+    ],
+)
+def test_the_wizard_asks_again_in_one_line_until_an_answer_fits(
+    place: str,
+    answer: str,
+    said: tuple[str, ...],
+    taken: object,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    lines = [answer if each == place else "" for each in (*ALWAYS, *empty_fields(UNTOLD))]
+    monkeypatch.setattr(sys, "stdin", io.StringIO("\n".join(lines) + "\n"))
+    section, field = place.split(".")
+    assert getattr(getattr(asked(UNTOLD), section), field) == taken
+    problems = [line for line in capsys.readouterr().out.splitlines() if "answer: " in line]
+    assert len(problems) == len(said)
+    for problem, part in zip(problems, said, strict=True):
+        assert part in problem
+        assert problem.endswith("Answer again.")
 
 
 def test_a_wizard_that_ends_early_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

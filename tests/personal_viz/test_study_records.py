@@ -244,8 +244,11 @@ def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys
     capsys.readouterr()
     assert "participant p01 is left out by rule disturbed (written down before data)" in say(who="p01")
     assert "rule own (not written down before data)" in say(who="p02/2", rule="own")
-    assert "(not written down before data. Did you mean 'unverified'?)" in say(who="p02/2", rule="unverifed")
+    new = "rule unverifed (not written down before data)"
+    assert new in say(who="p02/2", rule="unverifed", new_rule=True)
+    assert new in say(who="p02/3", rule="unverifed")  # in force, so it is known
     assert "trial p02/2 counts again" in say(who="p02/2", rule="unverifed", undo=True)
+    assert "trial p02/3 counts again" in say(who="p02/3", rule="unverifed", undo=True)
     assert "trial p02/3 is left out" in say(who="p02/3")
     assert run_folders() == 0
     capsys.readouterr()
@@ -264,8 +267,14 @@ def test_a_trial_and_a_person_are_left_out_and_counted_again(study: Path, capsys
         ({"who": "p01", "rule": "Was bad!"}, "--rule Was bad!: expected small letters"),
         ({"who": "p01", "reason": " "}, "--reason: found nothing"),
         ({"who": "p01", "undo": True}, "rule disturbed leaves nothing out here"),
+        (
+            {"who": "p01", "rule": "distrubed"},
+            "--rule: found 'distrubed', which is no known rule. Did you mean 'disturbed'? Nothing was changed",
+        ),
     ],
 )
 def test_impossible_exclusions_are_refused(study: Path, changes: dict[str, object], message: str) -> None:
     with pytest.raises(StudyError, match=re.escape(message)):
         StudyExclude(study, **({"rule": "disturbed", "reason": "x"} | changes)).run()
+    with read_study(study) as reader:
+        assert {entry.rule_id for entry in reader.exclusions()} <= {"disturbed", "own", "unverifed"}  # of another test

@@ -1,18 +1,13 @@
 """Rerun's web viewer as we serve it: on loopback, with one folder or file, and without contact to other hosts."""
 
 import http.client
-import io
 import os
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 import rerun as rr
-import rerun.blueprint as rrb
-from PIL import Image
 
-from personal_viz.browser import find_chromium, open_chromium
 from recordings.sinks import open_recording
 from recordings.viewer import web
 from recordings.viewer.process import running_rerun
@@ -20,8 +15,7 @@ from recordings.viewer.web import WebViewer, live_url, serve_file, serve_folder,
 from sim.errors import RecordingError
 
 from .conftest import KEY
-
-GREEN = (0, 200, 80)
+from .green_picture import GREEN, log_green, watched_picture
 
 
 @pytest.fixture(scope="module")
@@ -46,13 +40,6 @@ def site(folder: Path) -> Iterator[WebViewer]:
     """The web viewer that serves the folder."""
     with serve_folder(folder) as site:
         yield site
-
-
-def log_green(stream: rr.RecordingStream) -> None:
-    """Logs one green picture that fills the window."""
-    stream.log("picture", rr.Image(np.full((40, 60, 3), GREEN, np.uint8)), static=True)
-    view = rrb.Spatial2DView(origin="/picture")
-    stream.send_blueprint(rrb.Blueprint(view, auto_views=False, collapse_panels=True))
 
 
 def ask(
@@ -146,38 +133,6 @@ def test_a_port_that_is_in_use_is_refused(site: WebViewer, folder: Path) -> None
     port = int(site.address.rsplit(":", 1)[1])
     with pytest.raises(RecordingError, match=rf"port {port}: cannot be used"), serve_folder(folder, port=port):
         pass
-
-
-def watched_picture(address: str, wanted: tuple[int, int, int]) -> tuple[set[str], set[str]]:
-    """Shows an address in Chromium until a third of it has the colour; fails if the viewer prints debug lines.
-
-    Returns:
-        (hosts of all requests that left the page, hosts that its policy refused)
-    """
-    if find_chromium() is None:
-        if os.environ.get("CI") == "true":
-            pytest.fail("found no Chromium; CI must run the browser tests")
-        pytest.skip("found no Chromium or Chrome; install one to run the browser tests")
-    asked: set[str] = set()
-    refused: set[str] = set()
-    said: list[str] = []
-    with open_chromium(width=800, height=500) as browser:
-        page = browser.new_page()
-        page.set_default_timeout(120_000)
-        page.on("console", lambda message: said.append(message.type))
-        page.on("request", lambda request: asked.add(request.url.split("/")[2]))
-        page.add_init_script(
-            "window.refused = []; addEventListener('securitypolicyviolation', e => refused.push(e.blockedURI))"
-        )
-        page.goto(address)
-        for _ in range(240):
-            page.wait_for_timeout(500)
-            pixels = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
-            if (np.abs(pixels - wanted).max(axis=-1) <= 6).mean() > 1 / 3:
-                assert "debug" not in said
-                refused |= {uri.split("/")[2] for uri in page.evaluate("window.refused") if "//" in uri}
-                return asked, refused
-    raise AssertionError(f"{address} never showed the picture")
 
 
 @pytest.mark.browser

@@ -2,7 +2,9 @@
 
 import json
 import statistics
+import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import psutil
@@ -15,6 +17,8 @@ from .crew import CrewSettings, staffed
 
 _SETTLE_S = 30.0
 """Longest wait until the server has noticed that somebody left, seconds."""
+_ASK_AGAIN_S = 0.5
+"""Between two questions to the server whether somebody left, seconds."""
 _WARM_UP_S = 10.0
 """Seconds for which everybody acts before the first measurement: thread pools grow with their first work."""
 _SPANS = 10
@@ -46,15 +50,13 @@ def measure_soak(settings: SoakSettings, *, folder: Path, dataset: Path, progres
         The server's resources (`held_by`) `at_start`, when everybody was there for the first time, `at_end`, and
         `at_leave`, when all had left; `..._growth` from start to end, where `clients` are viser's; `connections`, all
         that the bots opened; `clients_left`, and `leases_left`, participants that the server counts as present after
-        everybody has left; `gateway_drift_percent` and `workers_drift_percent`, the growth of the serving process's
-        memory and of all workers' together from the fourth tenth of the run (in a full one, the minute after the third)
-        to the last tenth, between their medians; `gateway_mb` and `workers_mb`, the medians in the last tenth.
+        everybody has left; `gateway_drift_percent` and `workers_drift_percent`, the `drift_percent` of the serving
+        process's memory and of all workers' together; `gateway_mb` and `workers_mb`, the medians in the last tenth.
     """
     with staffed(folder, dataset, settings) as (server, site, bots):
         bots.arrive()
         bots.begin()
-        time.sleep(min(_WARM_UP_S, settings.seconds / 3))  # the bots act during this time
-        bots.halt()
+        bots.halt(after_s=min(_WARM_UP_S, settings.seconds / 3))
         at_start, began_s = _settled(server, settings.bots), time.perf_counter()
         progress(f"soak: {settings.bots} bots act for {settings.seconds:g} s")
         bots.begin()
@@ -66,7 +68,7 @@ def measure_soak(settings: SoakSettings, *, folder: Path, dataset: Path, progres
         leases_left = _people_here(server.dashboard)
         found = count_bots(site.folder, bots.logs)
     growth = {f"{name}_growth": at_end[name] - at_start[name] for name in ("fds", "threads", "clients")}
-    last, level = spans[-1], spans[_LEVEL_SPAN]
+    last = spans[-1]
     return {
         "participants": settings.bots,
         "seconds": seconds,
@@ -77,7 +79,7 @@ def measure_soak(settings: SoakSettings, *, folder: Path, dataset: Path, progres
         **growth,
         "rss_growth_mb": at_end["rss_mb"] - at_start["rss_mb"],
         **{f"{name}_mb": last[name] for name in last},
-        **{f"{name}_drift_percent": 100 * (last[name] / level[name] - 1) for name in last},
+        **{f"{name}_drift_percent": drift_percent([span[name] for span in spans]) for name in last},
         "peak_mb": at_end["peak_mb"],
         "clients_left": at_leave["clients"],
         "leases_left": leases_left,
@@ -88,11 +90,21 @@ def measure_soak(settings: SoakSettings, *, folder: Path, dataset: Path, progres
     }
 
 
+def drift_percent(medians: Sequence[float]) -> float:
+    """The largest change, up or down, of any later span's median from that of the span after the third.
+
+    Args:
+        medians: Of the run's tenths, in a full run its minutes.
+    """
+    level, *later = medians[_LEVEL_SPAN:]
+    return 100 * max(abs(median / level - 1) for median in later)
+
+
 def _memory(server: Server, seconds: float) -> dict[str, float]:
     """Median resident memory during a span of time, MB of 10^6 bytes: of the `gateway`, and of all `workers`."""
     samples = list[tuple[float, float]]()
     for _ in range(_SAMPLES):
-        time.sleep(seconds / _SAMPLES)  # between two measurements
+        threading.Event().wait(seconds / _SAMPLES)  # between two measurements
         samples.append((resident_mb([psutil.Process(server.pid)]), resident_mb(server.workers)))
     gateway, workers = zip(*samples, strict=True)
     return {"gateway": statistics.median(gateway), "workers": statistics.median(workers)}
@@ -106,7 +118,7 @@ def _settled(server: Server, people: int) -> dict[str, float]:
         is_settled = held["clients"] == people and _people_here(server.dashboard) == people
         if is_settled or time.perf_counter() > deadline_s:
             return held
-        time.sleep(0.5)
+        threading.Event().wait(_ASK_AGAIN_S)
 
 
 def _people_here(dashboard: str) -> int:

@@ -27,6 +27,7 @@ class StudyExclude:
     rule: Annotated[str, arg(help="Id of the rule; those written down before data are in preregistration.md.")]
     reason: Annotated[str | None, arg(help="Why it applies here; published, so name nobody.")] = None
     undo: bool = False
+    new_rule: Annotated[bool, arg(help="The rule is new, although its id is almost that of a known one.")] = False
 
     def run(self) -> int:
         rule_id = require_rule_id(self.rule)
@@ -38,11 +39,16 @@ class StudyExclude:
         with read_study(self.study) as reader:
             target = find_target(reader, self.who)
             targets = set(target.trial_ids) or {target.code}
-            live = [
-                entry.exclusion_id
-                for entry in reader.exclusions()
-                if entry.target in targets and entry.rule_id == rule_id and not entry.is_undone
-            ]
+            in_force = [entry for entry in reader.exclusions() if not entry.is_undone]
+        live = [entry.exclusion_id for entry in in_force if entry.target in targets and entry.rule_id == rule_id]
+        rules = rules_before_data(config)
+        known = {*rules, *(entry.rule_id for entry in in_force)}
+        meant = "" if rule_id in known or self.new_rule or self.undo else did_you_mean(rule_id, sorted(known))
+        if meant:
+            raise StudyError(
+                f"--rule: found {rule_id!r}, which is no known rule.{meant} Nothing was changed; --new-rule "
+                "takes it as a rule of its own."
+            )
         name = f"{'trial' if target.trial_ids else 'participant'} {self.who}"
         if self.undo and not live:
             raise StudyError(
@@ -56,9 +62,7 @@ class StudyExclude:
                 for name in target.trial_ids or (target.code,)
             ]
         change_study(self.study, changes)
-        rules = rules_before_data(config)
-        new = f"not written down before data.{did_you_mean(rule_id, rules)}".removesuffix(".")
-        when = "written down before data" if rule_id in rules else new
+        when = "written down before data" if rule_id in rules else "not written down before data"
         done = "counts again" if self.undo else f"is left out by rule {rule_id} ({when})"
         print(
             f"{self.study}: {name} {done}. The records are as they were, and the report's main tables "

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import yaml
@@ -12,11 +13,13 @@ from human_study.design.study_yaml import field_told, schema_of
 from human_study.texts.words import empty_fields
 from sim.errors import StudyError, line_from_validation_error
 
+TRIALS = "design.trials_per_person"
 ALWAYS = (
-    *("study", "task", "design.kind", "design.raters_per_episode", "design.trials_per_person"),
-    *("smallest_effect", "sample_size_reason", "recruit.kind", "ethics.language_model"),
+    *("study", "task", "design.kind", "design.raters_per_episode", TRIALS),
+    *("primary", "smallest_effect", "sample_size_reason", "recruit.kind", "survey.eligibility"),
+    "ethics.language_model",
 )
-"""Fields that are asked for besides those that the texts need."""
+"""Fields that are asked for besides those that the texts need; a crossed design needs no number of trials."""
 
 
 def asked(config: StudyConfig) -> StudyConfig:
@@ -27,11 +30,16 @@ def asked(config: StudyConfig) -> StudyConfig:
     """
     print("An empty answer keeps the value in brackets. Nothing is written before the last answer; Ctrl-C ends.")
     schema = schema_of(StudyConfig)
-    places = (*ALWAYS, *(place for place in empty_fields(config) if place not in ALWAYS))
-    for number, place in enumerate(places, 1):
+    left = [*ALWAYS, *(place for place in empty_fields(config) if place not in ALWAYS)]
+    number = 0
+    while left:
+        place = left.pop(0)
+        number += 1
         meaning, allowed = field_told(schema, place)
-        print(f"\n{number}/{len(places)} {place}: {meaning}\n  {allowed}")
+        print(f"\n{number}/{number + len(left)} {place}: {meaning}\n  {allowed}")
         config = _answered(config, place)
+        if config.design.kind == "crossed" and TRIALS in left:
+            left.remove(TRIALS)
     print("\nFacts for the report (reporting: in the study file) can be written there at any time.")
     return config
 
@@ -61,19 +69,23 @@ def _answered(config: StudyConfig, place: str) -> StudyConfig:
             try:
                 return StudyConfig.model_validate_json(json.dumps(values, default=str), strict=True)
             except ValidationError as error:
-                if not problem or not isinstance(value, (str, list)):
+                fits = not isinstance(value, (str, list)) if kept is None else isinstance(value, type(kept))
+                if fits or not problem:
                     problem = line_from_validation_error("answer", error, advice="Answer again.")
+            except (TypeError, ValueError, RecursionError):  # JSON holds no list in itself and no day as a key
+                continue  # the plain text comes first and is always JSON, so there is a problem to tell
         print(f"  {problem}")
 
 
 def _readings(answer: str) -> Iterator[Any]:
-    """The ways in which an answer can be read: as plain text, as a value, and as a list without brackets.
+    """The ways in which an answer can be read: as plain text, as a value, as one item, and as a list without brackets.
 
-    The whole text comes first, because YAML would cut `IRB #12` at the number sign.
+    The whole text comes first, because YAML would cut `IRB #12` at the number sign. It is one item before it is
+    several, because a sentence may have commas, unless it begins with a quote or a bracket.
     """
     yield answer
     for text in (answer, f"[{answer}]"):
-        try:
+        with suppress(yaml.YAMLError, ValueError, RecursionError):  # ValueError: the 32nd of May
             yield yaml.safe_load(text)
-        except (yaml.YAMLError, ValueError):  # ValueError: the 32nd of May
-            continue
+        if text is answer and answer[0] not in "[\"'":
+            yield [answer]

@@ -57,7 +57,7 @@ class Home:
     """Names of the rooms of each storey; () = they are not shown."""
 
     def shown_in(self, client: viser.ClientHandle, shown: StudyPog = _PLAIN) -> HomeSurface:
-        """The home in one browser, with the names that `pog` of the study file shows; PAN has those of the default."""
+        """The home in one browser, with the names that `pog` of the study file shows; PAN's look has the default."""
         objects = shown.object_names
         if objects == "auto":
             objects = "off" if self.scene.kind == "scan" else "on"

@@ -20,13 +20,11 @@ from sim.tasks.pog import PogScene
 from sim.types import Camera
 
 from .frames import RenderThreads
-from .names import NamesOf
+from .names import REST_S, NamesOf
 from .surfaces import HomeSurface, StoreyCopies
 
 MOVING_PIXELS, RESTING_PIXELS = 320 * 240, 1280 * 960
 """Most pixels of a picture while the camera moves, and when it rests."""
-REST_S = 0.15
-"""A camera that has not moved for so long rests."""
 _VFOV, _ASPECT = (math.radians(10), math.radians(120)), (0.2, 5.0)
 """Least and largest field of view and width over height of a picture; a browser may ask for anything."""
 _SIDES = (16, 4096)

@@ -17,7 +17,7 @@ import viser
 from numpy.typing import NDArray
 
 from human_study.trial.commands import Click
-from human_study.trial.views import MarkedObject
+from human_study.trial.views import Mark, MarkedObject
 from sim.copies.browser_glb import browser_glb
 from sim.copies.cut import storey_cut
 from sim.mesh import Scene, SceneObject
@@ -31,6 +31,8 @@ MARK_COLOR = (214, 0, 110)
 JPEG_QUALITY = 90
 _BALL = 0.12
 """Radius of a mark in the home (metres)."""
+_DOT = 0.05
+"""Radius of the dot where the click met an object (metres)."""
 _OUTLINE = 0.03
 """Thickness of the lines around a marked object (metres)."""
 _EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
@@ -150,10 +152,18 @@ class Surface(ABC):
         if self._first_look is not None and self._first_look.renew():
             self._client.flush()
 
-    def show_mark(self, position: Vector3, label: str, item: MarkedObject | None = None) -> None:
-        """Puts the participant's mark there, and takes an older one away; an object under it is outlined and named."""
+    def show_mark(self, mark: Mark, label: str) -> None:
+        """Shows the participant's mark, and takes an older one away; its object is outlined, with a dot at the click.
+
+        The dot moves with every nudge, also while the mark stays in the middle of the same object.
+        """
         self.hide_mark()
-        self._mark = self._mark_at(position, label) if item is None else self._mark_on(position, label, item)
+        if mark.item is None:
+            self._mark = self._mark_at(mark.point, label)
+        else:
+            x, y, z = mark.hit
+            self._mark = self._mark_on(mark.point, label, mark.item)
+            self._mark.append(add_ball(self._client, "/hit", _DOT, (x, y + (_ABOVE if self.is_map else 0.0), z)))
         self._client.flush()
 
     def hide_mark(self) -> None:

@@ -108,8 +108,8 @@ def storey_names(words: Catalogue, naming: StoreyNaming, labels: Sequence[int]) 
     if naming == "numbers":
         return [words("camera.storey", number=index + 1, all=len(labels)) for index in range(len(labels))]
     floors = floors_above_ground(labels, naming)
-    keys = [f"floor.{floor}" if -1 <= floor <= 3 else "floor.other" for floor in floors]
-    return [words(key, number=floor) for key, floor in zip(keys, floors, strict=True)]
+    keys = [f"floor.{floor}" if -1 <= floor <= 3 else "floor.other" if floor > 3 else "floor.below" for floor in floors]
+    return [words(key, number=abs(floor)) for key, floor in zip(keys, floors, strict=True)]
 
 
 def add_camera_buttons(page: Page, *, is_map: bool) -> None:

@@ -47,6 +47,7 @@ PRESS_WITHIN_S = 0.5
 """Longest time from a key's own message to its command; an older message belongs to a press that never arrived."""
 WITHDRAW = "withdraw"
 """Name of the button by which somebody leaves the study for good, in messages of the page's script."""
+_WORD = re.compile(r"[^\W\d_]+(?:-[^\W\d_]+)*")
 _LAST = 1e6
 """Order of the elements below everything else."""
 Press = Callable[[], Awaitable[None]]
@@ -372,12 +373,24 @@ def description_html(description: str, query: str, words: Catalogue) -> str:
 
 
 def names_in(query: str, description: str) -> tuple[str, ...]:
-    """The words of the query that are names: capitals in the query, and wherever they stand in the paragraph."""
-    words = re.findall(r"[^\W\d_]+(?:-[^\W\d_]+)*", description)
-    capital = {word for word in words if word[0].isupper()}
-    common = {word.lower() for word in words if word[0].islower()}
-    asked = re.findall(r"[^\W\d_]+(?:-[^\W\d_]+)*", query)
-    return tuple(dict.fromkeys(word for word in asked if word in capital and word.lower() not in common))
+    """The words of the query that are names: with a capital in both texts, once or more inside a sentence.
+
+    Only these texts are read. The people of the ownership graph are ground truth, which the page must not know.
+    """
+    asked = [match[0] for match in _WORD.finditer(query)]
+    told = {match[0] for match in _WORD.finditer(description)}
+    inside = {
+        match[0]
+        for text in (query, description)
+        for match in _WORD.finditer(text)
+        if not _begins(text[: match.start()])
+    }
+    return tuple(dict.fromkeys(word for word in asked if word[0].isupper() and word in told & inside))
+
+
+def _begins(before: str) -> bool:
+    """Whether a sentence begins after this text."""
+    return re.search(r"(?:^|[.!?:])\W*$", before) is not None
 
 
 def overlay_html(content: str) -> str:

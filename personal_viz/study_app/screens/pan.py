@@ -94,7 +94,8 @@ class PanScreen:
         """Shows the request for a second press, or that the last step was blocked, anew after each blocked step."""
         words = self._page.words
         if view.is_armed or view.is_giving_up:
-            self._page.sign(words("pan.armed" if view.is_armed else "give_up.armed"))
+            armed = words("pan.armed", keys=keys_of(Action.STOP, words, self._page.own_keys))
+            self._page.sign(armed if view.is_armed else words("give_up.armed"))
         else:
             self._page.sign(words("pan.blocked") if view.is_blocked else "", view.step if view.is_blocked else 0)
 
@@ -141,11 +142,14 @@ def button_label(action: Action, words: Catalogue, own_keys: Mapping[KeyAction, 
         own_keys: `KeyboardEvent.code` by action.
         is_armed: Whether STOP was pressed once.
     """
-    name = action.value
-    own = own_keys.get(name)
-    keys = words(f"pan.{name}_keys") if own is None else key_name(own, words)
     label = "pan.button" if action is not Action.STOP else "pan.press_again" if is_armed else "pan.twice"
-    return words(label, action=words(f"pan.{name}"), keys=keys)
+    return words(label, action=words(f"pan.{action.value}"), keys=keys_of(action, words, own_keys))
+
+
+def keys_of(action: Action, words: Catalogue, own_keys: Mapping[KeyAction, str]) -> str:
+    """The names of an action's keys: of the participant's own key where there is one."""
+    own = own_keys.get(action.value)
+    return words(f"pan.{action.value}_keys") if own is None else key_name(own, words)
 
 
 def key_name(code: str, words: Catalogue) -> str:

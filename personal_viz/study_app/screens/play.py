@@ -195,7 +195,8 @@ class TrialPlay:
             case PogView():
                 is_map, shown = self._trial.condition == "map_2d", self._config.pog
                 surface = MapView(page.client, home.copies.maps) if is_map else home.shown_in(page.client, shown)
-                options = {"caption": self._caption, "storeys": storeys, "shown": shown}
+                things = [item.category for item in home.scene.objects if not item.is_building]
+                options = {"caption": self._caption, "storeys": storeys, "shown": shown, "things": things}
                 return PogScreen(page, view, send, surface=surface, **options).show
             case RateView():
                 page.card(rate_card(view, page.words), send)

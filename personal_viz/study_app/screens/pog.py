@@ -54,6 +54,7 @@ class PogScreen:
         caption: str,
         storeys: Sequence[str],
         shown: StudyPog,
+        things: Sequence[str],
     ) -> None:
         """Builds the screen.
 
@@ -65,9 +66,10 @@ class PogScreen:
             caption: HTML with the trial's name and the kind of home, without the home's name.
             storeys: Name of each storey, the lowest first.
             shown: Says where marks go, and which names the home has.
+            things: Categories of the objects to which a mark may go.
         """
         self._page, self._send, self._surface, self._caption = page, send, surface, caption
-        self._snaps = shown.pointing == "snap"
+        self._snaps, self._longest_thing = shown.pointing == "snap", max(things, key=len, default="")
         self._shown = view
         page.clear()
         page.add(self)
@@ -129,7 +131,7 @@ class PogScreen:
         if mark is not None and mark.storey == self._shown.storey:
             thing = mark.item.category if mark.item is not None else ""
             label = words("pog.your_mark_on", thing=thing) if thing else words("pog.your_mark")
-            self._surface.show_mark(mark.point, label, mark.item)
+            self._surface.show_mark(mark, label)
         else:
             self._surface.hide_mark()
 
@@ -138,10 +140,11 @@ class PogScreen:
         words, mark = self._page.words, view.mark
         around = words("pog.map_advice" if self._surface.is_map else "pog.home_advice")
         unmarked = words("pog.unmarked_snap" if self._snaps else "pog.unmarked", advice=around)
-        advices = unmarked, words("pog.marked")
-        advice = advices[mark is not None]
+        marked, longest = words("pog.marked"), words("pog.marked_item", thing=self._longest_thing)
+        advice = unmarked if mark is None else marked
         if mark is not None and mark.item is not None:
             advice = words("pog.marked_item", thing=mark.item.category)
+        advices = unmarked, longest if self._snaps else marked  # `longest` is longer than `marked` in every language
         advice, left = html.escape(advice), ""
         if view.left_s is not None:
             time = html.escape(words("pog.left_time", time=words.duration(view.left_s)))

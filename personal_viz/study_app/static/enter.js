@@ -26,10 +26,12 @@
 
   const isTooSmall = () => {
     const { width, height } = document.querySelector("main").dataset;
-    const scale = window.devicePixelRatio || 1; // a system may show everything at 200 %
+    const isCoarse = window.matchMedia("(pointer: coarse)").matches;
+    // A system may show everything at 200 %. A page that is zoomed out has a ratio under 1 on the same screen, and a
+    // phone has 2 to 4 on a small one; its pen is a fine pointer.
+    const scale = isCoarse ? 1 : Math.max(1, window.devicePixelRatio || 1);
     const sides = [scale * window.screen.width, scale * window.screen.height];
-    const hasMouse = window.matchMedia("(pointer: fine)").matches || window.matchMedia("(any-pointer: fine)").matches;
-    const isTouched = window.matchMedia("(pointer: coarse)").matches && !hasMouse;
+    const isTouched = isCoarse && !window.matchMedia("(any-pointer: fine)").matches;
     return isTouched || Math.max(...sides) < Number(width) || Math.min(...sides) < Number(height);
   };
 
@@ -98,9 +100,8 @@
     const { token, code } = await reply.json();
     if (!token) {
       message.textContent = words[code ? "enter.full_code" : "enter.full"];
-      const shown = document.getElementById("code");
-      shown.textContent = code || "";
-      shown.hidden = !code;
+      document.getElementById("code").textContent = code || "";
+      document.getElementById("paid").hidden = !code;
       return;
     }
     if (!arrival.PROLIFIC_PID) remember(token);

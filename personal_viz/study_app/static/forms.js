@@ -44,7 +44,7 @@
   });
   window.addEventListener("pageshow", () => { sending = ""; });
 
-  // --- the code of the last page, copied with one press --------------------------------------------------------------
+  // --- the code of the last page or of a full study, copied with one press -------------------------------------------
   for (const button of all("[data-copies]")) {
     button.hidden = false;
     button.addEventListener("click", async () => {

@@ -71,7 +71,7 @@
   }, ASK_EVERY_MS);
   // Graphics that are lost before the page's script has come would leave an empty page, and nobody to say so.
   window.addEventListener('webglcontextlost', () => {
-    if (!window.personalPage && mayLoad('graphics of ' + performance.timeOrigin)) window.location.reload();
+    if (!window.personalPage && mayLoad('graphics-' + performance.timeOrigin)) window.location.reload();
   }, true);
   window.personalVersion = { ask: ask };
 })();
