@@ -1,4 +1,4 @@
-"""Verb `validate`: reports everything that is wrong in a folder of episodes."""
+"""Verb `validate`: reports everything that is wrong in a folder of episodes, or in a set of home sequences."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -6,6 +6,8 @@ from typing import Any
 
 from rich.text import Text
 
+from sim.authoring.sequence_checks import SequenceReport, validate_sequences
+from sim.episodes.sequence_files import holds_sequences
 from sim.episodes.validate import CheckResult, Measure, ValidationReport, validate_dataset
 from sim.types import SPLITS, Split
 
@@ -18,18 +20,44 @@ _NUM_EXAMPLES = 4
 
 @dataclass
 class Validate:
-    """Check every episode file; exit code 1 only when something is unusable."""
+    """Check every file of episodes, or of a set of home sequences; exit code 1 only when something is unusable."""
 
     dataset: Dataset
     json: Json = False
 
     def run(self) -> int:
+        if holds_sequences(self.dataset):
+            found = validate_sequences(self.dataset)
+            (print_json if self.json else _print_sequences)(_json_of_sequences(found))
+            return 1 if found.problems else 0
         report = validate_dataset(self.dataset)
         if self.json:
             print_json(_json_of_report(report))
         else:
             _print_report(report)
         return 1 if report.num_errors else 0
+
+
+def _json_of_sequences(report: SequenceReport) -> dict[str, Any]:
+    return {
+        "root": str(report.root),
+        "sequences": report.num_sequences,
+        "subtasks": report.num_subtasks,
+        "by_kind": report.subtasks,
+        "messages": report.messages,
+        "errors": len(report.problems),
+        "problems": report.problems,
+        "broken": report.broken,
+    }
+
+
+def _print_sequences(document: dict[str, Any]) -> None:
+    for name in ("by_kind", "messages"):
+        document[name] = ", ".join(f"{kind} {count}" for kind, count in document[name].items()) or "none"
+    print("{root}: {sequences} sequences with {subtasks} searches ({by_kind}); messages: {messages}".format(**document))
+    for line in (*document["problems"], *document["broken"]):
+        print(line)
+    print(f"{document['errors']} files that cannot be used, {len(document['broken'])} broken guarantees.")
 
 
 def _json_of_report(report: ValidationReport) -> dict[str, Any]:

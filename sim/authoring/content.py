@@ -10,6 +10,7 @@ from typing import Any
 from sim.errors import DatasetError
 
 from ..episodes.schema import EpisodeRecord, Goal, SceneFile, goals_key
+from ..episodes.sequence_files import SequenceFile
 from .annotated import AnnotatedHome
 
 _HABITAT_GOAL = (
@@ -50,7 +51,7 @@ def index_file(categories: Sequence[str]) -> SceneFile:
     )
 
 
-def packed(content: SceneFile) -> bytes:
+def packed(content: SceneFile | SequenceFile) -> bytes:
     """Compressed JSON without a time stamp, so that the same content gives the same bytes."""
     return _gzipped(content.model_dump_json(by_alias=True, indent=2))
 

@@ -28,7 +28,7 @@ from .schema import (
 )
 from .sequences import Edge, Message, SequenceRecord, Subtask, SubtaskInfo, ownership_over_time
 
-_ADVICE = '"personal-viz validate --sequences" lists every problem.'
+_ADVICE = '"personal-viz validate" lists every problem.'
 
 
 class SequenceFile(BaseModel):
@@ -61,11 +61,22 @@ class HomeSequence:
     """The right objects of each subtask."""
     ownership: tuple[Mapping[Edge, int], ...]
     """At each subtask, who owns what and the message that said so."""
+    goals: tuple[Goal, ...]
+    """All objects of the sequence's storey, by the annotator's label."""
+
+    def of_category(self, category: str) -> tuple[Goal, ...]:
+        """The objects of a category on the sequence's storey."""
+        return tuple(goal for goal in self.goals if goal.object_category == category)
 
     @property
     def start(self) -> Pose:
         """Start pose, world frame."""
         return Pose(self.record.start_position, yaw_from_quat_xyzw(self.record.start_rotation))
+
+
+def holds_sequences(root: Path) -> bool:
+    """Whether a folder is a set of sequences, not of episodes, which lie in folders of their splits."""
+    return (root / "content").is_dir()
 
 
 class SequenceSet:
@@ -83,7 +94,7 @@ class SequenceSet:
         if not self.files:
             raise DatasetError(
                 f"{self.root}: found no file of sequences; expected {self.root}/content/<Scene>.json.gz. Give the "
-                'folder of one set, which "personal-viz generate --sequences" writes.'
+                "folder of one set (docs/home-sequences.md)."
             )
 
     def sequences(self, *, scenes: tuple[str, ...] | None = None) -> Iterator[HomeSequence]:
@@ -139,6 +150,7 @@ def resolve_sequence(scene: str, record: SequenceRecord, content: SequenceFile) 
             args[0] says which one.
     """
     suffix, goals = scan_suffix_from_id(record.scene_id), content.goals_by_category
+    on_storey = tuple(goal for found in goals.values() for goal in found if goal.floor_id == record.floor_id)
     states = ownership_over_time(record.messages, len(record.subtasks))
     targets = []
     for index, (subtask, edges) in enumerate(zip(record.subtasks, states, strict=True)):
@@ -152,7 +164,7 @@ def resolve_sequence(scene: str, record: SequenceRecord, content: SequenceFile) 
             more = short(sorted(owned - set(subtask.object_names)), most=80)
             raise KeyError(f"subtasks[{index}]: {subtask.owner} owns {more} of the category too, expected in object_id")
         targets.append(found)
-    return HomeSequence(SequenceKey(scene, record.sequence_id), record, tuple(targets), states)
+    return HomeSequence(SequenceKey(scene, record.sequence_id), record, tuple(targets), states, on_storey)
 
 
 def sequence_from_episode(episode: Episode) -> SequenceRecord:

@@ -8,11 +8,15 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
+from personal_viz.cli.validate import Validate
+from sim.authoring.content import packed
+from sim.authoring.sequence_checks import validate_sequences
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.sequence_files import (
     SequenceFile,
     SequenceSet,
     episode_from_sequence,
+    read_sequence_file,
     resolve_sequence,
     sequence_from_episode,
 )
@@ -75,7 +79,7 @@ def content(*documents: dict[str, Any]) -> dict[str, Any]:
     """A content file with these sequences."""
     goals: dict[str, list[dict[str, Any]]] = {}
     for number, (name, category) in enumerate(OBJECTS.items()):
-        goal = {"position": [float(number), 0.5, 0.0], "object_id": number, "object_name": name, "view_points": []}
+        goal = {"position": [3.0 * number, 0.5, 0.0], "object_id": number, "object_name": name, "view_points": []}
         goals.setdefault(f"{SCENE}.glb_{category}", []).append({**goal, "object_category": category, "floor_id": "1"})
     return {
         "goals_by_category": goals,
@@ -200,6 +204,63 @@ def test_an_answer_that_is_not_the_only_one_is_refused() -> None:
     document["subtasks"][2]["object_id"] = ["cup_1", "cup_2"]
     resolved = resolve_sequence(SCENE, record(document), SequenceFile.model_validate(content()))
     assert len(resolved.targets[2]) == 2
+
+
+def test_a_written_set_is_read_back_as_it_was(tmp_path: Path) -> None:
+    file = SequenceFile.model_validate_json(json.dumps(content(story())), strict=True)
+    (tmp_path / "content").mkdir()
+    (tmp_path / "content" / f"{SCENE}.json.gz").write_bytes(packed(file))
+    assert read_sequence_file(tmp_path / "content" / f"{SCENE}.json.gz") == file
+    assert packed(file) == packed(file.model_copy())
+
+
+def whole_story() -> dict[str, Any]:
+    """A story that keeps every guarantee of generation: of `hard`, in which somebody shares something to the end."""
+    document = story()
+    document["messages"][0]["adds"] += [["Dee", "cup_1"], ["Eve", "cup_1"]]
+    del document["messages"][3]
+    document["subtasks"][1:] = [
+        search("Bo", "cup_1", "changed", 2),
+        search("Ada", "cup_2", "stale", 2, old_object_id="cup_1"),
+    ]
+    document["messages"][2]["before"] = 1
+    return document
+
+
+def test_a_set_that_keeps_its_guarantees_has_no_finding(tmp_path: Path) -> None:
+    report = validate_sequences(written(tmp_path, content(whole_story())))
+    assert (report.num_sequences, report.num_subtasks, report.problems, report.broken) == (1, 3, (), ())
+    assert report.subtasks == {"fresh": 1, "changed": 1, "stale": 1}
+    assert report.messages == {"intro": 1, "transfer": 2}
+
+
+def test_each_broken_guarantee_is_one_line(tmp_path: Path) -> None:
+    document = whole_story()
+    document["subtasks"][0]["info"]["geodesic_distance"] = 20.0
+    document["messages"][0]["adds"] = document["messages"][0]["adds"][:-2]  # nothing is shared
+    file = content(document)
+    file["goals_by_category"][f"{SCENE}.glb_cup"][1]["position"] = [0.5, 0.5, 0.0]
+    file["goals_by_category"][f"{SCENE}.glb_cup"][0]["floor_id"] = "2"
+    report = validate_sequences(written(tmp_path, file))
+    assert report.broken == (
+        "Home/s0: subtasks[0] begins 20.00 m from its object; expected 3 to 11 m in hard",
+        "Home/s0: subtasks[0]: no object has several owners; expected the rule of hard after each message",
+        "Home/s0: subtasks[2] is 0.50 m from the object before; expected at least 2 m",
+        "Home/s0: subtasks[2] is 'stale' without another 'cup' on its storey",
+    )
+
+
+def test_validate_tells_of_a_set_and_refuses_only_what_cannot_be_used(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = written(tmp_path, content(whole_story()))
+    assert Validate(folder).run() == 0
+    assert "1 sequences with 3 searches (fresh 1, changed 1, stale 1)" in capsys.readouterr().out
+    (folder / "content" / "Other.json").write_text("{")
+    assert Validate(folder, json=True).run() == 1
+    found = json.loads(capsys.readouterr().out)
+    assert (found["sequences"], found["errors"]) == (1, 1)
+    assert "Other.json: (top level) is text that is not JSON" in found["problems"][0]
 
 
 def test_only_a_sequence_of_one_search_is_an_episode() -> None:

@@ -1,0 +1,98 @@
+"""What is wrong in a set of home sequences: files that cannot be used, and guarantees of generation that are broken.
+
+The generator asks `broken_guarantees` after each message, `personal-viz validate` for a whole set.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sim.errors import DatasetError
+from sim.types import Split
+
+from ..episodes.checks_geometry import GEODESIC_LIMITS
+from ..episodes.sequence_files import HomeSequence, SequenceSet
+from ..episodes.sequences import Edge, MessageKind, SubtaskKind
+from . import people
+
+LEAST_APART = 2.0
+"""Least planar distance between the right objects of two searches, one after the other (metres)."""
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceReport:
+    """The findings on a set."""
+
+    root: Path
+    num_sequences: int
+    """Sequences in readable files."""
+    num_subtasks: int
+    subtasks: Mapping[SubtaskKind, int]
+    messages: Mapping[MessageKind, int]
+    problems: tuple[str, ...]
+    """One line per file that cannot be used."""
+    broken: tuple[str, ...]
+    """One line per broken guarantee; sequences that are an episode give none."""
+
+
+def validate_sequences(root: Path) -> SequenceReport:
+    """Checks a set; damaged files are reported and everything else is still checked.
+
+    Raises:
+        DatasetError: The folder does not exist or holds no content file.
+    """
+    found, problems, broken = SequenceSet(root), list[str](), list[str]()
+    subtasks, messages = Counter[SubtaskKind](), Counter[MessageKind]()
+    num_sequences = 0
+    for scene in found.files:
+        try:
+            of_scene = list(found.sequences(scenes=(scene,)))
+        except DatasetError as error:
+            problems.append(str(error))
+            continue
+        for sequence in of_scene:
+            num_sequences += 1
+            subtasks.update(subtask.kind for subtask in sequence.record.subtasks)
+            messages.update(message.kind for message in sequence.record.messages)
+            if len(sequence.record.subtasks) > 1:
+                broken += [f"{sequence.key}: {line}" for line in broken_guarantees(sequence)]
+    return SequenceReport(
+        found.root, num_sequences, subtasks.total(), subtasks, messages, tuple(problems), tuple(broken)
+    )
+
+
+def broken_guarantees(sequence: HomeSequence) -> Iterator[str]:
+    """The guarantees that a sequence breaks, as far as its file tells; whether a robot gets there, its home tells."""
+    record = sequence.record
+    low, high = GEODESIC_LIMITS[record.split]
+    first = record.subtasks[0].info.geodesic_distance
+    if not low <= first <= high:
+        yield f"subtasks[0] begins {first:.2f} m from its object; expected {low:g} to {high:g} m in {record.split}"
+    rule = None
+    for index, edges in enumerate(sequence.ownership):
+        before, rule = rule, broken_rule(record.split, edges)
+        if rule is not None and rule != before:
+            yield f"subtasks[{index}]: {rule}; expected the rule of {record.split} after each message"
+    for index, (one, other) in enumerate(zip(sequence.targets, sequence.targets[1:], strict=False), start=1):
+        apart = min(
+            float(np.hypot(a.position[0] - b.position[0], a.position[2] - b.position[2])) for a in one for b in other
+        )
+        if apart < LEAST_APART:
+            yield f"subtasks[{index}] is {apart:.2f} m from the object before; expected at least {LEAST_APART:g} m"
+    for index, (subtask, targets) in enumerate(zip(record.subtasks, sequence.targets, strict=True)):
+        right = {goal.object_name for goal in targets}
+        alike = {goal.object_name for goal in sequence.of_category(subtask.object_category)} - right
+        if subtask.kind in ("changed", "stale") and not alike:
+            yield f"subtasks[{index}] is {subtask.kind!r} without another {subtask.object_category!r} on its storey"
+
+
+def broken_rule(split: Split, edges: Mapping[Edge, int]) -> str | None:
+    """The rule of its split that an ownership breaks, in words; None where it keeps it."""
+    if not edges:
+        return "nobody owns anything"
+    owners, items = (list(dict.fromkeys(names)) for names in zip(*edges, strict=True))
+    numbered = [people.Edge(owners.index(edge.owner), items.index(edge.object_name)) for edge in edges]
+    return people.broken_rule(split, numbered)
