@@ -39,6 +39,13 @@ _IN_VIEW = """(element) => {
 }"""
 _SCROLL_PANEL = """(share) => { for (const view of document.querySelectorAll('.mantine-ScrollArea-viewport'))
     view.scrollTop = share * view.scrollHeight; }"""
+_NUM_SCROLLING = """() => [...document.querySelectorAll('*')].filter((element) =>
+    /auto|scroll/.test(getComputedStyle(element).overflowY) && element.scrollHeight > element.clientHeight).length"""
+_LETTERS_IN_LINE = """(paragraph) => {
+    const pen = document.createElement('canvas').getContext('2d'), text = paragraph.textContent;
+    pen.font = getComputedStyle(paragraph).font;
+    return paragraph.clientWidth / (pen.measureText(text).width / text.length);
+}"""
 _KEEP_PRESSED = """() => { window.met = []; window.addEventListener('click', (event) => {
     window.met.push(event.target instanceof Element && event.target.closest('button')); }, true); }"""
 _MET_TWICE = "() => window.met.length > 1 && window.met.at(-1) !== null && window.met.at(-1) === window.met.at(-2)"
@@ -229,6 +236,9 @@ def test_the_query_and_the_buttons_that_end_a_search_are_always_in_view(
                 page.evaluate(_SCROLL_PANEL, share)
                 found = [element.evaluate(_IN_VIEW) for element in needed]
                 assert found == [True] * 3, (font, large, share)
+            assert page.evaluate(_NUM_SCROLLING) <= 1, (font, large)
+            assert page.locator(".personal-description p").evaluate(_LETTERS_IN_LINE) <= 90, (font, large)
+            assert [button for button in buttons(page) if button.at[3] < 32] == [], (font, large)
 
 
 def test_a_blocked_step_says_so_and_bumps_the_picture_and_moves_nothing(home: Home, browser: BrowserContext) -> None:
