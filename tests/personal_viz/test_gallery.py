@@ -22,7 +22,9 @@ from sim.types import EpisodeKey
 from ..recordings.green_picture import GREEN, log_green, watched_picture
 from .html_tags import Tags
 
-SMALLEST = GallerySize(bots=2, splits={"easy": 1}, steps=8, seconds=120.0, agents=("random",), explored_steps=5)
+SMALLEST = GallerySize(
+    bots=2, tasks=("pan",), splits={"easy": 1}, steps=8, seconds=120.0, agents=("random",), explored_steps=5
+)
 
 
 class Quiet(SimpleHTTPRequestHandler):
