@@ -1,6 +1,6 @@
 """The figures of a study: people and agents on the same episodes, each number with its interval (`study report`)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sim.homes.kind import scene_labels
@@ -204,11 +204,7 @@ def report_of(
         order=tuple(order_effects(people, aggregate)),
         blocks=tuple(order_blocks(people, aggregate)),
         agent_pairs=tuple(agent_pairs(groups.agents, _episodes_of(people))),
-        sensitivity=tuple(
-            row
-            for group in (*people, *groups.differences)
-            for row in sensitivity_rows(group, records.rows, aggregate, splits=_splits_beside(group, people))
-        ),
+        sensitivity=tuple(_sensitivity(groups, records, aggregate)),
         agreement=tuple(agreement_row(group) for group in people),
         places=tuple(place_row(group, objects) for group in people),
         ways=tuple(way_rows(groups.pairs)),
@@ -227,6 +223,11 @@ def report_of(
         versions=tuple(sorted(versions)),
         runs=tuple(run.info.run_id for run in runs),
     )
+
+
+def _sensitivity(groups: ReportGroups, records: StudyRecords, aggregate: Aggregate) -> Iterator[SensitivityRow]:
+    for group in (*groups.people, *groups.differences):
+        yield from sensitivity_rows(group, records.rows, aggregate, splits=_splits_beside(group, groups.people))
 
 
 def _aggregate_of(config: StudyConfig | None, split_sizes: Mapping[str, int] | None) -> Aggregate:
