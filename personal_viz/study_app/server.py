@@ -45,7 +45,8 @@ def main() -> None:
     link = StoreLink(socket.socket(fileno=int(fd)))
     try:
         study = open_study(msgspec.json.decode(task, type=WorkerTask))
-        with study.homes.use(study.plan.scenes[0].name):  # fails, if at all, before anybody comes
+        with study.homes.use(study.plan.scenes[0].name) as home:
+            home.try_out(study.config)  # fails, if at all, before anybody comes
             server, door = serve(study, link)
     except PersonalVizError as error:
         with contextlib.suppress(StudyError):  # the gateway may close before it answers

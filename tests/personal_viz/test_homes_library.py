@@ -1,12 +1,20 @@
 """The library of open homes: opened once, kept while used, closed oldest first, warmed in the background."""
 
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from personal_viz.study_app.home.homes import HomeLibrary
 from sim.errors import SceneError
+from sim.tasks.pan import PanEnv
+from sim.tasks.pog import PogScene
+
+from ..human_study.small_world import study
+from .stage import invented_home
 
 TIMEOUT_S = 10.0
 
@@ -159,3 +167,26 @@ def test_a_closed_library_warms_nothing() -> None:
     library.close()
     assert library.warm("A").cancelled()
     assert opener.opened == []
+
+
+def noted(used: list[tuple[str, Any]], name: str, method: Callable[..., Any]) -> Callable[..., Any]:
+    """The method, whose answers are noted."""
+
+    def call(*args: Any) -> Any:
+        used.append((name, method(*args)))
+        return used[-1][1]
+
+    return call
+
+
+@pytest.mark.slow
+def test_a_home_is_tried_out_as_people_use_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    home, used = invented_home(tmp_path, study()), []
+    for owner, name in ((PanEnv, "reset"), (PanEnv, "step"), (PogScene, "hit")):
+        monkeypatch.setattr(owner, name, noted(used, name, getattr(owner, name)))
+    home.try_out(study())
+    (_, first), (_, moved), (_, floor) = used
+    assert [name for name, _ in used] == ["reset", "step", "hit"]
+    assert first.rgb is not None
+    assert moved.rgb is not None
+    assert floor is not None

@@ -21,7 +21,7 @@ from sim.mesh import Scene
 from sim.render.renderer import Renderer
 from sim.tasks.pan import PanEnv
 from sim.tasks.pog import PogScene
-from sim.types import EpisodeKey
+from sim.types import Action, EpisodeKey
 
 from ..watch import Watches
 from .frames import Frames, RenderThreads
@@ -79,6 +79,17 @@ class Home:
             if item.instance_id
         }
         return found if all(target.object_name in found for target in episode.targets) else None
+
+    def try_out(self, config: StudyConfig) -> None:
+        """Walks and points once: loops that no run has compiled yet on this machine are compiled before people wait.
+
+        Raises:
+            PersonalVizError: Nobody could walk here.
+        """
+        env = pan_env(next(iter(self.episodes.values())), self.scene, self.renderer, config)
+        env.reset()
+        env.step(Action.FORWARD)
+        self.pog_scene.hit(0, env.pose.position, (0.0, -1.0, 0.0))
 
     def close(self) -> None:
         """Ends the observers; called when nobody is in the home any more."""
