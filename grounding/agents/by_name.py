@@ -10,6 +10,7 @@ from sim.episodes.schema import Episode
 from sim.mesh import Scene
 from sim.tasks.agents import Agent
 from sim.tasks.looks import LookKind
+from sim.types import Task
 
 from ..chat.budget import Budget
 from ..chat.endpoint import Endpoint, LlmOptions
@@ -48,6 +49,8 @@ class MakesSeeing:
     def open(self, dataset: PersonalDataset, scene: Scene) -> Callable[[Episode], Agent]:
         """A new agent for each episode; models are loaded once per process.
 
+        An agent that goes on with the next search of a home sequence gets the text of the episode made for that search.
+
         Raises:
             AgentError: The perception is unknown or cannot be loaded.
             MissingDependencyError: The extra of a model is not installed.
@@ -55,9 +58,19 @@ class MakesSeeing:
         perception_of = self._perception(dataset, scene)
         phrases = RulePhrases()
         chat = self._chat() if self.name == "frontier-vlm" else None
-        return lambda episode: _agent(
-            self.name, perception_of(episode), text_of=goal_text(self.goal_text, episode, phrases), chat=chat
-        )
+        texts: dict[str, Callable[[Task], str]] = {}
+
+        def agent_of(episode: Episode) -> Agent:
+            own = goal_text(self.goal_text, episode, phrases)
+            texts.update(dict.fromkeys(episode.record.query, own))
+            return _agent(
+                self.name,
+                perception_of(episode),
+                text_of=lambda task: texts.get(task.queries[0], own)(task),
+                chat=chat,
+            )
+
+        return agent_of
 
     def _chat(self) -> RecordedChat:
         assert self.llm is not None, "frontier-vlm without a chat model"

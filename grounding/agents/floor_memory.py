@@ -85,13 +85,16 @@ class Ground(NamedTuple):
 
 
 class FloorMemory:
-    """The floor that the robot has seen since the episode began."""
+    """The floor that the robot has seen since the episode began, or since the map did that it carries."""
 
-    def __init__(self) -> None:
-        """Starts empty."""
+    def __init__(self, *, start_y: float = 0.0) -> None:
+        """Starts empty; the feet are at height `start_y` (metres) now."""
+        self.start_y = start_y
+        """Height of the feet at the start, metres."""
         self._frames: list[tuple[NDArray[np.float32], NDArray[np.float64], Camera]] = []
+        self._is_floor_sure = False
         self._heights = np.zeros(round(2 * _FLOOR_AROUND / _FLOOR_BIN))
-        self._mapper = OccupancyMapper()
+        self._mapper = OccupancyMapper(floor_y=start_y)
         self._ground: Ground | None = None
         self._stood: list[tuple[float, float]] = []
         shape = self._mapper.grid.shape
@@ -128,7 +131,7 @@ class FloorMemory:
         self._is_elsewhere = False
         self._stood.append(self.xz)
         view = _thinned(observation.depth_m, T, observation.camera)
-        if len(self._frames) < _FLOOR_FRAMES:
+        if not self._is_floor_sure and len(self._frames) < _FLOOR_FRAMES:
             self._frames.append(view)
             self._find_floor(view, feet_y=float(T[1, 3]) - observation.camera.mount_height)
         self._mapper.add(*view)
@@ -142,6 +145,14 @@ class FloorMemory:
     def carry(self) -> None:
         """Says that the robot does not walk to the place of its next observation, so it leaves no trail to there."""
         self._is_elsewhere = True
+
+    def forget_floor(self) -> None:
+        """Forgets all but the obstacles and the floor's height: free cells, collisions and the robot's way."""
+        self._mapper.forget_free()
+        self._is_floor_sure = True
+        self._frames, self._stood, self._bumps, self._ground = [], [], (), None
+        self._trail[:], self._touched[:] = False, 0
+        self._clearance = CLEARANCE
 
     @property
     def bumps(self) -> tuple[Bump, ...]:
@@ -238,13 +249,15 @@ class FloorMemory:
         """Counts the heights that a view shows near the feet; rebuilds the map if the floor has another height."""
         heights = _heights(*view)
         near = heights[np.abs(heights - feet_y) < _FLOOR_AROUND]
-        start_low = -_FLOOR_AROUND  # the feet are at 0 at the start, and stay on the storey while this is counted
+        start_low = self.start_y - _FLOOR_AROUND  # the feet stay on the storey while this is counted
         bins = np.floor((near - start_low) / _FLOOR_BIN).astype(np.int64)
         self._heights += np.bincount(bins[(bins >= 0) & (bins < len(self._heights))], minlength=len(self._heights))
         if not self._heights.any():
             return
         middles = start_low + (np.arange(len(self._heights)) + 0.5) * _FLOOR_BIN
-        nearness = 1 - np.abs(middles) / _FLOOR_AROUND  # a seat or a step may fill more of the picture than the floor
+        nearness = (
+            1 - np.abs(middles - self.start_y) / _FLOOR_AROUND
+        )  # a seat or a step may fill more of the picture than the floor
         floor_y = float(middles[(self._heights * nearness).argmax()])
         if abs(floor_y - self._mapper.floor_y) > _FLOOR_BIN:
             self._mapper = OccupancyMapper(floor_y=floor_y)

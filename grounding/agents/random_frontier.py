@@ -10,28 +10,28 @@ import numpy as np
 from sim.tasks.observers import Insight
 from sim.types import Action, Camera, Observation, Task
 
+from .carried_map import CarriedMap
 from .frontiers import Frontier
-from .seeking import Seeker
 
 
-class RandomFrontierAgent:
+class RandomFrontierAgent(CarriedMap):
     """An `Agent` that pursues a uniformly drawn frontier until it is seen, gone or out of reach, then draws again.
 
     When none is left it turns in place, so that its path does not grow; STOP is its last step (BASELINES.md section 4).
     """
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
-        """Begins with an empty map and seeds the draw."""
+        """Seeds the draw; begins with an empty map, or with `keep_memory`, after `carry`, with the one that it has."""
         self._rng = np.random.default_rng(seed)
         self._max_steps = task.max_steps
-        self._seeker = Seeker(camera, can_look=Action.LOOK_DOWN in task.actions)
+        self._begin(camera, can_look=Action.LOOK_DOWN in task.actions, keep_memory=keep_memory)
         self._frontiers: list[Frontier] = []
         self._turn = Action.LEFT if self._rng.integers(2) else Action.RIGHT
         self._note = ""
 
     def act(self, observation: Observation) -> Action:
         """The next action towards the drawn frontier; STOP as the last of the task's steps."""
-        self._seeker.see(observation)
+        self._seeker.see(self._in_map(observation))
         if observation.step + 1 >= self._max_steps:
             self._note = "the last step"
             return Action.STOP
@@ -49,7 +49,7 @@ class RandomFrontierAgent:
 
     def insight(self) -> Insight:
         """The map so far, the frontiers, and the drawn one."""
-        return self._seeker.insight(self._frontiers, note=self._note)
+        return self._in_start(self._seeker.insight(self._frontiers, note=self._note))
 
 
 def random_frontier() -> RandomFrontierAgent:

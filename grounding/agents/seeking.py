@@ -86,9 +86,9 @@ class _Way(NamedTuple):
 class Seeker:
     """The part of an explorer that remembers, plans and walks. Frame: start."""
 
-    def __init__(self, camera: Camera, *, can_look: bool = True) -> None:
-        """Starts without a map; `can_look` says whether the camera may be tilted."""
-        self.memory = FloorMemory()
+    def __init__(self, camera: Camera, *, can_look: bool = True, memory: FloorMemory | None = None) -> None:
+        """Starts with a map, or without one; `can_look` says whether the camera may be tilted."""
+        self.memory = memory or FloorMemory()
         self.goal: Frontier | None = None
         """The frontier that the robot goes to see."""
         self._camera, self._can_look = camera, can_look
@@ -130,6 +130,11 @@ class Seeker:
             self._way = None
             self._bumps += 1
             self._best_to_go, self._nearer_at = math.inf, self._step  # the way round may be longer
+
+    def carry(self) -> None:
+        """Goes on from another place, to which it does not walk, without a goal."""
+        self.choose(None)
+        self.memory.carry()
 
     def frontiers(self, *, even_banned: bool = False) -> list[Frontier]:
         """The frontiers that are not ignored now, or all of them, best first; cost is inf where no known way leads."""

@@ -126,6 +126,10 @@ class OccupancyMapper:
         vote(self._hits, box, self._votes)
         self._grow(*box.tolist())
 
+    def forget_free(self) -> None:
+        """Makes free cells unknown again."""
+        np.maximum(self._votes, 0, out=self._votes)
+
     def stand(self, xz: tuple[float, float], *, radius: float = AGENT_RADIUS) -> None:
         """Marks the footprint (metres) of a robot free, whatever the views say: the robot stands there."""
         cell, (x0, z0), (num_rows, num_cols) = self.grid.cell, self.grid.origin_xz, self.grid.shape

@@ -34,6 +34,7 @@ class EpisodeTruth:
 
     scene: Scene
     start: Pose
+    """The pose in whose frame all observations will be; in a home sequence the first start that an agent remembers."""
     captions: Mapping[int, str]
     """Instance id to text, as `grounding.maps.oracle_map.object_texts` gives them."""
 

@@ -83,7 +83,7 @@ def oracle_perception_of(
 
 
 def frames_with_ids(scene: Scene, episode_start: Pose) -> Callable[[Observation], Frame]:
-    """A function that gives an observation's picture with the ids of its pixels, in the start frame.
+    """A function that gives an observation's picture with the ids of its pixels, in the frame of this start.
 
     Colours and depth are the observation's own; where it has none, those of the home.
     """

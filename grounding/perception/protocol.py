@@ -51,7 +51,8 @@ class Perception:
     name: str
     """Names the models, or the oracle with its faults, in runs and tables."""
     frame_of: Callable[[Observation], Frame]
-    """The picture in the start frame; for oracle perception with the ids of its pixels, which no agent reads itself."""
+    """The picture in the observation's frame; for oracle perception with the ids of its pixels, which no agent reads
+    itself. Oracle perception was made for one start: agents that keep a map give it observations in that frame."""
     scorer: ImageTextScorer
     encoder: DenseEncoder
     detector: Detector

@@ -67,7 +67,7 @@ class SearchBySearch:
         Args:
             agent_of: Gives the agents.
             start: The sequence's start, world frame; the agents do not get it.
-            keeps_memory: Whether the first search's agent does all searches and keeps what it knows of the home.
+            keeps_memory: Whether agents keep what they know of the home. One that carries its memory does all searches.
         """
         self._agent_of, self._start, self._keeps_memory = agent_of, start, keeps_memory
 
@@ -102,12 +102,14 @@ class SearchBySearch:
             self._whole, description="\n".join(self._told), queries=(observation.query,), actions=actions
         )
         self._here = self._pose(observation)
+        agent = self._agent_of(self._index, _in_world(self._start, self._here), ())
         if self._agent is None or not self._keeps_memory:
-            self._start_agent(self._agent_of(self._index, _in_world(self._start, self._here), ()), observation)
+            self._start_agent(agent, observation)
             return
         if isinstance(self._agent, Carries):
+            agent = self._agent
             call_plugin("agent", self._agent.carry, T_world_agent(self._here))
-        self._start_agent(self._agent, observation, keep_memory=True)
+        self._start_agent(agent, observation, keep_memory=True)
 
     def _goes_on(self, observation: Observation) -> bool:
         """Whether an agent looks for another object in a search for all of them."""

@@ -12,8 +12,9 @@ from grounding.perception.protocol import Perception
 from sim.tasks.observers import Detection, Insight
 from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
 
+from ..carried_map import CarriedMap
 from ..frontiers import Frontier
-from ..seeking import Seeker, require_picture
+from ..seeking import require_picture
 from .choices import MOST_THINGS, Choices, Judge
 from .things import SeenThings, Thing
 
@@ -30,7 +31,7 @@ _BAN_STEPS = 40
 """Steps for which a thing is left out to which no way leads."""
 
 
-class JudgedFrontierAgent:
+class JudgedFrontierAgent(CarriedMap):
     """An `Agent` that looks for one described thing on the storey where it starts.
 
     It looks around, then a judge chooses among frontiers and things. It is asked again when the robot has seen the
@@ -55,13 +56,14 @@ class JudgedFrontierAgent:
         self._perception, self._goal_text, self._make_judge = perception, goal_text, judge
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
-        """Begins with an empty map, even with `keep_memory`: each episode has its own start frame."""
+        """Begins with an empty map; with `keep_memory`, after `carry` and on the same storey, its obstacles stay."""
         if not isinstance(self._perception, Perception):
             self._perception = self._perception()
         self._perception.detector.set_query(self._goal_text(task))
         self._judge = self._make_judge()
         self._task = task
-        self._seeker = Seeker(camera, can_look=Action.LOOK_DOWN in task.actions)
+        can_look = Action.LOOK_DOWN in task.actions
+        self._begin(camera, can_look=can_look, keep_memory=keep_memory, obstacles_alone=True)
         self._things = SeenThings()
         self._detections: tuple[Detection, ...] = ()
         self._turns_left = FULL_TURN
@@ -69,7 +71,7 @@ class JudgedFrontierAgent:
         self._left_out: dict[int, int] = {}
         self._offered: set[int] = set()
         self._choices: Choices | None = None
-        self._step, self._reviewed_at, self._planned_at = 0, 0, 0
+        self._reviewed_at, self._planned_at = 0, 0
         self._note = ""
 
     def act(self, observation: Observation) -> Action:
@@ -80,9 +82,9 @@ class JudgedFrontierAgent:
         """
         require_picture(observation)
         assert isinstance(self._perception, Perception)
-        self._step = observation.step
-        self._seeker.see(observation)
-        self._look(self._perception.frame_of(observation), self._perception)
+        in_map = self._in_map(observation)
+        self._seeker.see(in_map)
+        self._look(self._perception.frame_of(in_map), self._perception)
         if self._turns_left:
             self._turns_left -= 1
             self._note = "looking around at the start"
@@ -95,15 +97,17 @@ class JudgedFrontierAgent:
         goal = None if seeker.goal is None else (seeker.goal.place_xz[0], memory.floor_y, seeker.goal.place_xz[1])
         thing = self._current_thing()
         frontiers, things = (self._choices.frontiers, self._choices.things) if self._choices else ((), ())
-        return Insight(
-            grid=memory.grid,
-            occupancy=memory.cells,
-            frontiers=np.array([each.middle_xz for each in frontiers], float).reshape(-1, 2),
-            detections=self._detections,
-            candidates=np.array([each.centre for each in things], float).reshape(-1, 3),
-            candidate_scores=tuple(each.score for each in things),
-            goal=goal if thing is None else thing.centre,
-            note=self._note,
+        return self._in_start(
+            Insight(
+                grid=memory.grid,
+                occupancy=memory.cells,
+                frontiers=np.array([each.middle_xz for each in frontiers], float).reshape(-1, 2),
+                detections=self._detections,
+                candidates=np.array([each.centre for each in things], float).reshape(-1, 3),
+                candidate_scores=tuple(each.score for each in things),
+                goal=goal if thing is None else thing.centre,
+                note=self._note,
+            )
         )
 
     def _look(self, frame: Frame, perception: Perception) -> None:

@@ -5,6 +5,9 @@
 
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from grounding.perception.protocol import Perception
 from sim.tasks.chat_turns import Transcript
 from sim.tasks.observers import Insight
@@ -26,6 +29,10 @@ class TranscribedAgent:
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """As the agent does."""
         self._agent.reset(task, camera, seed=seed, keep_memory=keep_memory)
+
+    def carry(self, T_map_start: NDArray[np.float64]) -> None:
+        """As the agent does."""
+        self._agent.carry(T_map_start)
 
     def act(self, observation: Observation) -> Action:
         """As the agent does."""

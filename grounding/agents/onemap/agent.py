@@ -4,7 +4,6 @@ Observation -> `FeatureGrid` and `Seeker` -> target, frontier or point of intere
 the differences from the published code.
 """
 
-import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from typing import ClassVar, NamedTuple
@@ -16,9 +15,10 @@ from grounding.perception.protocol import Perception
 from sim.frames import wrap_angle, yaw_towards
 from sim.tasks.looks import HomeLook, LookKind
 from sim.tasks.observers import Detection, Insight
-from sim.types import STOREY_GAP, TURN_STEP, Action, Camera, Frame, Observation, Task
+from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
 
-from ..seeking import FOR_EVER, Seeker, require_picture
+from ..carried_map import CarriedMap
+from ..seeking import FOR_EVER, require_picture
 from .feature_grid import FeatureGrid
 from .goals import STICK_CELLS, MapGoal, chosen, explored_region, frontiers, hot_cells, points_of_interest
 from .target import Target, believed, placed_detections, replaced
@@ -43,7 +43,7 @@ class _Ban(NamedTuple):
     is_target: bool
 
 
-class OneMapAgent:
+class OneMapAgent(CarriedMap):
     """An `Agent` that looks for one described thing on the storey where it starts."""
 
     looks: ClassVar[frozenset[LookKind]] = frozenset({"glb"})
@@ -57,16 +57,6 @@ class OneMapAgent:
             goal_text: What to look for, such as "red backpack", from the task; never from the goal.
         """
         self._perception, self._goal_text = perception, goal_text
-        self._T_map_start: NDArray[np.float64] | None = None
-        self._next_T: NDArray[np.float64] | None = None
-
-    def carry(self, T_map_start: NDArray[np.float64]) -> None:
-        """Says where the next episode starts (4, 4) in the map, the frame of the first start, to keep the memory.
-
-        Each episode has its own start frame and no observation tells how they lie to each other. Who runs a sequence of
-        episodes in one home calls this before `reset(..., keep_memory=True)`.
-        """
-        self._next_T = np.array(T_map_start, np.float64)
 
     def look(self, home: HomeLook) -> None:
         """Makes a new map of the views of a walk; `reset(..., keep_memory=True)` keeps it.
@@ -74,14 +64,14 @@ class OneMapAgent:
         Raises:
             AgentError: A view has no colours or no depth.
         """
-        self._step, self._T_map_start, self._steps_before = -1, None, 0
+        self._T_map_start = None
         for view in home.views():
             if self._T_map_start is None:
-                self._T_map_start = np.eye(4)
-                self._seeker, self._map = Seeker(view.camera, can_look=False), FeatureGrid()
-            self._step = view.step
-            self._see(view)
-            self._add(self._opened().frame_of(view))
+                self._begin(view.camera, can_look=False, keep_memory=False)
+                self._map = FeatureGrid()
+            in_map = self._in_map(view)
+            self._see(in_map)
+            self._add(self._opened().frame_of(in_map))
         self._next_T = self._T_map_start
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
@@ -92,16 +82,9 @@ class OneMapAgent:
         `seed` changes nothing: nothing is drawn.
         """
         perception = self._opened()
-        T, self._next_T = self._next_T, None
-        is_kept = keep_memory and T is not None and self._T_map_start is not None and abs(T[1, 3]) < STOREY_GAP
-        if is_kept:
-            self._T_map_start = T
-            self._steps_before = self._step + 1
-            self._seeker.choose(None)
-            self._seeker.memory.carry()
-        else:
-            self._T_map_start, self._steps_before = np.eye(4), 0
-            self._seeker, self._map = Seeker(camera, can_look=False), FeatureGrid()
+        is_kept = self._begin(camera, can_look=False, keep_memory=keep_memory)
+        if not is_kept:
+            self._map = FeatureGrid()
         text = self._goal_text(task)
         self._map.set_query(perception.encoder.encode_texts([f"a {text}"])[0])
         perception.detector.set_query(text)
@@ -119,9 +102,9 @@ class OneMapAgent:
         Raises:
             AgentError: The observation has no colours or no depth.
         """
-        self._step = observation.step + self._steps_before
-        self._see(self._in_map(observation))
-        self._look_for_it(self._opened().frame_of(observation))
+        in_map = self._in_map(observation)
+        self._see(in_map)
+        self._look_for_it(self._opened().frame_of(in_map))
         if self._turns_left:
             self._turns_left -= 1
             self._note = "looking around at the start"
@@ -137,18 +120,19 @@ class OneMapAgent:
         points = sorted((goal for goal in goals if goal.kind == "point"), key=lambda goal: -goal.score)
         edges = [goal for goal in goals if goal.kind == "frontier"]
         goal = self._target or self._goal
-        is_home = np.array_equal(self._T_start_map, np.eye(4))
         seen = self._map.confidence > 0
-        return Insight(
-            grid=self._map.grid if is_home else None,
-            occupancy=self._map.occupancy() if is_home else None,
-            similarity=np.where(seen, self._map.similarity, np.float32(np.nan)) if is_home else None,
-            frontiers=np.array([self._place_of(each.rc) for each in edges], float).reshape(-1, 3)[:, [0, 2]],
-            detections=self._detections,
-            candidates=np.array([self._place_of(each.rc) for each in points], float).reshape(-1, 3),
-            candidate_scores=tuple(each.score for each in points),
-            goal=None if goal is None else self._place_of(goal.rc),
-            note=self._note,
+        return self._in_start(
+            Insight(
+                grid=self._map.grid,
+                occupancy=self._map.occupancy(),
+                similarity=np.where(seen, self._map.similarity, np.float32(np.nan)),
+                frontiers=np.array([self._xz_of(each.rc) for each in edges], float).reshape(-1, 2),
+                detections=self._detections,
+                candidates=np.array([self._place_of(each.rc) for each in points], float).reshape(-1, 3),
+                candidate_scores=tuple(each.score for each in points),
+                goal=None if goal is None else self._place_of(goal.rc),
+                note=self._note,
+            )
         )
 
     def _opened(self) -> Perception:
@@ -163,10 +147,9 @@ class OneMapAgent:
         self._seeker.see(observation)
 
     def _add(self, frame: Frame) -> NDArray[np.int32]:
-        """Adds a view, in the start frame, to the map of features; (H, W) cell of each pixel, -1 where it has none."""
-        assert self._T_map_start is not None
+        """Adds a view to the map of features; (H, W) cell of each pixel, -1 where it has none."""
         patches = self._opened().encoder.encode_patches([frame])[0]
-        return self._map.add(frame.depth_m, self._T_map_start @ frame.T_world_camera, frame.camera, patches)
+        return self._map.add(frame.depth_m, frame.T_world_camera, frame.camera, patches)
 
     def _look_for_it(self, frame: Frame) -> None:
         """Adds a view to the map, and looks for the target in it."""
@@ -263,31 +246,12 @@ class OneMapAgent:
         bans = (each for each in self._bans if each.is_target == is_target and each.until > self._step)
         return any(math.dist(each.rc, rc) <= STICK_CELLS for each in bans)
 
-    def _in_map(self, observation: Observation) -> Observation:
-        """The observation with its pose in the map, and its step counted since the map began."""
-        T = self._T_map_start
-        assert T is not None
-        x, _, z, _ = (T @ np.array([observation.gps[1], 0.0, -observation.gps[0], 1.0])).tolist()
-        return dataclasses.replace(
-            observation,
-            gps=(-z, x),
-            compass=wrap_angle(observation.compass + math.atan2(T[0, 2], T[2, 2])),
-            T_start_camera=T @ observation.T_start_camera,
-            step=self._step,
-        )
-
-    @property
-    def _T_start_map(self) -> NDArray[np.float64]:
-        assert self._T_map_start is not None
-        return np.linalg.inv(self._T_map_start).astype(np.float64)
-
     def _xz_of(self, rc: tuple[int, int]) -> tuple[float, float]:
         """Middle of a cell in the map, metres."""
         x, z = self._map.grid.xz_from_rc(np.array(rc)).tolist()
         return x, z
 
     def _place_of(self, rc: tuple[int, int]) -> tuple[float, float, float]:
-        """Middle of a cell on the floor, start frame, metres."""
+        """Middle of a cell on the floor of the map, metres."""
         x, z = self._xz_of(rc)
-        place = self._T_start_map @ np.array([x, self._seeker.memory.floor_y, z, 1.0])
-        return float(place[0]), float(place[1]), float(place[2])
+        return x, self._seeker.memory.floor_y, z

@@ -15,7 +15,8 @@ from grounding.perception.protocol import Perception
 from sim.tasks.observers import Detection, Insight
 from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
 
-from ..seeking import FOR_EVER, Seeker, require_picture
+from ..carried_map import CarriedMap
+from ..seeking import FOR_EVER, require_picture
 from .explored import ExploredArea
 from .object_cloud import SAME_GOAL, ObjectCloud
 from .value_map import Fusion, ValueMap, most_valuable
@@ -47,7 +48,7 @@ class _Ban(NamedTuple):
     """Step from which it counts again."""
 
 
-class VlfmAgent:
+class VlfmAgent(CarriedMap):
     """An `Agent` that looks for one described thing on the storey where it starts."""
 
     def __init__(
@@ -76,16 +77,24 @@ class VlfmAgent:
         self._prompt, self._threshold, self._by = prompt, exploration_threshold, values
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
-        """Begins with empty maps, even with `keep_memory`: each episode has its own start frame."""
+        """Begins with empty maps.
+
+        With `keep_memory`, after `carry` and on the same storey, obstacles stay: values and the explored area belong to
+        the last query.
+        """
         if not isinstance(self._perception, Perception):
             self._perception = self._perception()
         self._rng = np.random.default_rng(seed)
         text = self._goal_text(task)
         self._perception.detector.set_query(text)
         self._texts = self._prompt.replace("<target>", text.replace("|", "/")).split("|")
-        self._seeker = Seeker(camera, can_look=False)
+        is_kept = self._begin(camera, can_look=False, keep_memory=keep_memory, obstacles_alone=True)
         grid = self._seeker.memory.grid
-        self._explored, self._cloud = ExploredArea(grid), ObjectCloud()
+        if is_kept:
+            self._explored.forget_explored()
+        else:
+            self._explored = ExploredArea(grid)
+        self._cloud = ObjectCloud()
         self._values = ValueMap(grid, num_texts=len(self._texts), fusion=self._fusion)
         self._turns_left = FULL_TURN
         self._detections: tuple[Detection, ...] = ()
@@ -105,9 +114,9 @@ class VlfmAgent:
         """
         require_picture(observation)
         assert isinstance(self._perception, Perception)
-        self._step = observation.step
-        self._seeker.see(observation)
-        self._look(self._perception.frame_of(observation), self._perception)
+        in_map = self._in_map(observation)
+        self._seeker.see(in_map)
+        self._look(self._perception.frame_of(in_map), self._perception)
         if self._turns_left:
             self._turns_left -= 1
             self._note = "looking around at the start"
@@ -118,15 +127,17 @@ class VlfmAgent:
         """The map, its values for the first text, frontiers, detections, the target's points, the goal and the note."""
         seen = self._values.confidence > 0
         memory = self._seeker.memory
-        return Insight(
-            grid=memory.grid,
-            occupancy=memory.cells,
-            similarity=np.where(seen, self._values.values[..., 0], np.float32(np.nan)),
-            frontiers=self._explored.frontiers(),
-            detections=self._detections,
-            candidates=self._cloud.nearest(memory.xz, most=_MOST_CANDIDATES),
-            goal=self._goal,
-            note=self._note,
+        return self._in_start(
+            Insight(
+                grid=memory.grid,
+                occupancy=memory.cells,
+                similarity=np.where(seen, self._values.values[..., 0], np.float32(np.nan)),
+                frontiers=self._explored.frontiers(),
+                detections=self._detections,
+                candidates=self._cloud.nearest(memory.xz, most=_MOST_CANDIDATES),
+                goal=self._goal,
+                note=self._note,
+            )
         )
 
     def _look(self, frame: Frame, perception: Perception) -> None:

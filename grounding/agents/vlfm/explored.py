@@ -82,6 +82,10 @@ class ExploredArea:
             self._box, self._frontiers = box, None
             self._keep_one_area(float(u), float(v))
 
+    def forget_explored(self) -> None:
+        """Forgets all but the obstacles."""
+        self.explored[:], self._frontiers = False, None
+
     def frontiers(self) -> NDArray[np.float64]:
         """(N, 2) (x, z) way-points, metres; found again only after a cell has changed."""
         if self._frontiers is None:
