@@ -103,6 +103,14 @@ def test_the_oracle_that_hears_the_messages_is_right_and_the_one_that_does_not_f
     assert memory_gain([(hears, ignores)]).sr_all == 3 / 6
 
 
+def test_an_agent_that_cannot_carry_its_memory_is_new_in_each_search(
+    small_home_root: Path, story: tuple[Path, HomeSequence]
+) -> None:
+    (kept,), (new,) = (played(small_home_root, story[0], keeps_memory=on) for on in (True, False))
+    assert kept.steps == new.steps
+    assert all(search.succeeds("paper") for search in kept.end.searches)
+
+
 def test_all_right_objects_are_wanted_once_each(home: Scene, story: tuple[Path, HomeSequence]) -> None:
     _, sequence = story
     env = PanEnv(sequence.start, home.navigation, renderer=None, prompts=prompts_of(sequence))
