@@ -32,19 +32,20 @@ class SequenceDraw:
     """Its figures, and what was refused."""
 
 
-def require_free_set(out: Path, *, replace: bool) -> None:
-    """Refuses to write a set of sequences among episodes, or over another set.
+def require_free_set(out: Path, scenes: Sequence[str], *, replace: bool) -> None:
+    """Refuses to write a set of sequences among episodes, or where files of another set stand or would stay.
 
     Raises:
         DatasetError: It would.
     """
     if any((out / split / "content").is_dir() for split in ("easy", "medium", "hard")):
         raise DatasetError(f"{out}: found episodes; expected a folder of its own for sequences. Give another --out.")
-    found = sorted((out / "content").glob("*.json*"))
-    if found and not replace:
-        raise DatasetError(
-            f"{found[0]}: found a set of sequences; expected none. Give another --out, or --replace to overwrite it."
-        )
+    for path in sorted((out / "content").glob("*.json*")):
+        if not replace or path.name.split(".")[0] not in scenes:
+            raise DatasetError(
+                f"{path}: found sequences; expected none, or --replace and the same scenes, because sets are never "
+                "mixed. Give another --out, or remove the file."
+            )
 
 
 def draw_sequences(
@@ -88,7 +89,7 @@ def draw_sequences(
 
 
 def write_sequences(out: Path, drawn: SequenceDraw) -> None:
-    """Writes a set in which `validate` finds nothing wrong; otherwise writes nothing.
+    """Writes a set in which `validate` finds nothing wrong, in place of one before; otherwise writes nothing.
 
     Raises:
         DatasetError: The set is empty, `validate` finds something, or a file cannot be written.
@@ -103,3 +104,5 @@ def write_sequences(out: Path, drawn: SequenceDraw) -> None:
     for line in (*report.problems, *report.broken):
         raise DatasetError(f"{out}: validate finds {line}; nothing was written. Take another --seed, and report this.")
     write_files(out, files)
+    for path in set((out / "content").glob("*.json*")) - {out / name for name in files}:
+        path.unlink()

@@ -32,7 +32,7 @@ from .released_intros import Intro, released_intros
 from .searches import START_RULES, Start, Starts, draw_start, may_be_meant
 from .sequence_checks import LEAST_APART, broken_guarantees
 from .sequence_texts import message_text, owned_items, sentences
-from .stories import Ask, Change, Needs, Setting, Story, StoryError, draw_story
+from .stories import Ask, Change, Needs, Setting, Story, StoryError, draw_story, keeps_rules
 
 VERSION = 1
 """Of the generator; another version may make other sequences of the same seed."""
@@ -40,7 +40,7 @@ LENGTHS = (5, 10)
 """Smallest and largest number of searches of a sequence."""
 TRIES = 80
 """Most stories that are drawn for a sequence."""
-_FROM_EPISODES = 0.6
+_FROM_EPISODES = 0.8
 """Share of the tries that begin with an ownership that an episode tells, where one does."""
 _OFFERED = 12
 """Most objects that are offered to a drawn ownership."""
@@ -94,6 +94,8 @@ class _Storey(NamedTuple):
     """Row and column of each thing in `walks`."""
     walks: NDArray[np.float64]
     """(N, N) metres between the first view points of the storey's things."""
+    intros: Sequence[Intro]
+    """The ownerships that episodes tell."""
 
 
 class HomeSequences:
@@ -118,14 +120,14 @@ class HomeSequences:
         self._goals = (known | {name: thing.goal for name, thing in self._home.things.items()}).values()
         self._finder = None if opened.plan is None else Finder(opened.plan, opened.scene)
         self._intros = {} if episodes is None else released_intros(episodes, self._home)
-        self._floors: dict[str, _Storey] = {}
         self._content = sequence_file(self._home, self._goals, ())
 
     def draw(self, count: int, *, tries: int = TRIES) -> SequenceFile:
         """The home's file with `count` sequences, or with fewer where the home cannot carry them."""
-        storeys: dict[Split, list[_Storey]] = {}
-        for split in SPLITS if count else ():
-            storeys |= {split: found} if (found := self._storeys(split)) else {}
+        floors = self._floors() if count else []
+        storeys: dict[Split, list[_Storey]] = {
+            split: found for split in SPLITS if (found := self._storeys(split, floors))
+        }
         records: list[SequenceRecord] = []
         while len(records) < count and storeys:
             split = min(storeys, key=lambda split: (self._total.splits[split], SPLITS.index(split)))
@@ -151,33 +153,46 @@ class HomeSequences:
             f"found {_SCANT[guarantee]}, in {tries} tries. Annotate more objects there, or take another --seed.",
         )
 
-    def _storeys(self, split: Split) -> list[_Storey]:
-        """The storeys that can carry a split; the others are refused."""
-        if not self._home.storeys:
-            advice = "found no object with words; expected some. Annotate the home first."
-            self._total.refuse("ownership rule", f"scene {self._home.name!r}, {split}: {advice}")
+    def _floors(self) -> list[_Storey]:
+        """The storeys with distractors, for no split yet; the others are refused."""
         found = []
         for floor_id, floor in self._home.storeys.items():
-            if floor_id not in self._floors:
-                self._floors[floor_id] = self._storey(split, floor_id)
-            of_any = self._floors[floor_id]
-            storey = of_any._replace(setting=replace(of_any.setting, split=split))
-            names = list(storey.setting.category)
-            need = unmet_need(split, self._conflicts(names, storey.setting))
-            where = f"scene {self._home.name!r}, {floor}, {split}: guarantee"
-            if need is not None:
-                self._total.refuse("ownership rule", f"{where} 'ownership rule': {need}. Annotate more objects there.")
-            elif max(storey.setting.num_alike[category] for category in storey.setting.category.values()) < 2:
-                self._total.refuse(
-                    "distractor",
-                    f"{where} 'distractor': found no category with two objects; expected one for searches whose answer "
-                    "has changed. Annotate a second object of a category there.",
-                )
-            else:
-                found.append(storey)
+            num_alike = Counter(goal.object_category for goal in self._goals if goal.floor_id == floor_id)
+            if max(num_alike[self._goal(name).object_category] for name in self._home.on_storey(floor_id)) > 1:
+                found.append(self._storey(floor_id, num_alike))
+                continue
+            self._total.refuse(
+                "distractor",
+                f"scene {self._home.name!r}, {floor}: guarantee 'distractor': found no category with two objects; "
+                "expected one for searches whose answer has changed. Annotate a second object of a category there.",
+            )
+        if not self._home.storeys:
+            line = "found no object with words; expected some. Annotate the home first."
+            self._total.refuse("ownership rule", f"scene {self._home.name!r}: guarantee 'ownership rule': {line}")
         return found
 
-    def _storey(self, split: Split, floor_id: str) -> _Storey:
+    def _storeys(self, split: Split, floors: Sequence[_Storey]) -> list[_Storey]:
+        """The storeys that can carry a split; the others are refused."""
+        found = []
+        for floor in floors:
+            setting = replace(floor.setting, split=split)
+            need = unmet_need(split, self._conflicts(list(setting.category), setting))
+            if need is None:
+                told = [
+                    intro
+                    for intro in self._intros.get((split, floor.floor_id), ())
+                    if keeps_rules(setting, intro.edges)
+                ]
+                found.append(floor._replace(setting=setting, intros=told))
+                continue
+            self._total.refuse(
+                "ownership rule",
+                f"scene {self._home.name!r}, {self._home.storeys[floor.floor_id]}, {split}: guarantee 'ownership "
+                f"rule': {need}. Annotate more objects there.",
+            )
+        return found
+
+    def _storey(self, floor_id: str, num_alike: Counter[str]) -> _Storey:
         names = self._home.on_storey(floor_id)
         things = [self._home.things[name] for name in names]
         walks = np.array([self._walks(thing.goal.view_points[0].agent_state.position, names) for thing in things])
@@ -185,14 +200,14 @@ class HomeSequences:
         apart = np.linalg.norm(centres[:, None] - centres, axis=2)
         pairs = list(combinations(range(len(names)), 2))
         setting = Setting(
-            split=split,
+            split=SPLITS[0],
             category={name: thing.goal.object_category for name, thing in zip(names, things, strict=True)},
             askable=frozenset(
                 thing.goal.object_name
                 for thing in things
                 if self._finder is None or self._finder.is_visible(thing.goal)
             ),
-            num_alike=Counter(goal.object_category for goal in self._goals if goal.floor_id == floor_id),
+            num_alike=num_alike,
             conflicts=frozenset(
                 frozenset((names[a], names[b])) for a, b in pairs if may_be_meant(things[a], things[b], True)
             ),
@@ -202,7 +217,7 @@ class HomeSequences:
                 if apart[a, b] < LEAST_APART or not np.isfinite(walks[[a, b], [b, a]]).all()
             ),
         )
-        return _Storey(floor_id, setting, {name: place for place, name in enumerate(names)}, walks)
+        return _Storey(floor_id, setting, {name: place for place, name in enumerate(names)}, walks, [])
 
     @staticmethod
     def _conflicts(names: Sequence[str], setting: Setting) -> NDArray[np.bool_]:
@@ -247,9 +262,8 @@ class HomeSequences:
     def _intro(self, storey: _Storey) -> Intro:
         """An initial ownership: one that an episode tells, or one that is drawn and told by our templates."""
         split, things = storey.setting.split, self._home.things
-        told = self._intros.get((split, storey.floor_id), [])
-        if told and self._rng.random() < _FROM_EPISODES:
-            return told[int(self._rng.integers(len(told)))]
+        if storey.intros and self._rng.random() < _FROM_EPISODES:
+            return storey.intros[int(self._rng.integers(len(storey.intros)))]
         category, num_alike = storey.setting.category, storey.setting.num_alike
         names = [list(category)[k] for k in self._rng.permutation(len(category))]
         alike = [name for name in names if num_alike[category[name]] > 1][:_ALIKE]

@@ -5,7 +5,7 @@ sequence_checks.py, so a story that cannot go on is given up with the name of th
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from .sequence_checks import broken_rule
 
 SHARES: Mapping[SubtaskKind, float] = {"fresh": 0.4, "revisit": 0.2, "changed": 0.25, "stale": 0.15}
 """Shares of the kinds of searches in a set."""
-_MOST: Mapping[SubtaskKind, int] = {"fresh": 6, "revisit": 2, "changed": 4, "stale": 3}
+_MOST: Mapping[SubtaskKind, int] = {"fresh": 6, "revisit": 2, "changed": 4, "stale": 4}
 """Most searches of a kind in a sequence."""
 _WEIGHTS: Mapping[MessageKind, float] = {
     "transfer": 3.0, "swap": 3.0, "share": 1.5, "unshare": 1.0, "lend": 1.5, "leave": 0.5, "correction": 1.5,
@@ -28,7 +28,7 @@ _WEIGHTS: Mapping[MessageKind, float] = {
 """How often a kind of message is wanted, as far as the split's rule allows it."""
 _TELLS = 0.55
 """Chance of a message before a search that does not need one."""
-_HELPS = 0.6
+_HELPS = 0.8
 """Chance that messages which leave an old object behind are tried first."""
 _SEVERAL = 0.7
 """Chance that a search with several right objects is preferred."""
@@ -133,6 +133,16 @@ def draw_story(
     return Story(tuple(teller.changes), tuple(teller.asks))
 
 
+def keeps_rules(setting: Setting, edges: Iterable[Edge]) -> bool:
+    """Whether an ownership keeps the split's rule, and no query about it has two meanings."""
+    if broken_rule(setting.split, dict.fromkeys(edges, 0)) is not None:
+        return False
+    owned: dict[str, list[str]] = {}
+    for edge in edges:
+        owned.setdefault(edge.owner, []).append(edge.object_name)
+    return not any(frozenset(pair) in setting.conflicts for names in owned.values() for pair in combinations(names, 2))
+
+
 class _Teller:
     """The state of a story that grows by one search at a time."""
 
@@ -155,7 +165,7 @@ class _Teller:
         self.sprung: set[tuple[str, frozenset[str], int]] = set()
         """Stale searches that were asked, with the message that made them so."""
         self.loan: Change | None = None
-        if self._broken(self.edges):
+        if not keeps_rules(self.setting, self.edges):
             raise StoryError("ownership rule")
 
     def go_on(self, index: int) -> None:
@@ -168,7 +178,7 @@ class _Teller:
         if self.loan is not None and returns:
             self.edges = _applied(self.edges, self.loan.removes, self.loan.adds, self.changes.index(self.loan))
             self.loan = None
-            if self._broken(self.edges):
+            if not keeps_rules(self.setting, self.edges):
                 raise StoryError("ownership rule")
         kinds: list[SubtaskKind] = ["fresh"]
         if index:
@@ -193,7 +203,7 @@ class _Teller:
         depends = kind in ("changed", "stale")
         for change in self._ordered(self._possible(index), kind):
             after = _applied(self.edges, change.adds, change.removes, len(self.changes))
-            if self._broken(after):
+            if not keeps_rules(self.setting, after):
                 continue
             self.changes.append(change)
             choices = list(self._choices(after))
@@ -270,17 +280,6 @@ class _Teller:
         if self.setting.num_alike[category] <= len(names):
             return None
         return Ask(owner, names, "changed", decided, old if number == decided else None)
-
-    def _broken(self, edges: Mapping[Edge, int]) -> bool:
-        """Whether an ownership breaks the split's rule, or a query about it could have two meanings."""
-        if broken_rule(self.setting.split, edges) is not None:
-            return True
-        owned: dict[str, list[str]] = {}
-        for edge in edges:
-            owned.setdefault(edge.owner, []).append(edge.object_name)
-        return any(
-            frozenset(pair) in self.setting.conflicts for names in owned.values() for pair in combinations(names, 2)
-        )
 
     def _ordered(self, changes: Iterator[Change], kind: SubtaskKind) -> list[Change]:
         """Messages in the order in which they are tried: kinds that the set lacks first, and those that help."""

@@ -51,7 +51,7 @@ def test_a_set_needs_a_folder_of_its_own(made: tuple[Path, dict[str, object]], s
     asked = ("generate", small_home_root, "--sequences", 3)
     assert_one_line(personal_viz(*asked), "--sequences 3: --out is None", "Give --out")
     assert_one_line(personal_viz(*asked, "--out", small_home_root), "found episodes", "Give another --out")
-    assert_one_line(personal_viz(*asked, "--out", made[0]), "found a set of sequences", "--replace")
+    assert_one_line(personal_viz(*asked, "--out", made[0]), "found sequences; expected none", "--replace")
     assert_one_line(personal_viz("generate", small_home_root, "--sequences", 0, "--out", made[0]), "--sequences is 0")
 
 

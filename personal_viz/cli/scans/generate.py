@@ -138,7 +138,7 @@ class Generate:
                 "own for the set, and descriptions by templates. Give --out, and leave --describe out."
             )
         scenes = tuple(dict.fromkeys(self.scene)) or scenes_to_ask(self.dataset)
-        require_free_set(self.out, replace=self.replace)
+        require_free_set(self.out, scenes, replace=self.replace)
         with counted("scenes", len(scenes)) as progress:
             drawn = draw_sequences(
                 self.dataset,
