@@ -28,10 +28,9 @@ from .descriptions import write_description
 from .edition import OpenedHome
 from .findable import Finder
 from .people import NAMES, draw_ownership, unmet_need
-from .released_intros import Intro, released_intros
 from .searches import START_RULES, Start, Starts, draw_start, may_be_meant
 from .sequence_checks import LEAST_APART, broken_guarantees
-from .sequence_texts import message_text, owned_items, sentences
+from .sequence_texts import Intro, message_text, owned_items, released_intros, sentences
 from .stories import Ask, Change, Needs, Setting, Story, StoryError, draw_story, keeps_rules
 
 VERSION = 1
