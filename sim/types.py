@@ -24,7 +24,8 @@ FORWARD_STEP = 0.25
 TURN_STEP = math.radians(30)
 """Angle of one turn and of one look (radians; paper, Sec. III-A)."""
 MAX_STEPS = 500
-"""Step budget of PAN; STOP as the 500th action still counts (paper, Sec. III-A; HABITAT_SEMANTICS.md)."""
+"""Step budget of PAN, in a home sequence of each search; STOP as the 500th action still counts (paper, Sec. III-A;
+HABITAT_SEMANTICS.md)."""
 AGENT_RADIUS = 0.18
 AGENT_HEIGHT = 0.88
 CAMERA_HEIGHT = 0.88
@@ -53,7 +54,7 @@ RULE_NOTES: dict[SuccessRule, str] = {
 
 
 class Action(enum.StrEnum):
-    """An action of an agent or a person in PAN. Habitat numbers them 0-5 in this order."""
+    """An action of an agent or a person in PAN. Habitat numbers the first six 0-5 in this order."""
 
     STOP = "stop"
     FORWARD = "forward"
@@ -61,12 +62,16 @@ class Action(enum.StrEnum):
     RIGHT = "right"
     LOOK_UP = "look_up"
     LOOK_DOWN = "look_down"
+    FOUND = "found"
+    """Ends a search of a home sequence (GOAT-Bench's `subtask_stop`); never in an episode, which STOP ends."""
 
 
 PAPER4 = (Action.STOP, Action.FORWARD, Action.LEFT, Action.RIGHT)
 """The four actions that people had in the paper."""
 PAPER6 = (*PAPER4, Action.LOOK_UP, Action.LOOK_DOWN)
 """All six actions that the paper lists for agents."""
+SEQUENCE7 = (*PAPER6, Action.FOUND)
+"""The actions in a home sequence, where STOP ends all searches."""
 
 
 class EpisodeKey(NamedTuple):
@@ -170,6 +175,17 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True)
+class Prompt:
+    """What is told at the beginning of one search of a home sequence; holds no ground truth."""
+
+    query: str
+    message: str | None = None
+    """What has changed since the search before; None = nothing was told."""
+    is_for_all: bool = False
+    """Whether all right objects are wanted: each FOUND marks one, and FOUND twice in a row ends the search."""
+
+
+@dataclass(frozen=True, slots=True)
 class Observation:
     """The robot's senses after one action."""
 
@@ -188,6 +204,10 @@ class Observation:
     """Whether the last action was a forward step that a wall shortened."""
     step: int
     """Number of actions taken so far, 0 at reset."""
+    message: str | None = None
+    """In a home sequence: what is told at this step; None = nothing."""
+    query: str | None = None
+    """In a home sequence: the object to find from this step on; None = still the last one."""
 
 
 @dataclass(frozen=True, slots=True)

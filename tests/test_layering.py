@@ -25,7 +25,7 @@ ROOMS = {
         words render walk episodes scans
         homes.cells homes.images homes.plan homes.kind homes.furniture homes.building
         homes.invented homes.clutter homes.recovered homes
-        copies authoring plan_view tasks exchange checks
+        copies authoring plan_view tasks sequences exchange checks
     """,
     "grounding": """
         types

@@ -4,6 +4,7 @@ A sequence with one `intro` and one search is a PersONAL episode: `sequence_from
 turn one into the other without loss.
 """
 
+import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from sim.errors import DatasetError, did_you_mean, line_from_validation_error, s
 from sim.frames import yaw_from_quat_xyzw
 from sim.types import EpisodeKey, Pose
 
-from .dataset import content_text
+from .dataset import content_text, read_bytes
 from .schema import (
     STRICT_SHAPE,
     Episode,
@@ -113,6 +114,14 @@ class SequenceSet:
         for scene, path in self.files.items():
             if scenes is None or scene in scenes:
                 yield from self._in_scene(scene, path)
+
+    def digest(self) -> str:
+        """sha256 over the decompressed bytes of all content files, in order of the scenes."""
+        total = hashlib.sha256()
+        for scene, path in sorted(self.files.items()):
+            total.update(f"{scene}\n".encode())
+            total.update(read_bytes(path))
+        return total.hexdigest()
 
     def _in_scene(self, scene: str, path: Path) -> Iterator[HomeSequence]:
         content, places = read_sequence_file(path), dict[str, int]()

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sim.episodes.schema import Episode
 from sim.errors import RunFileError
-from sim.types import MAX_STEPS, TURN_STEP, Action, EndReason
+from sim.types import MAX_STEPS, PAPER6, TURN_STEP, Action, EndReason
 
 from ..tasks.run_files import EpisodeEnd, EpisodeRun, EpisodeStart, Step
 from .pose_actions import action_of
@@ -85,15 +85,15 @@ def _stretches(
 
     They end with the only STOP or at the end of the budget.
     """
-    listed = np.array([tuple(Action).index(action) for action in actions])
+    listed = np.array([PAPER6.index(action) for action in actions])
     count = len(positions)
     places = np.arange(len(listed) - count)
-    is_stop = listed[places + count] == tuple(Action).index(Action.STOP)
+    is_stop = listed[places + count] == PAPER6.index(Action.STOP)
     places = places[is_stop | (count + 1 == MAX_STEPS)]
     has_moved = np.linalg.norm(np.diff(positions, axis=0, prepend=np.array([start])), axis=1) > rounding
     for step in range(count):
-        allowed = [Action.FORWARD] if has_moved[step] else [action for action in Action if action is not Action.STOP]
-        places = places[np.isin(listed[places + step], [tuple(Action).index(action) for action in allowed])]
+        allowed = [Action.FORWARD] if has_moved[step] else [action for action in PAPER6 if action is not Action.STOP]
+        places = places[np.isin(listed[places + step], [PAPER6.index(action) for action in allowed])]
     yield from dict.fromkeys(tuple(actions[place : place + count + 1]) for place in places)
 
 

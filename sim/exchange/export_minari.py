@@ -18,7 +18,7 @@ import pyarrow.ipc
 
 from sim.files import write_whole
 from sim.frames import gps_from_poses, wrap_angle
-from sim.types import Action, Pose
+from sim.types import PAPER6, Pose
 
 from ..tasks.run_files import EpisodeRun, Run, RunInfo
 
@@ -28,7 +28,7 @@ NAMESPACE = "personal"
 OBSERVATIONS: dict[str, int] = {"gps": 2, "compass": 1, "position": 3, "yaw": 1, "tilt": 1}
 """Numbers per observation. gps (forward, right) metres and compass in the start's frame, as agents get them; position
 (feet, metres), yaw and tilt (radians) in the world, which agents do not get."""
-_NUMBERS = {action: number for number, action in enumerate(Action)}
+_NUMBERS = {action: number for number, action in enumerate(PAPER6)}
 
 
 def dataset_id(info: RunInfo) -> str:

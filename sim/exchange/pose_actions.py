@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from sim.errors import RunFileError, short
 from sim.frames import wrap_angle
-from sim.types import MAX_STEPS, TURN_STEP, Action, EndReason, EpisodeKey, Pose
+from sim.types import MAX_STEPS, PAPER6, TURN_STEP, Action, EndReason, EpisodeKey, Pose
 
 from ..tasks.run_files import EpisodeEnd, EpisodeRun, EpisodeStart, Step
 from .pose_files import PoseReading, tells_tilt
@@ -19,8 +19,6 @@ _LAB_NAMES = {
     "turn_left": "left",
     "turn_right": "right",
 }
-_ORDER = tuple(Action)
-"""Habitat's numbers 0-5."""
 _STILL = 1e-6
 """Metres and radians below which a robot has not moved."""
 
@@ -101,14 +99,14 @@ def action_of(where: str, value: object) -> Action:
         RunFileError: It stands for none.
     """
     number = number_of(value)
-    if number is not None and number.is_integer() and 0 <= number < len(_ORDER):
-        return _ORDER[int(number)]
+    if number is not None and number.is_integer() and 0 <= number < len(PAPER6):
+        return PAPER6[int(number)]
     if isinstance(value, str):
         name = _LAB_NAMES.get(value.strip().lower(), value.strip().lower())
-        if name in tuple(Action):
+        if name in PAPER6:
             return Action(name)
     raise RunFileError(
-        f"{where}: action is {short(value)}; expected 0-5 or one of {', '.join(Action)} (or habitat-lab's names). "
+        f"{where}: action is {short(value)}; expected 0-5 or one of {', '.join(PAPER6)} (or habitat-lab's names). "
         "Runs with other actions are imported with --motion free."
     )
 

@@ -1,4 +1,7 @@
-"""PAN: walk to the object. `PanEnv` owns the pose, takes actions, gives observations; it knows nothing of the goal."""
+"""PAN: walk to the object. `PanEnv` owns the pose, takes actions, gives observations; it knows nothing of the goal.
+
+In a home sequence one search follows the other from where the robot stands, each with steps of its own.
+"""
 
 from collections.abc import Sequence
 from typing import Self
@@ -11,7 +14,7 @@ from sim.errors import SceneError, TaskStateError
 from sim.frames import T_start_camera, T_world_camera, forward_from_yaw, gps_from_poses, wrap_angle
 from sim.mesh import Scene
 from sim.render.renderer import Renderer
-from sim.types import FORWARD_STEP, MAX_STEPS, TURN_STEP, Action, Camera, EndReason, Observation, Pose
+from sim.types import FORWARD_STEP, MAX_STEPS, TURN_STEP, Action, Camera, EndReason, Observation, Pose, Prompt
 from sim.walk.navigation_map import NavigationMap
 
 from .run_files import Step
@@ -21,7 +24,7 @@ SIMULATOR_VERSION = 1
 
 
 class PanEnv:
-    """One PAN episode on one scene: reset, then step until it is over."""
+    """One PAN episode, or one home sequence, on one scene: reset, then step until it is over."""
 
     def __init__(
         self,
@@ -33,6 +36,7 @@ class PanEnv:
         colours: bool = True,
         max_steps: int = MAX_STEPS,
         allow_sliding: bool = False,
+        prompts: Sequence[Prompt] = (),
     ) -> None:
         """Places the robot at the start exactly as recorded, without snapping (habitat-lab's rule).
 
@@ -42,8 +46,10 @@ class PanEnv:
             renderer: Draws the camera's view; None leaves `rgb` and `depth_m` of observations None.
             camera: Intrinsics and mounting height.
             colours: False leaves `rgb` None and draws depth alone, which is faster.
-            max_steps: The episode is over after this many actions; STOP as the last one counts.
+            max_steps: The episode, or one search of a sequence, is over after this many actions; STOP or FOUND as the
+                last one counts.
             allow_sliding: Slide along walls; off in ObjectNav and PersONAL.
+            prompts: The searches of a home sequence; () = an episode.
         """
         self.camera = camera
         self.max_steps = max_steps
@@ -52,7 +58,10 @@ class PanEnv:
         self._renderer = renderer
         self._colours = colours
         self._allow_sliding = allow_sliding
+        self._prompts = tuple(prompts)
         self._steps: list[Step] = []
+        self._ends: list[int] = []
+        """Number of steps at the end of each search that is over."""
 
     @classmethod
     def in_home(
@@ -96,11 +105,19 @@ class PanEnv:
         return tuple(self._steps)
 
     @property
+    def search_ends(self) -> tuple[int, ...]:
+        """Number of steps at the end of each search that is over; an episode is one search."""
+        return tuple(self._ends)
+
+    @property
     def end_reason(self) -> EndReason | None:
-        """`stop` or `steps` once the episode is over, None before."""
-        if self._steps and self._steps[-1].action is Action.STOP:
+        """`stop` or `steps` once the episode is over, None before; `stop` also where FOUND ended the last search."""
+        last = self._steps[-1].action if self._steps else None
+        if last is Action.STOP:
             return "stop"
-        return "steps" if len(self._steps) >= self.max_steps else None
+        if len(self._ends) < max(1, len(self._prompts)):
+            return None
+        return "stop" if last is Action.FOUND else "steps"
 
     @property
     def is_over(self) -> bool:
@@ -109,19 +126,21 @@ class PanEnv:
 
     def reset(self) -> Observation:
         """Puts the robot back at the start."""
-        self._steps = []
+        self._steps, self._ends = [], []
         return self.observe()
 
     def restore(self, steps: Sequence[Step]) -> Observation:
         """Restores the state after `steps`, which an equal environment took before."""
-        self._steps = list(steps)
+        self._steps, self._ends = [], []
+        for step in steps:
+            self._take(step)
         return self.observe()
 
     def step(self, action: Action, *, t_s: float = 0.0) -> Observation:
         """Takes one action; `t_s`, seconds since the episode's start, is stored with the step.
 
         Raises:
-            TaskStateError: The episode is over.
+            TaskStateError: The episode is over, or it is none of a sequence and the action is FOUND.
         """
         self.move(action, t_s=t_s)
         return self.observe()
@@ -133,12 +152,18 @@ class PanEnv:
                 f"step {len(self._steps) + 1}: found action {action.value!r} after the end ({self.end_reason}); "
                 "expected reset() first."
             )
-        self._steps.append(self._after(action, t_s))
+        if action is Action.FOUND and not self._prompts:
+            raise TaskStateError(
+                f"step {len(self._steps) + 1}: found action 'found' in an episode; expected it in home sequences only. "
+                "End an episode with 'stop'."
+            )
+        self._take(self._after(action, t_s))
 
     def observe(self) -> Observation:
         """The robot's observation now."""
         pose = self.pose
         rgb, depth_m = self._pictures(pose)
+        prompt = self._new_prompt()
         return Observation(
             rgb=rgb,
             depth_m=depth_m,
@@ -148,7 +173,23 @@ class PanEnv:
             camera=self.camera,
             collided=self._steps[-1].collided if self._steps else False,
             step=len(self._steps),
+            message=prompt.message if prompt else None,
+            query=prompt.query if prompt else None,
         )
+
+    def _take(self, step: Step) -> None:
+        """Adds a step, and ends the search that it ends."""
+        begin, index = self._ends[-1] if self._ends else 0, len(self._ends)
+        before = self._steps[-1].action if len(self._steps) > begin else None
+        self._steps.append(step)
+        is_found = step.action is Action.FOUND and (not self._prompts[index].is_for_all or before is Action.FOUND)
+        if is_found or step.action is Action.STOP or len(self._steps) - begin >= self.max_steps:
+            self._ends.append(len(self._steps))
+
+    def _new_prompt(self) -> Prompt | None:
+        """The prompt of a search that begins now."""
+        is_new = len(self._steps) == (self._ends[-1] if self._ends else 0)
+        return self._prompts[len(self._ends)] if is_new and self._prompts and not self.is_over else None
 
     def _pictures(self, pose: Pose) -> tuple[NDArray[np.uint8] | None, NDArray[np.float32] | None]:
         """Colours and depth of the camera's view at a pose, as far as they are wanted."""
@@ -176,6 +217,6 @@ class PanEnv:
                 tilt = wrap_angle(tilt + TURN_STEP)
             case Action.LOOK_DOWN:
                 tilt = wrap_angle(tilt - TURN_STEP)
-            case Action.STOP:
+            case Action.STOP | Action.FOUND:
                 pass
         return Step(action=action, position=position, yaw=yaw, tilt=tilt, collided=collided, t_s=t_s)

@@ -125,7 +125,7 @@ def success_region(episode: Episode, navigation: NavigationMap, *, rule: Success
             centre = np.array([[target.position[0], target.floor_y, target.position[2]]])
             radius = success_radius(target, rule=rule)
             regions.append(navigation.points_within(centre, radius, max_dy=STOREY_GAP))
-        return np.concatenate(regions)
+        return np.concatenate([np.zeros((0, 3)), *regions])
     points = np.array(_view_points(episode, rule)).reshape(-1, 3)
     if rule == "authors" and len(points):
         return navigation.points_within(points, AUTHORS_DISTANCE, max_dy=math.inf)

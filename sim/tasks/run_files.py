@@ -8,8 +8,9 @@ another program reported), `chat.jsonl` (chat_turns.py). Blocks are appended who
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -216,6 +217,12 @@ class EpisodeRun(BaseModel):
             raise ValueError(f"{measures.num_steps} step lines as measures.num_steps says, found {len(self.steps)}")
         return self
 
+    @model_validator(mode="after")
+    def _is_no_sequence(self) -> "EpisodeRun":
+        if any(step.action is Action.FOUND for step in self.steps):
+            raise ValueError("no action 'found', which home sequences have")
+        return self
+
     @property
     def key(self) -> EpisodeKey:
         """The episode."""
@@ -355,8 +362,14 @@ _LINE_MODELS = {"episode": EpisodeStart, "step": Step, "end": EpisodeEnd, "answe
 _ADVICE = "Write the file again from its source, or delete the damaged line's episode block."
 
 
-def read_lines(path: Path) -> Iterator[tuple[int, BaseModel]]:
+def read_lines(
+    path: Path, models: Mapping[str, type[BaseModel]] = MappingProxyType(_LINE_MODELS)
+) -> Iterator[tuple[int, BaseModel]]:
     """(line number from 1, checked model) of each line of a file of steps, answers or reported figures.
+
+    Args:
+        path: The file.
+        models: The model of each kind of line.
 
     Raises:
         RunFileError: The file is unreadable or a line is not valid.
@@ -371,10 +384,10 @@ def read_lines(path: Path) -> Iterator[tuple[int, BaseModel]]:
             raise RunFileError(
                 f"{path}:{number}: found text that is not JSON; expected one object. {_ADVICE}"
             ) from None
-        if not isinstance(kind, str) or kind not in _LINE_MODELS:
-            raise RunFileError(f"{path}:{number}: kind is {kind!r}; expected one of {list(_LINE_MODELS)}. {_ADVICE}")
+        if not isinstance(kind, str) or kind not in models:
+            raise RunFileError(f"{path}:{number}: kind is {kind!r}; expected one of {list(models)}. {_ADVICE}")
         try:
-            yield number, _LINE_MODELS[kind].model_validate_json(line, strict=True)
+            yield number, models[kind].model_validate_json(line, strict=True)
         except ValidationError as error:
             raise RunFileError(line_from_validation_error(f"{path}:{number}", error, advice=_ADVICE)) from None
 

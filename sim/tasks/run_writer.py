@@ -3,7 +3,7 @@
 import json
 from collections.abc import Container, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import BaseModel
 
@@ -12,11 +12,14 @@ from sim.files import append_whole, write_whole
 from sim.types import EpisodeKey
 
 from .chat_turns import CHAT_FILE, NO_CHAT, Transcript, turn_from_line
-from .run_files import Answer, EpisodeRun, Reported, RunInfo, read_run, read_run_info
+from .run_files import Answer, EpisodeRun, Measures, Reported, RunInfo, read_run, read_run_info
 
 
 class RunWriter:
     """Appends finished episodes and answers to a run folder; a killed run resumes where it stopped."""
+
+    _names: ClassVar[tuple[str, ...]] = ("steps.jsonl", "answers.jsonl", "reported.jsonl")
+    """The files of results."""
 
     def __init__(self, folder: Path, info: RunInfo) -> None:
         """Opens the folder and cuts off an incomplete tail left by a kill; the first result creates a new run's files.
@@ -35,13 +38,10 @@ class RunWriter:
                 folder.rmdir()  # this shows that it can be written; a run without results leaves no folder
             if (folder / "run.json").exists():
                 self._require_same_run(read_run_info(folder), info)
-                for name in ("steps.jsonl", "answers.jsonl", "reported.jsonl"):
+                for name in self._names:
                     _cut_incomplete_tail(folder / name)
-                run = read_run(folder, with_reported=True)
-                self.done |= {item.key for item in (*run.episodes, *run.answers, *run.reported)}
+                self._note_done()
                 _cut_unfinished_turns(folder / CHAT_FILE, self.done)
-                for episode in run.episodes:
-                    self._require_same_scene(episode)
         except OSError as error:
             raise self._unwritable(error) from None
 
@@ -51,7 +51,7 @@ class RunWriter:
         Raises:
             RunFileError: The folder cannot be written, or holds episodes on another version of this scene.
         """
-        self._require_same_scene(run)
+        self._require_same_scene(run.key, run.end.measures)
         self._add_chat(chat)
         self._append("steps.jsonl", (run.start, *run.steps, run.end))
         self.done.add(run.key)
@@ -74,6 +74,13 @@ class RunWriter:
         """
         self._append("reported.jsonl", figures)
         self.done.update(item.key for item in figures)
+
+    def _note_done(self) -> None:
+        """Notes what the folder holds already."""
+        run = read_run(self.folder, with_reported=True)
+        self.done |= {item.key for item in (*run.episodes, *run.answers, *run.reported)}
+        for episode in run.episodes:
+            self._require_same_scene(episode.key, episode.end.measures)
 
     def _add_chat(self, chat: Transcript) -> None:
         try:
@@ -117,15 +124,15 @@ class RunWriter:
                     "expected the same to resume. Give another --out or --run-id."
                 )
 
-    def _require_same_scene(self, run: EpisodeRun) -> None:
+    def _require_same_scene(self, key: EpisodeKey, measures: Measures | None) -> None:
         """Refuses distances on another version of the home; a run without measures does not say its version."""
-        if run.end.measures is None:
+        if measures is None:
             return
-        scene, now = run.key.scene, run.end.measures.scene_digest
+        scene, now = key.scene, measures.scene_digest
         was = self._scene_digests.setdefault(scene, now)
         if was != now:
             raise RunFileError(
-                f"{self.folder / 'steps.jsonl'}: scene_digest of {scene} is {was[:12]!r}, {run.key} has {now[:12]!r}; "
+                f"{self.folder / self._names[0]}: scene_digest of {scene} is {was[:12]!r}, {key} has {now[:12]!r}; "
                 "expected one version of the home per run. Give another --out or --run-id."
             )
 
@@ -173,4 +180,4 @@ def _closes_a_block(line: str) -> bool:
         raw = json.loads(line)
     except (ValueError, RecursionError):
         return False
-    return isinstance(raw, dict) and raw.get("kind") in ("end", "answer", "reported")
+    return isinstance(raw, dict) and raw.get("kind") in ("end", "answer", "reported", "sequence_end")

@@ -9,6 +9,7 @@ from tyro.conf import Positional, arg
 
 from grounding.report.sources import pog_notes
 from sim.homes.kind import scene_label
+from sim.sequences.rows import holds_sequence_runs, sequence_rows
 from sim.tasks.metrics import (
     MetricRow,
     metric_rows,
@@ -17,16 +18,17 @@ from sim.tasks.metrics import (
     require_comparable,
     rule_warnings,
 )
-from sim.tasks.run_folders import read_runs, with_controls
+from sim.tasks.run_folders import read_runs, run_folders, with_controls
 from sim.types import RULE_NOTES, SuccessRule
 
 from ..options import Json
 from ..output import print_json, print_table, say
+from .sequence_table import print_sequences
 
 
 @dataclass
 class Metrics:
-    """SR, SPL and DTG (PAN) or SR and top-3 (POG) per split, in the paper's layout."""
+    """SR, SPL and DTG (PAN) or SR and top-3 (POG) per split, in the paper's layout; and the measures of sequences."""
 
     runs: Positional[tuple[Path, ...]]
     rule: Annotated[SuccessRule, arg(help=f"What counts as success in PAN: {'; '.join(RULE_NOTES.values())}.")] = (
@@ -35,13 +37,16 @@ class Metrics:
     json: Json = False
 
     def run(self) -> int:
-        found = read_runs(with_controls(self.runs), with_reported=True)
+        folders = run_folders(self.runs)
+        sequences = sequence_rows([folder for folder in folders if holds_sequence_runs(folder)], rule=self.rule)
+        episodes = [folder for folder in folders if not holds_sequence_runs(folder)]
+        found = read_runs(with_controls(episodes), with_reported=True) if episodes else []
         require_comparable(run.info for run in found if run.episodes or run.reported)
         require_comparable(run.info for run in found if run.answers)
         rows = metric_rows(found, rule=self.rule)
         warnings = rule_warnings(rows)
         if self.json:
-            print_json([_labelled(row) for row in rows])
+            print_json([*map(_labelled, rows), *(row.model_dump() for row in sequences)])
             for line in warnings:
                 say(line)
             return 0
@@ -66,6 +71,7 @@ class Metrics:
                 maps = pog_notes(answered) if task == "pog" else ()
                 for line in [*([f"{label}."] if label else []), *reading_notes(shown), *maps]:
                     print(line)
+        print_sequences(sequences)
         for line in warnings:
             print(line)
         for row in rows:

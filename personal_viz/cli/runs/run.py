@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro import MISSING
 from tyro.conf import arg
@@ -69,6 +69,7 @@ from ..output import recorded
 from ..refusals import check_options, require_dataset, require_no_scan, sampled
 from .metrics import Metrics
 from .named_agents import AgentOptions, NamedAgent, named_agent
+from .sequence_walks import play_sequences
 
 if TYPE_CHECKING:
     from ...study_app.planned_study import PlannedStudy
@@ -90,6 +91,19 @@ class Run:
         ),
     ] = MISSING
     study: StudyFolder = None
+    sequences: Annotated[
+        Path | None,
+        arg(
+            help="Folder of a set of home sequences, which the agent does instead of episodes; --dataset has the homes."
+        ),
+    ] = None
+    memory: Annotated[
+        Literal["on", "off"],
+        arg(help="--sequences: whether the agent keeps what it knows of the home from one search to the next."),
+    ] = "off"
+    ignore_messages: Annotated[
+        bool, arg(help="--sequences: tell nothing after the intro; shortest-path then walks by the intro alone.")
+    ] = False
     perception: Annotated[
         str | None,
         arg(
@@ -177,6 +191,12 @@ class Run:
         """Plays all episodes that are left; returns the run folders."""
         check_options(self)
         require_chat_for_limits(self, has_chat=bool(self.llm_url and self.llm_model))
+        if self.sequences is not None:
+            return [play_sequences(self, self.sequences, agent, processes=self._workers())]
+        if self.memory == "on" or self.ignore_messages:
+            raise PersonalVizError(
+                "--memory and --ignore-messages: expected them with --sequences only. Leave them out."
+            )
         if self.study is not None:
             return self._run_study(agent)
         episodes = PersonalDataset(require_dataset(self.dataset), evidence=self.evidence)

@@ -8,6 +8,7 @@ import base64
 import html
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import cast
 
 import numpy as np
 import viser
@@ -148,7 +149,7 @@ def button_label(action: Action, words: Catalogue, own_keys: Mapping[KeyAction, 
 
 def keys_of(action: Action, words: Catalogue, own_keys: Mapping[KeyAction, str]) -> str:
     """The names of an action's keys: of the participant's own key where there is one."""
-    own = own_keys.get(action.value)
+    own = own_keys.get(cast(KeyAction, action.value))
     return words(f"pan.{action.value}_keys") if own is None else key_name(own, words)
 
 

@@ -1,0 +1,64 @@
+"""The table of `metrics` about runs of home sequences."""
+
+from collections.abc import Sequence
+
+from sim.sequences.figures import SequenceFigures
+from sim.sequences.rows import SequenceRow
+from sim.sequences.runs import VIEW_DISTANCE
+
+from ..output import print_table
+
+_HEADS = ("Method", "n", "SR", "fresh", "revisit", "changed", "stale", "partial", "progress", "all", "CSR", "CGT")
+_HEADS += ("SPL", "PPL", "old", "lag")
+
+
+def print_sequences(rows: Sequence[SequenceRow]) -> None:
+    """Prints one table per kind of homes: two lines per row, by the rule and by GOAT-Bench's; shares in percent."""
+    for kind in dict.fromkeys(row.scene_kind for row in rows):
+        shown = [row for row in rows if row.scene_kind == kind]
+        lines = []
+        for row in shown:
+            name = row.who if row.condition == "none" else f"{row.who} ({row.condition})"
+            lines += [_cells(name, row.sequence_measures), _cells(f"  FOUND < {VIEW_DISTANCE:g} m", row.goat_measures)]
+        print_table(f"Home sequences, rule {rows[0].rule}; edition {shown[0].edition}; scenes: {kind}", _HEADS, lines)
+        if shown[0].scene_label:
+            print(f"{shown[0].scene_label}.")
+        print(
+            "Shares in percent; all = sequences in which all searches succeed, old = FOUND at the object that was "
+            "right before, lag = failed searches about a message (docs/home-sequences.md)."
+        )
+        for row in shown:
+            for line in _notes(row):
+                print(line)
+
+
+def _cells(name: str, found: SequenceFigures) -> tuple[str, ...]:
+    shares = (
+        *(found.sr, found.sr_fresh, found.sr_revisit, found.sr_changed, found.sr_stale, found.partial),
+        *(found.progress, found.composite, found.csr, found.cgt, found.spl, found.ppl, found.stale),
+    )
+    lag = "-" if found.lag is None else f"{found.lag:.2f}"
+    return name, str(found.n), *("-" if share is None else f"{100 * share:.1f}" for share in shares), lag
+
+
+def _notes(row: SequenceRow) -> list[str]:
+    """What the table has no column for."""
+    name = row.who if row.condition == "none" else f"{row.who} ({row.condition})"
+    found, notes = row.sequence_measures, []
+    if found.intervals:
+        low, high = (100 * end for end in found.intervals["partial"])
+        notes.append(f"{name}: partial {low:.1f} to {high:.1f} (95 %, homes random, sequences inside homes).")
+    if found.recall is not None and found.precision is not None:
+        notes.append(
+            f"{name}: of all right objects, recall {100 * found.recall:.1f}, precision {100 * found.precision:.1f}."
+        )
+    if found.interference is not None:
+        notes.append(f"{name}: interference {100 * found.interference:+.1f} points.")
+    gain = row.memory_gain
+    if gain is not None and gain.sr is not None and gain.spl is not None and gain.sr_all is not None:
+        steps = "" if gain.steps is None else f", steps {gain.steps:+.1f}"
+        notes.append(
+            f"{name}: memory gain in {gain.n} revisits SR {100 * gain.sr:+.1f}, SPL {100 * gain.spl:+.1f}{steps}; in "
+            f"all searches SR {100 * gain.sr_all:+.1f} points."
+        )
+    return notes

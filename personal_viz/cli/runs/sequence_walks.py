@@ -1,0 +1,147 @@
+"""`run --sequences`: an agent in home sequences, with or without its memory and the messages."""
+
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+
+from sim.episodes.dataset import PersonalDataset
+from sim.episodes.sequence_files import SequenceSet
+from sim.errors import PersonalVizError
+from sim.homes.kind import common_kind
+from sim.sequences.playing import SequenceJob, run_sequences
+from sim.sequences.searches import sequence_key
+from sim.sequences.writer import SequenceWriter
+from sim.tasks.provenance import evidence_config, make_run_info
+from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
+from sim.tasks.shards import shard_from_text
+from sim.tasks.workers import Workers
+from sim.types import SPLITS, ClutterLevel, EpisodeKey, SceneKind, Split
+from sim.words.english import how_many
+
+from ...progress import counted
+from ..refusals import nothing_chosen, require_dataset, require_no_scan
+from .named_agents import NamedAgent
+
+_NOT_HERE = ("study", "episode", "rerun", "llm_url")
+"""Options of `run` that sequences do not have."""
+
+
+class SequenceOptions(Protocol):
+    """The options of verb `run` that sequences have."""
+
+    dataset: Path | None
+    evidence: tuple[Path, ...]
+    scenes_dir: Path | None
+    scene: tuple[str, ...]
+    split: tuple[Split, ...]
+    limit: int | None
+    sample_seed: int
+    seed: int
+    shard: str | None
+    out: Path | None
+    run_id: str | None
+    label: str | None
+    clutter: ClutterLevel
+    labels: Literal["on", "off"]
+    memory: Literal["on", "off"]
+    ignore_messages: bool
+
+
+def play_sequences(verb: SequenceOptions, root: Path, agent: NamedAgent, *, processes: Workers) -> Path:
+    """Plays the sequences of the set `root` that the run's folder does not hold yet; returns the folder.
+
+    Raises:
+        PersonalVizError: An option does not belong to sequences, the set or the homes cannot be read, or the agent
+            fails; finished sequences are kept.
+    """
+    for name in _NOT_HERE:
+        if getattr(verb, name):
+            raise PersonalVizError(
+                f"--{name.replace('_', '-')} beside --sequences: expected one of them. Leave one out."
+            )
+    dataset = PersonalDataset(require_dataset(verb.dataset), evidence=verb.evidence)
+    keys = _chosen(verb, root)
+    kind = common_kind(dataset, {key.scene for key in keys}, verb.scenes_dir)
+    require_no_scan(kind, clutter=verb.clutter)
+    by_scene: dict[str, list[EpisodeKey]] = {}
+    for key in keys:
+        by_scene.setdefault(key.scene, []).append(key)
+    shard = shard_from_text(verb.shard)
+    info = shard.run_info(_info(verb, root, dataset, kind, agent), by_scene)
+    by_scene = shard.part(by_scene)
+    folder = shard.folder(verb.out or Path("runs"), info)
+    writer = SequenceWriter(folder, info)
+    left = sum(key not in writer.done for own in by_scene.values() for key in own)
+    print(
+        f"{how_many(sum(map(len, by_scene.values())), 'sequence')} in {how_many(len(by_scene), 'scene')} "
+        f"({info.scene_kind}), {sum(map(len, by_scene.values())) - left} done before"
+    )
+    jobs = [
+        SequenceJob(
+            dataset.root,
+            name,
+            tuple(own),
+            evidence=verb.evidence,
+            sequences=root,
+            scenes_dir=verb.scenes_dir,
+            agent=agent.maker,
+            seed=verb.seed,
+            keeps_memory=verb.memory == "on",
+            ignores_messages=verb.ignore_messages,
+            clutter=verb.clutter,
+            labels=verb.labels == "on",
+        )
+        for name, own in sorted(by_scene.items())
+    ]
+    with counted(info.who, left) as progress:
+        run_sequences(jobs, writer, processes=processes, on_sequence=progress.add)
+    print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
+    return folder
+
+
+def _chosen(verb: SequenceOptions, root: Path) -> list[EpisodeKey]:
+    """The sequences that `--scene`, `--split`, `--limit` and `--sample-seed` choose; the limit is that of a split."""
+    found = [sequence_key(one) for one in SequenceSet(root).sequences(scenes=tuple(verb.scene) or None)]
+    chosen: list[EpisodeKey] = []
+    for split in verb.split or SPLITS:
+        own = [key for key in found if key.split == split]
+        if verb.limit is not None:
+            places = np.random.default_rng(verb.sample_seed).permutation(len(own))[: verb.limit]
+            own = [own[place] for place in sorted(places)]
+        chosen += own
+    if not chosen:
+        raise nothing_chosen(root)
+    return chosen
+
+
+def _info(verb: SequenceOptions, root: Path, dataset: PersonalDataset, kind: SceneKind, agent: NamedAgent) -> RunInfo:
+    """The contents of run.json."""
+    who = verb.label or agent.who
+    parts = [
+        f"clutter {verb.clutter}" if verb.clutter else "",
+        "memory" if verb.memory == "on" else "",
+        "messages ignored" if verb.ignore_messages else "",
+        agent.condition,
+    ]
+    told = ["sequences", who, *parts[:3], kind, f"seed{verb.seed}"]
+    return make_run_info(
+        verb.run_id or fitting_run_id("-".join(filter(None, told)).replace(":", ".").replace(" ", "-")),
+        who=fitting_name(who),
+        who_kind="agent",
+        condition=", ".join(filter(None, parts)) or "none",
+        scene_kind=kind,
+        dataset_digest=dataset.digest(),
+        seed=verb.seed,
+        config={
+            "actions": "sequence7",
+            "sequences": SequenceSet(root).digest(),
+            "memory": verb.memory,
+            "ignore_messages": verb.ignore_messages,
+            "clutter": verb.clutter,
+            **evidence_config(dataset),
+            **agent.config,
+        },
+        made_for=agent.made_for,
+        labels=verb.labels == "on",
+    )

@@ -1,0 +1,235 @@
+"""Measures of runs of home sequences; they only aggregate what was scored when the runs ended.
+
+Conventions: SR, partial and composite success of GOAT-Bench, with its 0.25 m as a second row; progress and PPL of
+MultiON; CSR and CGT of LH-VLN. docs/home-sequences.md defines the rest.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+from scipy import stats
+
+from sim.episodes.sequences import SubtaskKind
+from sim.types import SuccessRule
+
+from .runs import SearchEnd, SequenceRun
+
+SequenceRule = SuccessRule | Literal["goat"]
+
+
+class SequenceFigures(BaseModel):
+    """The measures of a row; shares in [0, 1], None where there is nothing to count."""
+
+    model_config = ConfigDict(frozen=True)
+    n: int
+    """Sequences."""
+    searches: int
+    sr: float | None
+    sr_fresh: float | None
+    sr_revisit: float | None
+    sr_changed: float | None
+    sr_stale: float | None
+    progress: float | None
+    """Share of a sequence's searches that succeed before the first failure."""
+    partial: float | None
+    """Share of a sequence's searches that succeed."""
+    composite: float | None
+    """Share of sequences in which all searches succeed."""
+    csr: float | None
+    cgt: float | None
+    spl: float | None
+    """SPL of the searches, from where the robot then stood."""
+    ppl: float | None
+    """Progress, weighted by the shortest walk through the true objects over the walk made for it."""
+    stale: float | None
+    """Share of the searches with an object that was right before in which FOUND was there."""
+    interference: float | None
+    """SR of unchanged answers after unrelated messages, less SR of unchanged answers before any."""
+    lag: float | None
+    """Failed searches about a message until the first that succeeds, mean over messages."""
+    recall: float | None
+    precision: float | None
+    intervals: dict[str, tuple[float, float]] = {}
+    """95 % intervals of the means over sequences, with homes random and sequences inside homes."""
+
+
+class MemoryGain(BaseModel):
+    """Paired differences, with memory less without, of the same sequences; of `revisit` searches except `sr_all`."""
+
+    model_config = ConfigDict(frozen=True)
+    n: int
+    """Pairs of `revisit` searches."""
+    sr: float | None
+    spl: float | None
+    steps: float | None
+    sr_all: float | None
+    """Over searches of every kind."""
+
+
+def sequence_figures(runs: Sequence[SequenceRun], *, rule: SequenceRule = "paper") -> SequenceFigures:
+    """The measures of some runs, each of one sequence."""
+    ends = [run.end.searches for run in runs]
+    searches = [search for found in ends for search in found]
+    unchanged = [search for search in searches if search.kind in ("fresh", "revisit")]
+    after = _sr([search for search in unchanged if search.is_after_news], rule)
+    before = _sr([search for search in unchanged if not search.is_after_news], rule)
+    old = [search.is_at_old for search in searches if search.is_at_old is not None]
+    whole = [search.all for search in searches if search.all is not None]
+    wholes = {name: [measure(found, rule) for found in ends] for name, measure in _OF_SEQUENCES.items()}
+    homes = [run.start.scene for run in runs]
+    intervals = {name: interval_over_homes(values, homes) for name, values in wholes.items()}
+    return SequenceFigures(
+        n=len(runs),
+        searches=len(searches),
+        sr=_sr(searches, rule),
+        **{f"sr_{kind}": _sr([search for search in searches if search.kind == kind], rule) for kind in _KINDS},
+        **{name: _mean(values) for name, values in wholes.items()},
+        spl=_mean([_spl(search, rule) for search in searches]),
+        stale=_mean(old),
+        interference=None if after is None or before is None else after - before,
+        lag=_mean([lag for found in ends for lag in _lags(found, rule)]),
+        recall=_mean([found.recall for found in whole]),
+        precision=_mean([found.precision for found in whole]),
+        intervals={name: interval for name, interval in intervals.items() if interval is not None},
+    )
+
+
+def memory_gain(runs: Iterable[tuple[SequenceRun, SequenceRun]], *, rule: SequenceRule = "paper") -> MemoryGain:
+    """The gain of memory, from pairs of runs of one sequence with memory and without."""
+    pairs = [pair for one, other in runs for pair in zip(one.end.searches, other.end.searches, strict=True)]
+    revisits = [pair for pair in pairs if pair[0].kind == "revisit"]
+    steps = [
+        float(one.measures.num_steps - other.measures.num_steps)
+        for one, other in revisits
+        if one.measures is not None and other.measures is not None
+    ]
+    return MemoryGain(
+        n=len(revisits),
+        sr=_mean([float(_is_right(one, rule)) - float(_is_right(other, rule)) for one, other in revisits]),
+        spl=_mean([_spl(one, rule) - _spl(other, rule) for one, other in revisits]),
+        steps=_mean(steps),
+        sr_all=_mean([float(_is_right(one, rule)) - float(_is_right(other, rule)) for one, other in pairs]),
+    )
+
+
+def csr(right: Sequence[bool], weights: Sequence[float] | None = None) -> float:
+    """LH-VLN's conditional success: each right search counts fully after another right one, and as 1/N otherwise.
+
+    Args:
+        right: Whether each of N searches succeeded; before the first, all was right.
+        weights: Weight of each search, N in sum; None = equal ones. With shares of the shortest walk it is CGT.
+    """
+    count = len(right)
+    before = (True, *right[:-1])
+    each = [s * (1 + (count - 1) * b) / count for s, b in zip(right, before, strict=True)]
+    return float(np.average(each, weights=weights))
+
+
+def interval_over_homes(values: Sequence[float], homes: Sequence[str]) -> tuple[float, float] | None:
+    """95 % interval of a mean whose values share homes: homes are drawn at random, with all their values.
+
+    The mean's variance is that of the homes' sums of residuals (cluster-robust), with Student's t of one degree less
+    than there are homes. None = fewer than two homes.
+    """
+    sums: dict[str, float] = defaultdict(float)
+    if len(set(homes)) < 2:
+        return None
+    mean, count = float(np.mean(values)), len(set(homes))
+    for value, home in zip(values, homes, strict=True):
+        sums[home] += value - mean
+    error = (count / (count - 1) * sum(found**2 for found in sums.values())) ** 0.5 / len(values)
+    half = float(stats.t.ppf(0.975, count - 1)) * error
+    return mean - half, mean + half
+
+
+def _is_right(search: SearchEnd, rule: SequenceRule) -> bool:
+    return bool(search.succeeds(rule))
+
+
+def _sr(searches: Sequence[SearchEnd], rule: SequenceRule) -> float | None:
+    known = [right for search in searches if (right := search.succeeds(rule)) is not None]
+    return _mean([float(right) for right in known])
+
+
+def _spl(search: SearchEnd, rule: SequenceRule) -> float:
+    """SPL of one search, by the shortest walk from where it began; to all right objects where they are wanted."""
+    if search.measures is None or not search.succeeds(rule):
+        return 0.0
+    found = search.measures.rules["habitat" if rule == "goat" else rule]
+    best_m = search.all.best_m if search.all is not None else found and found.start_distance
+    if best_m is None:
+        return 0.0
+    return _efficiency(best_m, search.measures.path_m)
+
+
+def _efficiency(best_m: float, walked_m: float) -> float:
+    """Share of the best walk in the one that was made; 1 where none was needed."""
+    return best_m / max(best_m, walked_m) if best_m else 1.0
+
+
+def _num_right_first(searches: Sequence[SearchEnd], rule: SequenceRule) -> int:
+    right = [_is_right(search, rule) for search in searches]
+    return right.index(False) if False in right else len(right)
+
+
+def _progress(searches: Sequence[SearchEnd], rule: SequenceRule) -> float:
+    return _num_right_first(searches, rule) / len(searches)
+
+
+def _partial(searches: Sequence[SearchEnd], rule: SequenceRule) -> float:
+    return sum(_is_right(search, rule) for search in searches) / len(searches)
+
+
+def _composite(searches: Sequence[SearchEnd], rule: SequenceRule) -> float:
+    return float(all(_is_right(search, rule) for search in searches))
+
+
+def _csr(searches: Sequence[SearchEnd], rule: SequenceRule) -> float:
+    return csr([_is_right(search, rule) for search in searches])
+
+
+def _cgt(searches: Sequence[SearchEnd], rule: SequenceRule) -> float:
+    """CSR with the searches' shares of the shortest walk as weights; a search without a path weighs nothing."""
+    legs = [search.leg_m or 0.0 for search in searches]
+    return csr([_is_right(search, rule) for search in searches], legs if sum(legs) else None)
+
+
+def _ppl(searches: Sequence[SearchEnd], rule: SequenceRule) -> float:
+    """Progress by the path: only walks of the searches that count for progress are compared."""
+    count = _num_right_first(searches, rule)
+    best_m = sum(search.leg_m or 0.0 for search in searches[:count])
+    walked_m = sum(search.measures.path_m for search in searches[:count] if search.measures is not None)
+    return count / len(searches) * _efficiency(best_m, walked_m) if count else 0.0
+
+
+def _lags(searches: Sequence[SearchEnd], rule: SequenceRule) -> list[float]:
+    """For each later message that searches ask about: how many of them fail before the first that succeeds."""
+    asked: dict[int, list[SearchEnd]] = defaultdict(list)
+    for search in searches:
+        if search.message > 0:
+            asked[search.message].append(search)
+    return [float(_num_wrong_first(found, rule)) for found in asked.values()]
+
+
+def _num_wrong_first(searches: Sequence[SearchEnd], rule: SequenceRule) -> int:
+    right = [_is_right(search, rule) for search in searches]
+    return right.index(True) if True in right else len(right)
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None
+
+
+_KINDS: tuple[SubtaskKind, ...] = ("fresh", "revisit", "changed", "stale")
+_OF_SEQUENCES: dict[str, Callable[[Sequence[SearchEnd], SequenceRule], float]] = {
+    "progress": _progress,
+    "partial": _partial,
+    "composite": _composite,
+    "csr": _csr,
+    "cgt": _cgt,
+    "ppl": _ppl,
+}
+"""Measures of one sequence; a row has their means, each with an interval."""

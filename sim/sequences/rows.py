@@ -1,0 +1,118 @@
+"""Rows of tables about runs of home sequences: one per agent, condition and kind of homes."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from sim.errors import RunFileError
+from sim.homes.kind import scene_label
+from sim.tasks.run_files import RunInfo, read_run_info
+from sim.types import EpisodeKey, SuccessRule
+
+from .figures import MemoryGain, SequenceFigures, memory_gain, sequence_figures
+from .runs import SEQUENCES_FILE, SequenceRun, read_sequence_runs
+
+MEMORY = "memory"
+"""Part of the condition of runs in which agents kept their memory."""
+
+
+class SequenceRow(BaseModel):
+    """The figures of an agent in one condition and kind of homes, over all splits."""
+
+    model_config = ConfigDict(frozen=True)
+    who: str
+    task: Literal["pan"] = "pan"
+    condition: str
+    scene_kind: str
+    edition: str
+    scene_label: str
+    rule: SuccessRule
+    made_for: tuple[SuccessRule, ...]
+    sequence_measures: SequenceFigures
+    goat_measures: SequenceFigures
+    """The same runs by GOAT-Bench's rule: FOUND less than 0.25 m of walking from a view point."""
+    memory_gain: MemoryGain | None = None
+    """Of a row with memory, beside the same agent's row without."""
+
+
+def holds_sequence_runs(folder: Path) -> bool:
+    """Whether a run folder holds runs of sequences, not of episodes."""
+    return (folder / SEQUENCES_FILE).is_file()
+
+
+def sequence_rows(folders: Sequence[Path], *, rule: SuccessRule = "paper") -> list[SequenceRow]:
+    """The rows of some run folders; several runs of one agent and condition are pooled, such as those of seeds.
+
+    Raises:
+        RunFileError: A folder is damaged, a sequence stands twice in one run or seed, or runs are on different sets or
+            homes.
+    """
+    read = [(read_run_info(folder), read_sequence_runs(folder)) for folder in folders]
+    _require_one_set([info for info, _ in read])
+    pooled: dict[tuple[str, str, str], list[tuple[RunInfo, tuple[SequenceRun, ...]]]] = defaultdict(list)
+    for info, runs in read:
+        pooled[info.who, info.condition, info.scene_kind].append((info, runs))
+    rows = [_row(found, rule) for found in pooled.values()]
+    return [row.model_copy(update={"memory_gain": _gain(row, pooled, rule)}) for row in rows]
+
+
+def _row(found: Sequence[tuple[RunInfo, tuple[SequenceRun, ...]]], rule: SuccessRule) -> SequenceRow:
+    info = found[0][0]
+    seen: dict[tuple[EpisodeKey, int | str], str] = {}
+    for one, runs in found:
+        for run in runs:
+            trial = (run.key, one.run_id if one.seed is None else one.seed)
+            if trial in seen:
+                raise RunFileError(
+                    f"{one.run_id}: found {run.key} a second time (first in {seen[trial]}); expected each sequence "
+                    "once. Give each run once; runs of one agent need different seeds."
+                )
+            seen[trial] = one.run_id
+    whole = [run for _, runs in found for run in runs]
+    return SequenceRow(
+        who=info.who,
+        condition=info.condition,
+        scene_kind=info.scene_kind,
+        edition=info.edition,
+        scene_label=scene_label(info.scene_kind),
+        rule=rule,
+        made_for=tuple(sorted({one.made_for for one, _ in found if one.made_for is not None})),
+        sequence_measures=sequence_figures(whole, rule=rule),
+        goat_measures=sequence_figures(whole, rule="goat"),
+    )
+
+
+def _gain(
+    row: SequenceRow,
+    pooled: dict[tuple[str, str, str], list[tuple[RunInfo, tuple[SequenceRun, ...]]]],
+    rule: SuccessRule,
+) -> MemoryGain | None:
+    """The gain of a row with memory over the same agent's row without; runs are paired by their seeds."""
+    parts = row.condition.split(", ")
+    without = ", ".join(part for part in parts if part != MEMORY) or "none"
+    others = pooled.get((row.who, without, row.scene_kind))
+    if MEMORY not in parts or others is None:
+        return None
+    by_seed = {info.seed: runs for info, runs in others}
+    pairs = [
+        (run, other)
+        for info, runs in pooled[row.who, row.condition, row.scene_kind]
+        for run in runs
+        for other in by_seed.get(info.seed, ())
+        if run.key == other.key
+    ]
+    return memory_gain(pairs, rule=rule)
+
+
+def _require_one_set(infos: Sequence[RunInfo]) -> None:
+    """Raises RunFileError where runs are on different sets of sequences, or on different editions of homes."""
+    digests = {(str(info.config.get("sequences")), info.dataset_digest): info.run_id for info in infos}
+    if len(digests) > 1:
+        found = ", ".join(f"{sequences[:12]} ({digests[sequences, homes]})" for sequences, homes in sorted(digests))
+        raise RunFileError(
+            f"runs: found sequences {found}; expected runs on one set, in the homes of one edition. Give the runs of "
+            "each set separately."
+        )
