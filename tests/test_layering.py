@@ -63,7 +63,8 @@ ENTRANCES = {
     "sim.checks",
     "sim.sequences.gym_env",
 }
-"""Modules that no import statement names: commands, plug-ins named in text, files to copy, checks and an environment for users.
+"""Modules that no import statement names: commands, plug-ins named in text, files to copy, checks and an environment
+for users.
 
 The examples are entrances too."""
 HEAVY = ("viser", "rerun", "torch", "open3d", "trimesh")

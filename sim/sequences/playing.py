@@ -179,6 +179,7 @@ def open_job(job: SequenceJob) -> Callable[[EpisodeKey], SequenceRun]:
     scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir, clutter=job.clutter, labels=job.labels)
     found = {sequence_key(one): one for one in SequenceSet(job.sequences).sequences(scenes=(job.scene,))}
     agent_of = job.agent.open(dataset, scene)
+    knows_goals = isinstance(job.agent, MakesShortestPath)  # each search has an agent with its own truth
     renderer = None
     if job.agent.looks:
         from sim.homes.renderers import renderer_of
@@ -199,10 +200,9 @@ def open_job(job: SequenceJob) -> Callable[[EpisodeKey], SequenceRun]:
 
         def agent_at(index: int, pose: Pose, marks: tuple[Pose, ...]) -> Agent | None:
             episode = _without(_from_here(truth_of(sequence, index), pose), marks)
-            knows_more = isinstance(job.agent, MakesShortestPath) and episode.targets
-            return agent_of(episode) if knows_more or not marks else None
+            return agent_of(episode) if (knows_goals and episode.targets) or not marks else None
 
-        agent = sequence_agent(agent_at, sequence.start, keeps_memory=job.keeps_memory)
+        agent = sequence_agent(agent_at, sequence.start, keeps_memory=job.keeps_memory and not knows_goals)
         task = sequence_task(sequence, query_index=terms.query_index, max_steps=terms.max_steps, actions=terms.actions)
         try:
             play_sequence(agent, env, task, seed=episode_seed(job.seed, key))
