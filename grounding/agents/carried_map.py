@@ -111,4 +111,5 @@ class CarriedMap:
 
     def _is_first_start(self) -> bool:
         """Whether the start frame is that of the map."""
+        assert self._T_map_start is not None, "an episode was begun"
         return np.array_equal(self._T_map_start, np.eye(4))

@@ -15,7 +15,9 @@ from sim.tasks.run_files import RUN_ID
 from sim.types import SPLITS, SceneKind, Split
 
 _LEAST = {
-    **dict.fromkeys(("limit", "jobs", "batch", "homes", "width", "height", "max_steps", "max_calls", "max_tokens"), 1),
+    **dict.fromkeys(
+        ("limit", "jobs", "batch", "homes", "width", "height", "max_steps", "max_calls", "max_tokens", "sequences"), 1
+    ),
     **dict.fromkeys(("failures", "seed", "sample_seed"), 0),
 }
 """Smallest allowed value of an option, by field of a verb."""
@@ -29,7 +31,7 @@ def check_options(verb: object) -> None:
     """
     for name, least in _LEAST.items():
         value = getattr(verb, name, None)
-        if value is not None and value < least:
+        if isinstance(value, int) and value < least:
             raise PersonalVizError(
                 f"--{name.replace('_', '-')} is {value}; expected a whole number from {least}. "
                 "Leave it out for the default."

@@ -1,5 +1,7 @@
-"""Verb `stats`: the paper's tables of ownership and captions, rebuilt from the files."""
+"""Verb `stats`: the paper's tables of ownership and captions, rebuilt from the files; or the figures of a set of home
+sequences."""
 
+from collections import Counter
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
@@ -8,6 +10,7 @@ from tyro.conf import arg
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.editions import edition_of
+from sim.episodes.sequence_files import SequenceSet, holds_sequences
 from sim.episodes.statistics import (
     NETWORK_FIELDS,
     CaptionMetrics,
@@ -16,20 +19,34 @@ from sim.episodes.statistics import (
     goat_metrics,
     network_statistics,
 )
+from sim.types import SPLITS
+from sim.words.english import how_many
 
 from .options import Dataset, Json
 from .output import print_json, print_table
 
+_SEQUENCE_TABLES = {
+    "sequences": "Home sequences",
+    "lengths": "Sequences by length",
+    "messages": "Messages by kind",
+    "kinds": "Searches by kind",
+    "modes": "Searches by mode",
+}
+
 
 @dataclass
 class Stats:
-    """Rebuild the paper's two statistics tables from the files."""
+    """Rebuild the paper's two statistics tables from the files, or count what a set of home sequences holds."""
 
     dataset: Dataset
     goat: Annotated[Path | None, arg(help="Folder of GOAT-Bench's episodes, for its column of the captions.")] = None
     json: Json = False
 
     def run(self) -> int:
+        if holds_sequences(self.dataset):
+            figures = _sequence_figures(SequenceSet(self.dataset))
+            print_json(figures) if self.json else _print_sequences(figures)
+            return 0
         episodes = PersonalDataset(self.dataset)
         edition = edition_of(episodes.digest())
         goat = None if self.goat is None else goat_metrics(self.goat)
@@ -48,6 +65,35 @@ class Stats:
         if captions.faulty:
             print(f"Captions with an annotator's note: {', '.join(captions.faulty)}")
         return 0
+
+
+def _sequence_figures(found: SequenceSet) -> dict[str, dict[str, dict[str, int]]]:
+    """Counts of each split and of all: sequences, their lengths, messages and searches by kind, searches by mode."""
+    counts: dict[str, dict[str, Counter[str]]] = {name: {} for name in _SEQUENCE_TABLES}
+    for sequence in found.sequences():
+        record = sequence.record
+        told = {
+            "sequences": ["all"],
+            "lengths": [how_many(len(record.subtasks), "search", "searches")],
+            "messages": [message.kind for message in record.messages],
+            "kinds": [subtask.kind for subtask in record.subtasks],
+            "modes": [subtask.mode for subtask in record.subtasks],
+        }
+        for name, entries in told.items():
+            for column in (record.split, "all"):
+                counts[name].setdefault(column, Counter()).update(entries)
+    return {
+        name: {column: dict(sorted(columns[column].items())) for column in (*SPLITS, "all") if column in columns}
+        for name, columns in counts.items()
+    }
+
+
+def _print_sequences(figures: dict[str, dict[str, dict[str, int]]]) -> None:
+    for name, title in _SEQUENCE_TABLES.items():
+        columns = figures[name]
+        entries = sorted(columns.get("all", {}), key=lambda entry: (len(entry), entry))
+        rows = [(entry, *(f"{columns[column].get(entry, 0):,}" for column in columns)) for entry in entries]
+        print_table(title, ("", *columns), rows)
 
 
 def _print_network(statistics: NetworkStatistics) -> None:

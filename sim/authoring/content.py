@@ -3,7 +3,7 @@
 import gzip
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from sim.errors import DatasetError
 
 from ..episodes.schema import EpisodeRecord, Goal, SceneFile, goals_key
 from ..episodes.sequence_files import SequenceFile
+from ..episodes.sequences import SequenceRecord
 from .annotated import AnnotatedHome
 
 _HABITAT_GOAL = (
@@ -27,16 +28,19 @@ _HABITAT_EPISODE = (
 
 def content_file(home: AnnotatedHome, episodes: Sequence[EpisodeRecord], categories: Sequence[str]) -> SceneFile:
     """The content file of one scene and split, with all goals of the home; `categories` as in `index_file`."""
-    suffix = home.scene_id.rsplit("/", 1)[-1].removeprefix(home.name)
-    by_category: dict[str, list[Goal]] = {}
-    for thing in home.things.values():
-        key = goals_key(home.name, thing.goal.object_category, suffix=suffix)
-        by_category.setdefault(key, []).append(thing.goal)
-    return index_file(categories).model_copy(
-        update={
-            "goals_by_category": {key: tuple(goals) for key, goals in sorted(by_category.items())},
-            "episodes": tuple(episodes),
-        }
+    goals = _by_category(home, [thing.goal for thing in home.things.values()])
+    return index_file(categories).model_copy(update={"goals_by_category": goals, "episodes": tuple(episodes)})
+
+
+def sequence_file(home: AnnotatedHome, goals: Iterable[Goal], sequences: Sequence[SequenceRecord]) -> SequenceFile:
+    """The file of a home's sequences with these goals; ids of categories are places in their sorted list."""
+    by_category = _by_category(home, goals)
+    ids = index_file(sorted({goal.object_category for found in by_category.values() for goal in found}))
+    return SequenceFile(
+        goals_by_category=by_category,
+        sequences=tuple(sequences),
+        category_to_task_category_id=ids.category_to_task_category_id,
+        category_to_scene_annotation_category_id=ids.category_to_scene_annotation_category_id,
     )
 
 
@@ -90,6 +94,16 @@ def write_files(out: Path, files: dict[str, bytes]) -> None:
         for beside, _ in staged:
             beside.unlink(missing_ok=True)
         raise DatasetError(f"{out}: cannot be written ({error}); expected a writable folder. Change --out.") from None
+
+
+def _by_category(home: AnnotatedHome, goals: Iterable[Goal]) -> dict[str, tuple[Goal, ...]]:
+    """The goals by Habitat's key of their category."""
+    suffix = home.scene_id.rsplit("/", 1)[-1].removeprefix(home.name)
+    by_category: dict[str, tuple[Goal, ...]] = {}
+    for goal in goals:
+        key = goals_key(home.name, goal.object_category, suffix=suffix)
+        by_category[key] = (*by_category.get(key, ()), goal)
+    return dict(sorted(by_category.items()))
 
 
 def _gzipped(text: str) -> bytes:

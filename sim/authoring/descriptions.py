@@ -43,7 +43,7 @@ def write_description(items: Sequence[OwnedItem], *, floor: str, rng: np.random.
     openings = (
         f"We are on the {floor} of the home.", f"This is about the {floor}.", f"Everything here is on the {floor}.",
         f"Walking through the {floor}, one meets the things of several people.",
-        f"The {floor} of this home holds the belongings of {_number(len(_people(items)))} {_people_word(items)}.",
+        f"The {floor} of this home holds the belongings of {number_word(len(_people(items)))} {_people_word(items)}.",
         f"Here is who owns what on the {floor}.", f"Not everything on the {floor} belongs to everybody.",
     )  # fmt: skip
     closings = (
@@ -51,6 +51,22 @@ def write_description(items: Sequence[OwnedItem], *, floor: str, rng: np.random.
         f"So much for the {floor}.",
     )  # fmt: skip
     return " ".join([str(rng.choice(openings)), *sentences, str(rng.choice(closings))]).strip()
+
+
+def placed(item: OwnedItem) -> str:
+    """The thing with its room: "the red lamp in the hall"."""
+    return f"the {item.phrase} in the {item.room}"
+
+
+def capital(text: str) -> str:
+    """The text with a capital first letter."""
+    return text[0].upper() + text[1:]
+
+
+def number_word(count: int) -> str:
+    """ "one", "two"; digits from eleven on."""
+    words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+    return words[count] if count < len(words) else str(count)
 
 
 _Frame = Callable[[Sequence[OwnedItem]], str]
@@ -85,11 +101,6 @@ def _people_word(items: Sequence[OwnedItem]) -> str:
     return "person" if len(_people(items)) == 1 else "people"
 
 
-def _number(count: int) -> str:
-    words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
-    return words[count] if count < len(words) else str(count)
-
-
 def _names(item: OwnedItem) -> str:
     return _joined(item.owners)
 
@@ -106,15 +117,6 @@ def _a(item: OwnedItem) -> str:
     return with_article(item.phrase)
 
 
-def _placed(item: OwnedItem) -> str:
-    """The thing with its room: "the red lamp in the hall"."""
-    return f"the {item.phrase} in the {item.room}"
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]
-
-
 def _is_of(item: OwnedItem) -> str:
     """ "is Ada's", "belongs to Ada and Bo"."""
     return f"is {item.owners[0]}'s" if len(item.owners) == 1 else f"belongs to {_names(item)}"
@@ -122,40 +124,40 @@ def _is_of(item: OwnedItem) -> str:
 
 def _listed(items: Sequence[OwnedItem]) -> str:
     """The things with their rooms, separated by semicolons, because phrases have an "and" of their own."""
-    parts = [_placed(item) for item in items]
+    parts = [placed(item) for item in items]
     return parts[0] if len(parts) == 1 else f"{'; '.join(parts[:-1])}; and {parts[-1]}"
 
 
 _SINGLE: Sequence[_Frame] = (
     lambda g: f"In the {g[0].room}, {_the(g[0])} belongs to {_names(g[0])}.",
-    lambda g: f"{_capital(_placed(g[0]))} {_is_of(g[0])}.",
-    lambda g: f"{_names(g[0])} is the owner of {_placed(g[0])}.",
+    lambda g: f"{capital(placed(g[0]))} {_is_of(g[0])}.",
+    lambda g: f"{_names(g[0])} is the owner of {placed(g[0])}.",
     lambda g: f"There is {_a(g[0])} in the {g[0].room}; it belongs to {_names(g[0])}.",
     lambda g: f"Whoever looks around the {g[0].room} finds {_a(g[0])}, which {_names(g[0])} owns.",
     lambda g: f"The {g[0].room} is where {_names(g[0])} keeps a thing of their own: {_the(g[0])}.",
-    lambda g: f"As for {_names(g[0])}, {_placed(g[0])} is theirs.",
+    lambda g: f"As for {_names(g[0])}, {placed(g[0])} is theirs.",
     lambda g: f"It is {_names(g[0])} who owns {_the(g[0])}, which is to be found in the {g[0].room}.",
-    lambda g: f"Ask {_names(g[0])} before you touch {_placed(g[0])}, for it is theirs alone.",
+    lambda g: f"Ask {_names(g[0])} before you touch {placed(g[0])}, for it is theirs alone.",
 )
 _SHARED: Sequence[_Frame] = (
-    lambda g: f"{_names(g[0])} share {_placed(g[0])}.",
+    lambda g: f"{_names(g[0])} share {placed(g[0])}.",
     lambda g: f"In the {g[0].room}, {_the(g[0])} belongs to {_names(g[0])} together.",
-    lambda g: f"{_capital(_placed(g[0]))} has {_number(len(g[0].owners))} owners: {_names(g[0])}.",
+    lambda g: f"{capital(placed(g[0]))} has {number_word(len(g[0].owners))} owners: {_names(g[0])}.",
     lambda g: f"There is {_a(g[0])} in the {g[0].room}; it is owned jointly by {_names(g[0])}.",
-    lambda g: f"One thing that {_names(g[0])} have bought together is {_placed(g[0])}.",
-    lambda g: f"{_names(g[0])} are the owners of {_placed(g[0])}, each as much as the other.",
+    lambda g: f"One thing that {_names(g[0])} have bought together is {placed(g[0])}.",
+    lambda g: f"{_names(g[0])} are the owners of {placed(g[0])}, each as much as the other.",
 )
 _OF_PEOPLE: Sequence[_Frame] = (
     lambda g: f"{_names(g[0])} {_verb(g[0])} {_listed(g)}.",
-    lambda g: f"{_number(len(g)).capitalize()} things belong to {_names(g[0])}: {_listed(g)}.",
+    lambda g: f"{number_word(len(g)).capitalize()} things belong to {_names(g[0])}: {_listed(g)}.",
     lambda g: f"To {_names(g[0])} belong {_listed(g)}.",
-    lambda g: f"{_capital(_listed(g))}: {'both' if len(g) == 2 else 'all'} of these belong to {_names(g[0])}.",
-    lambda g: f"{_names(g[0])} {_verb(g[0])} {_placed(g[0])}, and {_listed(g[1:])} as well.",
+    lambda g: f"{capital(_listed(g))}: {'both' if len(g) == 2 else 'all'} of these belong to {_names(g[0])}.",
+    lambda g: f"{_names(g[0])} {_verb(g[0])} {placed(g[0])}, and {_listed(g[1:])} as well.",
 )
 _OF_ROOM: Sequence[_Frame] = (
     lambda g: f"In the {g[0].room}, {', and '.join(f'{_the(item)} belongs to {_names(item)}' for item in g)}.",
     lambda g: (
-        f"{_number(len(g)).capitalize()} things in the {g[0].room} have owners: "
+        f"{number_word(len(g)).capitalize()} things in the {g[0].room} have owners: "
         + "; ".join(f"{_the(item)} {_is_of(item)}" for item in g)
         + "."
     ),
@@ -169,11 +171,9 @@ _OF_ROOM: Sequence[_Frame] = (
     ),
 )
 _OF_TWO: Sequence[_Frame] = (
-    lambda g: f"{_names(g[0])} {_verb(g[0])} {_placed(g[0])}, whereas {_placed(g[1])} belongs to {_names(g[1])}.",
-    lambda g: f"{_capital(_placed(g[0]))} {_is_of(g[0])}, and {_placed(g[1])} {_is_of(g[1])}.",
-    lambda g: (
-        f"If {_placed(g[0])} belongs to {_names(g[0])}, {_placed(g[1])} belongs to {_names(g[1])} just as surely."
-    ),
+    lambda g: f"{_names(g[0])} {_verb(g[0])} {placed(g[0])}, whereas {placed(g[1])} belongs to {_names(g[1])}.",
+    lambda g: f"{capital(placed(g[0]))} {_is_of(g[0])}, and {placed(g[1])} {_is_of(g[1])}.",
+    lambda g: f"If {placed(g[0])} belongs to {_names(g[0])}, {placed(g[1])} belongs to {_names(g[1])} just as surely.",
     lambda g: (
         f"In the {g[0].room} {_names(g[0])} {_verb(g[0])} {_the(g[0])}; in the {g[1].room} "
         f"{_names(g[1])} {_verb(g[1])} {_the(g[1])}."

@@ -9,13 +9,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from sim.errors import DatasetError, line_from_validation_error
-from sim.homes.open_home import open_scene, open_unasked_scan
+from sim.homes.open_home import home_plan, open_scene, open_unasked_scan, scene_from_plan
+from sim.homes.plan import HomePlan
+from sim.mesh import Scene
 from sim.types import SPLITS, Split
 
 from ..episodes.dataset import PersonalDataset
@@ -74,6 +76,18 @@ class Edition:
     sources: Mapping[str, SceneSource]
     changes: Mapping[str, tuple[Change, ...]]
     """Objects of each scene that differ from those of the edition before."""
+
+
+class OpenedHome(NamedTuple):
+    """A home with its words, and what it was made from."""
+
+    home: AnnotatedHome
+    source: SceneSource
+    changes: tuple[Change, ...]
+    """Objects that changed since the edition before."""
+    scene: Scene
+    plan: HomePlan | None
+    """The plan that the scene was made from; None for scans."""
 
 
 def scenes_to_ask(dataset: Path) -> tuple[str, ...]:
@@ -173,9 +187,8 @@ def draw_edition(
     episodes: dict[tuple[Split, str], tuple[EpisodeRecord, ...]] = {}
     changes: dict[str, tuple[Change, ...]] = {}
     for scene in scenes:
-        homes[scene], sources[scene], changes[scene] = _opened(
-            dataset, scene, scenes_dir, num_before=before.get(scene, 0), refined=refined
-        )
+        opened = opened_home(dataset, scene, scenes_dir, num_before=before.get(scene, 0), refined=refined)
+        homes[scene], sources[scene], changes[scene] = opened.home, opened.source, opened.changes
         own = int.from_bytes(hashlib.sha256(scene.encode()).digest()[:8])
         drawn = draw_searches(homes[scene], counts, rng=np.random.default_rng([seed, own]), style=style)
         episodes |= {(split, scene): found for split, found in drawn.items() if found}
@@ -216,10 +229,16 @@ def write_edition(out: Path, files: dict[str, bytes]) -> None:
     write_files(out, files)
 
 
-def _opened(
-    dataset: Path, scene: str, scenes_dir: Path | None, *, num_before: int, refined: Path | None
-) -> tuple[AnnotatedHome, SceneSource, tuple[Change, ...]]:
-    """The scene's home, what it was made from, and the objects that changed."""
+def opened_home(
+    dataset: Path, scene: str, scenes_dir: Path | None, *, num_before: int = 0, refined: Path | None = None
+) -> OpenedHome:
+    """The scene's home with its words; arguments as in `draw_edition`.
+
+    Raises:
+        DatasetError: The scene is unknown, or its annotations or episodes are damaged.
+        SceneError: The scene cannot be opened.
+    """
+    plan = None
     path = annotation_path(dataset, scene)
     edits = read_edits(path)
     if edits:
@@ -239,7 +258,9 @@ def _opened(
     else:
         episodes = PersonalDataset(dataset)
         changes = _refinements(episodes, scene, refined) if refined is not None else ()
-        opened = open_scene(episodes, scene, scenes_dir=scenes_dir)
+        if scenes_dir is None:
+            plan = home_plan(episodes, scene)
+        opened = open_scene(episodes, scene, scenes_dir=scenes_dir) if plan is None else scene_from_plan(plan)
         words = {change.id: change.after for change in changes if change.after is not None}
         home = home_from_edition(episodes, opened, refined=words)
         digest = episodes.scene_digest(scene)
@@ -250,7 +271,7 @@ def _opened(
         num_objects=len(home.things),
         left_out=home.left_out,
     )
-    return home, source, changes
+    return OpenedHome(home, source, changes, opened, plan)
 
 
 def _refinements(episodes: PersonalDataset, scene: str, refined: Path) -> tuple[Change, ...]:

@@ -6,13 +6,14 @@ in the plan do not count.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sim.frames import T_world_camera, yaw_towards
 from sim.homes.plan import Furniture, HomePlan
 from sim.mesh import Scene
+from sim.render.raycast import Raycaster
 from sim.render.renderer import Renderer
 from sim.types import TURN_STEP, Camera, EpisodeKey, Pose
 from sim.walk.viewpoints import view_points_around
@@ -88,6 +89,30 @@ def find_verdict(episode: Episode, plan: HomePlan, scene: Scene, *, sights: Mapp
     """
     verdicts = [_verdict(episode, goal, plan, scene, sights[goal.object_name]) for goal in episode.targets]
     return min(verdicts, key=lambda verdict: (not verdict.findable, len(verdict.alike), -verdict.pixels))
+
+
+class Finder:
+    """Judges whether objects of one home can be found; each object is looked at once."""
+
+    def __init__(self, plan: HomePlan, scene: Scene) -> None:
+        """Keeps the home; the scene is made from the plan."""
+        self._plan, self._scene = plan, scene
+        self._renderer = Raycaster(scene.mesh)
+        self._sights: dict[str, Sight] = {}
+
+    def is_visible(self, goal: Goal) -> bool:
+        """Whether the object has enough pixels at its best view point."""
+        if goal.object_name not in self._sights:
+            self._sights[goal.object_name] = best_sight(goal, self._scene, renderer=self._renderer)
+        return self._sights[goal.object_name].pixels >= MIN_PIXELS
+
+    def can_find(self, episode: Episode) -> bool:
+        """Whether each right object of an episode can be found by reading and looking."""
+        return all(
+            self.is_visible(goal)
+            and find_verdict(replace(episode, targets=(goal,)), self._plan, self._scene, sights=self._sights).findable
+            for goal in episode.targets
+        )
 
 
 def best_sight(goal: Goal, scene: Scene, *, renderer: Renderer) -> Sight:

@@ -44,7 +44,7 @@ _AWAY = np.pi / 4
 """Starts of the release look away from the target, with this much noise to either side (DATA_FORMAT.md, 5.3)."""
 _MOST_ITEMS = 12
 """Most objects that are offered to the graph."""
-_ODD_PLURALS = ("s", "x", "ch", "sh", "f", "y")
+ODD_PLURALS = ("s", "x", "ch", "sh", "f", "y")
 """Queries add a bare "s" (DATA_FORMAT.md, section 3), which is wrong after these endings."""
 _IDS_PER_HOME = 1000
 
@@ -89,10 +89,12 @@ class _Search(NamedTuple):
     """The owner in the query."""
     targets: list[Goal]
     """The right objects, nearest to the start first."""
-    start: "_Start"
+    start: "Start"
 
 
-class _Start(NamedTuple):
+class Start(NamedTuple):
+    """Where a robot begins."""
+
     position: Vector3
     yaw: float
     geodesic: float
@@ -245,7 +247,7 @@ def _drawn(
         return "target"
     new = [choice for choice in fitting if not asked.intersection(choice[1])] or fitting
     person, owned = new[int(rng.integers(len(new)))]
-    start = _start(home.navigation, [home.things[name].goal for name in owned], split, rng, rule)
+    start = draw_start(home.navigation, [home.things[name].goal for name in owned], split, rng, rule)
     if start is None:
         return "start"
     return _Search(names, edges, person, start[0], start[1])
@@ -256,7 +258,7 @@ def _offered(home: AnnotatedHome, on_storey: list[str], rng: np.random.Generator
     names = [on_storey[k] for k in rng.permutation(len(on_storey))]
     if wants_several:
         counts = Counter(_category(home, name) for name in names)
-        category = next((c for c, count in counts.items() if count > 1 and not c.endswith(_ODD_PLURALS)), "")
+        category = next((c for c, count in counts.items() if count > 1 and not c.endswith(ODD_PLURALS)), "")
         twins = [name for name in names if _category(home, name) == category][:2]
         names = [*twins, *(name for name in names if name not in twins)]
     return names[:_MOST_ITEMS]
@@ -265,12 +267,12 @@ def _offered(home: AnnotatedHome, on_storey: list[str], rng: np.random.Generator
 def _conflicts(home: AnnotatedHome, names: Sequence[str], *, may_own_twins: bool = False) -> NDArray[np.bool_]:
     """(M, M) True for two objects that one person may not own, because a query could mean either."""
     things = [home.things[name] for name in names]
-    return np.array([[_may_be_meant(a, b, may_own_twins) for b in things] for a in things], bool).reshape(
+    return np.array([[may_be_meant(a, b, may_own_twins) for b in things] for a in things], bool).reshape(
         len(names), len(names)
     )
 
 
-def _may_be_meant(first: Thing, second: Thing, may_own_twins: bool) -> bool:
+def may_be_meant(first: Thing, second: Thing, may_own_twins: bool) -> bool:
     """Whether a query for one of two objects could mean the other."""
     one, other = first.goal.object_category, second.goal.object_category
     if one == other:
@@ -282,9 +284,9 @@ def _category(home: AnnotatedHome, name: str) -> str:
     return home.things[name].goal.object_category
 
 
-def _start(
+def draw_start(
     navigation: NavigationMap, goals: list[Goal], split: Split, rng: np.random.Generator, rule: StartRule
-) -> tuple[list[Goal], _Start] | None:
+) -> tuple[list[Goal], Start] | None:
     """The goals, nearest first, and a start in the split's window on their storey; None where none was found."""
     points = _places(navigation, goals[0], rule, rng)
     if not len(points):
@@ -306,7 +308,7 @@ def _start(
     if rule.looks_away:
         target = ordered[0].position
         yaw = yaw_towards((x, z), (target[0], target[2])) + np.pi + yaw / np.pi * _AWAY
-    return ordered, _Start((x, y, z), yaw, float(nearest[chosen]))
+    return ordered, Start((x, y, z), yaw, float(nearest[chosen]))
 
 
 def _walks(

@@ -17,6 +17,7 @@ from ..episodes.checks_geometry import GEODESIC_LIMITS
 from ..episodes.sequence_files import HomeSequence, SequenceSet
 from ..episodes.sequences import Edge, MessageKind, SubtaskKind
 from . import people
+from .captions import are_mixed_up
 
 LEAST_APART = 2.0
 """Least planar distance between the right objects of two searches, one after the other (metres)."""
@@ -82,11 +83,24 @@ def broken_guarantees(sequence: HomeSequence) -> Iterator[str]:
         )
         if apart < LEAST_APART:
             yield f"subtasks[{index}] is {apart:.2f} m from the object before; expected at least {LEAST_APART:g} m"
+        if record.subtasks[index].info.previous_geodesic is None:
+            yield f"subtasks[{index}].info.previous_geodesic is null; expected the walk from the object before"
     for index, (subtask, targets) in enumerate(zip(record.subtasks, sequence.targets, strict=True)):
         right = {goal.object_name for goal in targets}
         alike = {goal.object_name for goal in sequence.of_category(subtask.object_category)} - right
         if subtask.kind in ("changed", "stale") and not alike:
             yield f"subtasks[{index}] is {subtask.kind!r} without another {subtask.object_category!r} on its storey"
+        yield from _other_meanings(index, sequence)
+
+
+def _other_meanings(index: int, sequence: HomeSequence) -> Iterator[str]:
+    """The categories of the owner's other objects that the query of a search could mean."""
+    subtask = sequence.record.subtasks[index]
+    categories = {goal.object_name: goal.object_category for goal in sequence.goals}
+    theirs = {edge.object_name for edge in sequence.ownership[index] if edge.owner == subtask.owner}
+    for other in sorted({categories[name] for name in theirs & categories.keys()} - {subtask.object_category}):
+        if are_mixed_up(subtask.object_category, other):
+            yield f"subtasks[{index}] could mean {subtask.owner}'s {other!r} too; expected a query with one meaning"
 
 
 def broken_rule(split: Split, edges: Mapping[Edge, int]) -> str | None:

@@ -19,6 +19,11 @@ _QUERIES = (
     "Give me the coordinates of {}",
 )  # fmt: skip
 """The six sentences of the release (DATA_FORMAT.md, section 3)."""
+_QUERIES_FOR_ALL = (
+    "Find {}", "Where are {}?", "Locate {}", "Retrieve the positions of {}", "Identify the positions of {}",
+    "Give me the coordinates of {}",
+)  # fmt: skip
+"""The same for several objects that are all wanted; our own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +119,10 @@ def parse_ownership(sentence: str) -> OwnershipEdge:
     return OwnershipEdge(owner, phrase, _LEADING_ARTICLE.sub("", room) or None)
 
 
-def queries_for(owner: str, category: str, *, one_of: bool = False) -> tuple[str, ...]:
-    """The six equivalent questions for one object, or for one of several of a category."""
+def queries_for(owner: str, category: str, *, one_of: bool = False, all_of: bool = False) -> tuple[str, ...]:
+    """The six equivalent questions for one object, for one of several of a category, or for all of them."""
+    if all_of:
+        return tuple(query.format(f"all of {owner}'s {category}s") for query in _QUERIES_FOR_ALL)
     asked = f"one of {owner}'s {category}s" if one_of else f"{owner}'s {category}"
     return tuple(query.format(asked) for query in _QUERIES)
 

@@ -38,6 +38,14 @@ class Generate:
         Path | None,
         arg(help="Folder of `annotate --dataset` whose accepted captions replace those of the edition DATASET."),
     ] = None
+    sequences: Annotated[
+        int | None,
+        arg(
+            metavar="N",
+            help="Make N home sequences over all scenes instead of episodes (docs/home-sequences.md), such as 300; the "
+            "numbers of episodes do not count then.",
+        ),
+    ] = None
     seed: Annotated[int, arg(help="The same seed gives the same files.")] = 0
     easy: Count = 20
     medium: Count = 20
@@ -81,6 +89,8 @@ class Generate:
                 f"--captions {self.captions}: found no opinions in it; expected the --out of `annotate --dataset`. "
                 "Give that folder."
             )
+        if self.sequences is not None:
+            return self._make_sequences(self.sequences)
         counts: dict[Split, int] = {"easy": self.easy, "medium": self.medium, "hard": self.hard}
         describer = Describer(self._chat())
         out = self.out or self.dataset
@@ -115,6 +125,49 @@ class Generate:
             num_changed = sum(map(len, edition.changes.values()))
             print(f"Objects that changed since the edition before: {num_changed}, in {out / 'changes.md'}.")
             print(f"Next: personal-viz run --agent shortest-path --dataset {out}")
+        return 0
+
+    def _make_sequences(self, count: int) -> int:
+        from sim.authoring.edition import scenes_to_ask
+        from sim.authoring.sequence_generation import draw_sequences, require_free_set, write_sequences
+        from sim.authoring.stories import SHARES
+
+        if self.out is None or self.describe == "llm":
+            raise PersonalVizError(
+                f"--sequences {count}: --out is {self.out} and --describe {self.describe!r}; expected a folder of its "
+                "own for the set, and descriptions by templates. Give --out, and leave --describe out."
+            )
+        scenes = tuple(dict.fromkeys(self.scene)) or scenes_to_ask(self.dataset)
+        require_free_set(self.out, scenes, replace=self.replace)
+        with counted("scenes", len(scenes)) as progress:
+            drawn = draw_sequences(
+                self.dataset,
+                scenes,
+                scenes_dir=self.scenes_dir,
+                count=count,
+                seed=self.seed,
+                starts=self.starts,
+                refined=self.captions,
+                on_scene=lambda _: progress.add(),
+            )
+        with writing(self.out):
+            write_sequences(self.out, drawn)
+        total = drawn.total
+        if self.json:
+            print_json(
+                {
+                    "sequences": total.splits.total(),
+                    "subtasks": total.needs.kinds.total(),
+                    "by_kind": {kind: total.needs.kinds[kind] for kind in SHARES},
+                    "refused": total.refused,
+                }
+            )
+            return 0
+        for line in total.lines:
+            print(line)
+        kinds = ", ".join(f"{kind} {total.needs.kinds[kind]}" for kind in SHARES)
+        print(f"{total.splits.total()} of {count} sequences with {total.needs.kinds.total()} searches ({kinds}).")
+        print(f"Written to {self.out}. Next: personal-viz validate --dataset {self.out}")
         return 0
 
     def _chat(self) -> "Chat | None":
