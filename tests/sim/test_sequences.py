@@ -283,6 +283,21 @@ def test_a_query_has_one_meaning_and_the_walk_from_the_object_before_is_known(tm
     )
 
 
+def test_a_changed_answer_differs_from_the_one_of_the_intro(tmp_path: Path) -> None:
+    document = whole_story()
+    document["messages"][1:] = [message(1, "lend", ["Ada lamp_3"], ["Bo lamp_3"], until=2)]
+    document["subtasks"][1:] = [search("Cy", "book_4", "fresh", 0), search("Bo", "lamp_3", "changed", 1)]
+    file = content(document)
+    file["goals_by_category"][f"{SCENE}.glb_lamp"] += [
+        file["goals_by_category"][f"{SCENE}.glb_lamp"][0] | {"object_name": "lamp_5"}
+    ]
+    document["subtasks"][0] = search("Dee", "cup_1", "fresh", 0)
+    report = validate_sequences(written(tmp_path, file))
+    assert report.broken == (
+        "Home/s0: subtasks[2] is 'changed', but the intro gives 'lamp_3'; expected another answer",
+    )
+
+
 def test_validate_tells_of_a_set_and_refuses_only_what_cannot_be_used(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -90,6 +90,9 @@ def broken_guarantees(sequence: HomeSequence) -> Iterator[str]:
         alike = {goal.object_name for goal in sequence.of_category(subtask.object_category)} - right
         if subtask.kind in ("changed", "stale") and not alike:
             yield f"subtasks[{index}] is {subtask.kind!r} without another {subtask.object_category!r} on its storey"
+        told = {edge.object_name for edge in record.messages[0].adds if edge.owner == subtask.owner}
+        if subtask.kind == "changed" and told & right:
+            yield f"subtasks[{index}] is 'changed', but the intro gives {min(told & right)!r}; expected another answer"
         yield from _other_meanings(index, sequence)
 
 

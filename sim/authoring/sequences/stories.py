@@ -277,7 +277,8 @@ class _Teller:
             return Ask(owner, names, "revisit", decided, None) if self.decided[key] == decided else None
         if decided == 0:
             return Ask(owner, names, "fresh", 0, None)
-        if self.setting.num_alike[category] <= len(names):
+        is_told = any(Edge(owner, name) in self.changes[0].adds for name in names)
+        if is_told or self.setting.num_alike[category] <= len(names):
             return None
         return Ask(owner, names, "changed", decided, old if number == decided else None)
 
