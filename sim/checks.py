@@ -9,7 +9,7 @@ assert not problems, "\\n".join(problems)
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache, partial
 
 import numpy as np
@@ -20,9 +20,10 @@ from sim.homes.open_home import scene_from_plan
 from sim.mesh import Scene
 from sim.plugins import call_plugin, made_of, second_answer
 from sim.render.raycast import Raycaster
+from sim.sequences.playing import SearchBySearch, sequence_agent
 from sim.tasks.agents import Agent, next_action
 from sim.tasks.pan import PanEnv
-from sim.types import PAPER4, PAPER6, TURN_STEP, Action, Camera, Observation, Pose, Task
+from sim.types import PAPER4, PAPER6, SEQUENCE7, TURN_STEP, Action, Camera, Observation, Pose, Prompt, Task
 
 STEPS = 40
 """Actions in each trial episode, unless the agent stops before: a look around, which takes 12, and a walk."""
@@ -35,12 +36,14 @@ _HOME_SEED = 1
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One short episode of a check."""
+    """One short episode, or home sequence, of a check."""
 
     name: str
     task: Task
     start: Pose
     seed: int
+    prompts: tuple[Prompt, ...] = ()
+    """The searches of a home sequence."""
 
 
 def check_agent(
@@ -48,6 +51,7 @@ def check_agent(
     *,
     steps: int = STEPS,
     camera: Camera = Camera(),  # noqa: B008 - frozen value
+    sequences: bool = False,
 ) -> list[str]:
     """Runs an agent for a few steps in a small invented home and lists how it breaks the contract of `Agent`.
 
@@ -61,8 +65,10 @@ def check_agent(
         agent: An agent, a function without arguments that makes one, or its name as package.module:factory. With a
             function or a name, new agents are made for comparison, so that lack of determinism and memory that
             outlives a reset can be told apart.
-        steps: Actions per trial episode.
+        steps: Actions per trial episode, and per search of a home sequence.
         camera: The agent's camera; the default is the one that runs use.
+        sequences: Whether it must also do a home sequence of two searches, with and without its memory: itself where
+            it has `follows_sequences`, else one search after the other, with `carry` if it has one.
 
     Returns:
         One sentence per violation; empty = the contract is kept.
@@ -74,37 +80,49 @@ def check_agent(
     scene = check_home()
     six, four = check_trials(scene)
     checkup = _Checkup(scene, camera, steps)
-    before = checkup.actions_of(first, six)
-    if before is not None:
+    repeated = [six, check_sequence(scene)] if sequences else [six]
+    answers = {}
+    for trial in repeated:
+        before = checkup.actions_of(first, trial)
+        if before is None:
+            break
+        answers[trial.name] = before
         checkup.actions_of(first, four)
-        again = checkup.actions_of(first, six)
-        fresh = None if first is agent else checkup.actions_of_new(agent, six)
-        checkup.problems += _differences(six, before, again=again, fresh=fresh)
-        checkup.actions_of(first, six, keep_memory=True)
-    if before is not None and not checkup.problems:
-        checkup.problems += _in_second_process(agent, six, before, camera=camera, steps=steps)
+        again = checkup.actions_of(first, trial)
+        fresh = None if first is agent else checkup.actions_of_new(agent, trial)
+        checkup.problems += _differences(trial, before, again=again, fresh=fresh)
+        checkup.actions_of(first, trial, keep_memory=True)
+    if not checkup.problems:
+        checkup.problems += _in_second_process(agent, repeated, answers, camera=camera, steps=steps)
     return list(dict.fromkeys(checkup.problems))
 
 
 def _in_second_process(
-    agent: Agent | Callable[[], Agent] | str, trial: Trial, before: list[Action], *, camera: Camera, steps: int
+    agent: Agent | Callable[[], Agent] | str,
+    trials: list[Trial],
+    before: dict[str, list[Action]],
+    *,
+    camera: Camera,
+    steps: int,
 ) -> list[str]:
-    """Problems of the same trial in a new process, where Python's `hash()` gives other numbers."""
+    """Problems of the same trials in a new process, where Python's `hash()` gives other numbers."""
     try:
-        second = second_answer(agent, partial(_actions, camera=camera, steps=steps), methods=METHODS)
+        play = partial(_actions, trials=trials, camera=camera, steps=steps)
+        second = second_answer(agent, play, methods=METHODS)
     except AgentError as error:
         return [str(error)]
-    if second is None or second[0] == before:
-        return []
+    what, wanted = "a second process does something else", "the seed to decide everything"
     return [
-        _difference(trial, before, second[0], "a second process does something else", "the seed to decide everything")
+        _difference(trial, before[trial.name], after, what, wanted)
+        for trial, after in zip(trials, second[0] if second else (), strict=False)
+        if after != before[trial.name]
     ]
 
 
-def _actions(agent: Agent, *, camera: Camera, steps: int) -> list[Action]:
-    """The agent's actions in the trial with six actions."""
-    scene = check_home()
-    return _Checkup(scene, camera, steps).actions_of(agent, check_trials(scene)[0]) or []
+def _actions(agent: Agent, *, trials: list[Trial], camera: Camera, steps: int) -> list[list[Action]]:
+    """The agent's actions in each trial."""
+    checkup = _Checkup(check_home(), camera, steps)
+    return [checkup.actions_of(agent, trial) or [] for trial in trials]
 
 
 @cache
@@ -127,6 +145,15 @@ def check_trials(scene: Scene) -> tuple[Trial, Trial]:
     return trials[0], trials[1]
 
 
+def check_sequence(scene: Scene) -> Trial:
+    """A home sequence of two searches, of which the second is about something that was given away."""
+    first, _ = check_trials(scene)
+    thing = scene.objects[0].category
+    prompts = (Prompt(f"Find Ada's {thing}"), Prompt(f"Find Tom's {thing}", f"Ada gave the {thing} to Tom."))
+    task = replace(first.task, actions=SEQUENCE7)
+    return replace(first, name=f"sequence of {len(prompts)} searches", task=task, prompts=prompts)
+
+
 class _Checkup:
     """Plays trials and collects violations."""
 
@@ -138,9 +165,16 @@ class _Checkup:
     def actions_of(self, agent: Agent, trial: Trial, *, keep_memory: bool = False) -> list[Action] | None:
         """The agent's actions in the trial; None when a violation ended it."""
         env = PanEnv(
-            trial.start, self._scene.navigation, renderer=self._renderer, camera=self._camera, max_steps=self._steps
+            trial.start,
+            self._scene.navigation,
+            renderer=self._renderer,
+            camera=self._camera,
+            max_steps=self._steps,
+            prompts=trial.prompts,
         )
-        more = {"keep_memory": True} if keep_memory else {}
+        if trial.prompts:
+            agent = sequence_agent(partial(_same_agent, agent), trial.start, keeps_memory=keep_memory)
+        more = {"keep_memory": True} if keep_memory and not isinstance(agent, SearchBySearch) else {}
         where = f"{trial.name}{', keep_memory=True' if keep_memory else ''}"
         actions: list[Action] = []
         spent_s = -time.perf_counter()
@@ -178,6 +212,11 @@ class _Checkup:
                 self.problems.append(
                     f"act() changed the array observation.{name}; expected it to be left as it is. Work on a copy."
                 )
+
+
+def _same_agent(agent: Agent, index: int, here: Pose, marks: tuple[Pose, ...]) -> Agent | None:
+    """The agent of each search; it is asked once."""
+    return None if marks else agent
 
 
 def _copied_arrays(observation: Observation) -> dict[str, np.ndarray]:

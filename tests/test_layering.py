@@ -61,8 +61,10 @@ ENTRANCES = {
     "recordings.habitat_golden",
     "recordings.habitat_writer",
     "sim.checks",
+    "sim.sequences.gym_env",
 }
-"""Modules that no import statement names: commands, plug-ins named in text, files to copy, checks for users.
+"""Modules that no import statement names: commands, plug-ins named in text, files to copy, checks and an environment
+for users.
 
 The examples are entrances too."""
 HEAVY = ("viser", "rerun", "torch", "open3d", "trimesh")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.episodes.sequence_files import HomeSequence, SequenceSet
+from sim.episodes.sequence_files import SequenceSet
 from sim.errors import AgentError
 from sim.frames import T_world_agent, gps_from_poses, quat_xyzw_from_yaw, wrap_angle
 from sim.plugins import call_plugin
@@ -179,6 +179,7 @@ def open_job(job: SequenceJob) -> Callable[[EpisodeKey], SequenceRun]:
     scene = open_scene(dataset, job.scene, scenes_dir=job.scenes_dir, clutter=job.clutter, labels=job.labels)
     found = {sequence_key(one): one for one in SequenceSet(job.sequences).sequences(scenes=(job.scene,))}
     agent_of = job.agent.open(dataset, scene)
+    knows_goals = isinstance(job.agent, MakesShortestPath)  # each search has an agent with its own truth
     renderer = None
     if job.agent.looks:
         from sim.homes.renderers import renderer_of
@@ -199,10 +200,9 @@ def open_job(job: SequenceJob) -> Callable[[EpisodeKey], SequenceRun]:
 
         def agent_at(index: int, pose: Pose, marks: tuple[Pose, ...]) -> Agent | None:
             episode = _without(_from_here(truth_of(sequence, index), pose), marks)
-            knows_more = isinstance(job.agent, MakesShortestPath) and episode.targets
-            return agent_of(episode) if knows_more or not marks else None
+            return agent_of(episode) if (knows_goals and episode.targets) or not marks else None
 
-        agent = _agent(agent_at, sequence, keeps_memory=job.keeps_memory)
+        agent = sequence_agent(agent_at, sequence.start, keeps_memory=job.keeps_memory and not knows_goals)
         task = sequence_task(sequence, query_index=terms.query_index, max_steps=terms.max_steps, actions=terms.actions)
         try:
             play_sequence(agent, env, task, seed=episode_seed(job.seed, key))
@@ -211,6 +211,14 @@ def open_job(job: SequenceJob) -> Callable[[EpisodeKey], SequenceRun]:
         return run_from_sequence_env(sequence, env, scene_digest=scene.digest, navigation=scene.navigation)
 
     return run_sequence
+
+
+def sequence_agent(agent_of: AgentOf, start: Pose, *, keeps_memory: bool) -> Agent:
+    """The agent itself where it follows sequences, else one search after the other; arguments of `SearchBySearch`."""
+    first = agent_of(0, start, ())
+    if isinstance(first, FollowsSequences) and first.follows_sequences:
+        return first
+    return SearchBySearch(agent_of, start, keeps_memory=keeps_memory)
 
 
 def play_sequence(agent: Agent, env: PanEnv, task: Task, *, seed: int) -> None:
@@ -246,14 +254,6 @@ def run_sequences(
     for run in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
         writer.add_sequence(run)
         on_sequence()
-
-
-def _agent(agent_of: AgentOf, sequence: HomeSequence, *, keeps_memory: bool) -> Agent:
-    """The agent itself where it follows sequences, else one search after the other."""
-    first = agent_of(0, sequence.start, ())
-    if isinstance(first, FollowsSequences) and first.follows_sequences:
-        return first
-    return SearchBySearch(agent_of, sequence.start, keeps_memory=keeps_memory)
 
 
 def _from_here(episode: Episode, pose: Pose) -> Episode:

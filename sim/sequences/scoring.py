@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise, permutations
+from itertools import permutations
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -26,11 +26,10 @@ def run_from_sequence_env(
     reason = env.end_reason
     assert reason is not None, "the sequence is not over"
     start, record = sequence.start, sequence.record
-    walks, searches = list(pairwise((0, *env.search_ends))), []
-    for index in range(len(record.subtasks)):
-        begin, end = walks[index] if index < len(walks) else (0, 0)
-        scored = _Search(sequence, index, navigation)
-        searches.append(scored.end(env.poses[begin : end + 1], env.steps[begin:end], scene_digest=scene_digest))
+    searches = [
+        score_search(sequence, index, env, scene_digest=scene_digest, navigation=navigation)
+        for index in range(len(record.subtasks))
+    ]
     return SequenceRun(
         start=SequenceStart(
             split=record.split,
@@ -42,6 +41,20 @@ def run_from_sequence_env(
         steps=env.steps,
         end=SequenceEnd(reason=reason, searches=tuple(searches)),
     )
+
+
+def score_search(
+    sequence: HomeSequence, index: int, env: PanEnv, *, scene_digest: str, navigation: NavigationMap
+) -> SearchEnd:
+    """One search of `env`, scored under every rule; a search that is not over yet counts as unreached."""
+    begin, end = (0, *env.search_ends)[index : index + 2] if index < len(env.search_ends) else (0, 0)
+    scored = _Search(sequence, index, navigation)
+    return scored.end(env.poses[begin : end + 1], env.steps[begin:end], scene_digest=scene_digest)
+
+
+def search_reason(last: Action) -> SearchReason:
+    """Why a search ended whose last action this was."""
+    return "found" if last is Action.FOUND else "stop" if last is Action.STOP else "steps"
 
 
 class _Search:
@@ -58,8 +71,7 @@ class _Search:
         reason: SearchReason = "unreached"
         measures = found_old = None
         if steps:
-            last = steps[-1].action
-            reason = "found" if last is Action.FOUND else "stop" if last is Action.STOP else "steps"
+            reason = search_reason(steps[-1].action)
             measures = score_run(
                 self._episode,
                 poses,

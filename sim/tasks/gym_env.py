@@ -31,7 +31,19 @@ from sim.errors import DatasetError, TaskStateError, did_you_mean
 from sim.frames import T_world_camera
 from sim.mesh import Scene
 from sim.render.renderer import Renderer
-from sim.types import MAX_STEPS, PAPER6, SPLITS, Action, Camera, ClutterLevel, EpisodeKey, Observation, Pose, Split
+from sim.types import (
+    MAX_STEPS,
+    PAPER6,
+    SPLITS,
+    Action,
+    Camera,
+    ClutterLevel,
+    EpisodeKey,
+    Observation,
+    Pose,
+    Prompt,
+    Split,
+)
 from sim.walk.navigation_map import NavigationMap
 
 from .pan import PanEnv
@@ -96,7 +108,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         self.render_mode = render_mode
         self._dataset, self._scenes_dir = dataset, scenes_dir
         self._clutter: ClutterLevel = clutter
-        self._episodes = _episodes_of(dataset, splits, scenes)
+        self._episodes = self._read(splits, scenes)
         self._labels, self._shuffle = labels, shuffle
         self._actions, self._camera, self._pictures = actions, camera, pictures
         self._depth_range, self._normalize_depth, self._reward = depth_range, normalize_depth, reward
@@ -143,6 +155,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
             renderer=self._drawing(scene) if self._pictures else None,
             camera=self._camera,
             max_steps=self._max_steps,
+            prompts=self._prompts(),
         )
         if self._reward == "distance_to_goal":
             self._distance = distance_to_success(episode, scene.navigation)
@@ -161,13 +174,7 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
             raise TaskStateError(f"step: found action {action!r}; expected one of: {names}. Use action_space.")
         observation = env.step(self._actions[int(action)])
         info = self._info()
-        return (
-            self._observation(observation),
-            self._reward_of(info),
-            env.end_reason == "stop",
-            env.end_reason == "steps",
-            info,
-        )
+        return (self._observation(observation), self._reward_of(info), *self._ends(), info)
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override] - Gymnasium's type is a union of all modes
         """The robot's view now, (H, W, 3); None without a render mode."""
@@ -185,6 +192,25 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         if self._episode is None or self._env is None:
             raise TaskStateError("step: found no episode; expected reset() first. Call reset().")
         return self._episode, self._env
+
+    def _read(self, splits: tuple[Split, ...], scenes: tuple[str, ...] | None) -> dict[EpisodeKey, Episode]:
+        """The episodes that are played."""
+        found = {episode.key: episode for episode in self._dataset.episodes(splits=splits, scenes=scenes)}
+        if not found:
+            raise DatasetError(
+                f"{self._dataset.root}: found no episode in splits {list(splits)} of scenes "
+                f"{list(scenes or self._dataset.scenes)}; expected at least one. Name other splits or scenes."
+            )
+        return found
+
+    def _prompts(self) -> tuple[Prompt, ...]:
+        """What the running episode's `PanEnv` tells."""
+        return ()
+
+    def _ends(self) -> tuple[bool, bool]:
+        """Whether the running episode is terminated, and whether it is truncated."""
+        reason = self._running()[1].end_reason
+        return reason == "stop", reason == "steps"
 
     def _next_episode(self) -> Episode:
         key = next(self._order, None)
@@ -242,8 +268,8 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
             found["depth"] = spaces.Box(low, high, (*size, 1), np.float32)
         found["gps"] = spaces.Box(-_FAR, _FAR, (2,), np.float32)
         found["compass"] = spaces.Box(-np.pi, np.pi, (1,), np.float32)
-        found["description"] = _text_space([task.description for task in tasks])
-        found["query"] = _text_space([task.queries[0] for task in tasks])
+        found["description"] = text_space([task.description for task in tasks])
+        found["query"] = text_space([task.queries[0] for task in tasks])
         return spaces.Dict(found)
 
     def _observation(self, sensed: Observation) -> dict[str, Any]:
@@ -267,12 +293,15 @@ class PanGymEnv(gymnasium.Env[dict[str, Any], np.int64]):
         episode, env = self._running()
         collided = bool(env.steps) and env.steps[-1].collided
         info: dict[str, Any] = {"episode_key": str(episode.key), "collided": collided}
-        if env.is_over:
-            scene = self._opened(episode.key.scene)
-            run = run_from_env(episode, env, scene_digest=scene.digest, navigation=scene.navigation)
-            assert run.end.measures is not None, "a run that is over has measures"
-            info["measures"] = run.end.measures.model_dump()
-        return info
+        return {**info, **self._scored()} if env.is_over else info
+
+    def _scored(self) -> dict[str, Any]:
+        """What `info` gives once the episode is over."""
+        episode, env = self._running()
+        scene = self._opened(episode.key.scene)
+        run = run_from_env(episode, env, scene_digest=scene.digest, navigation=scene.navigation)
+        assert run.end.measures is not None, "a run that is over has measures"
+        return {"measures": run.end.measures.model_dump()}
 
     def _reward_of(self, info: dict[str, Any]) -> float:
         if self._distance is None:
@@ -308,19 +337,7 @@ def distance_to_success(episode: Episode, navigation: NavigationMap) -> Callable
     return distance
 
 
-def _episodes_of(
-    dataset: PersonalDataset, splits: tuple[Split, ...], scenes: tuple[str, ...] | None
-) -> dict[EpisodeKey, Episode]:
-    found = {episode.key: episode for episode in dataset.episodes(splits=splits, scenes=scenes)}
-    if not found:
-        raise DatasetError(
-            f"{dataset.root}: found no episode in splits {list(splits)} of scenes {list(scenes or dataset.scenes)}; "
-            "expected at least one. Name other splits or scenes."
-        )
-    return found
-
-
-def _text_space(texts: Sequence[str]) -> spaces.Text:
+def text_space(texts: Sequence[str]) -> spaces.Text:
     """The space with exactly these texts' lengths and characters."""
     lengths = [len(text) for text in texts]
     return spaces.Text(max(lengths), min_length=min(lengths), charset=frozenset("".join(texts)))

@@ -189,3 +189,110 @@ def test_a_slow_agent_breaks_no_rule_but_causes_a_warning(monkeypatch: pytest.Mo
     monkeypatch.setattr(sim.checks, "SLOW_S", 0.01)
     with pytest.warns(UserWarning, match="s per action; runs will take long"):
         assert check_agent(Thinks, **{**QUICK, "steps": 2}) == []
+
+
+class Follower(Walker):
+    """Keeps the contract: reads messages and queries itself, and ends a search after three actions."""
+
+    follows_sequences = True
+
+    def reset(self, task, camera, *, seed, keep_memory=False) -> None:
+        super().reset(task, camera, seed=seed)
+        self.told, self.since = [], 0
+
+    def act(self, observation):
+        if observation.query is not None:
+            self.told.append((observation.query, observation.message))
+            self.since = 0
+        self.since += 1
+        return Action.FOUND if self.since > 3 and Action.FOUND in self.task.actions else super().act(observation)
+
+
+def test_agents_pass_in_home_sequences_search_by_search_or_by_themselves() -> None:
+    class Stopper(Walker):  # classes in functions are not sent to a second process, which takes long
+        def act(self, observation):
+            return Action.STOP if observation.step == 2 else super().act(observation)
+
+    class Listener(Follower):
+        pass
+
+    listener = Listener()
+    for agent in (Stopper, Listener, listener):
+        assert check_agent(agent, **QUICK, sequences=True) == []
+    (first, nothing), (second, news) = listener.told
+    assert (nothing, first != second, "gave" in news) == (None, True, True)
+
+
+class Greedy(Follower):
+    """Breaks the contract: it says FOUND in episodes too."""
+
+    def act(self, observation):
+        return Action.FOUND
+
+
+class CannotCarry(Walker):
+    """Breaks the contract: it cannot go on from another start."""
+
+    def carry(self, start) -> None:
+        raise NotImplementedError("one start only")
+
+
+class Hoards(Walker):
+    """Breaks the contract: what it heard in a sequence stays, without keep_memory too."""
+
+    def __init__(self) -> None:
+        self.heard = 0
+
+    def act(self, observation):
+        self.heard += "gave" in self.task.description
+        return Action.LEFT if self.heard < 3 else Action.RIGHT
+
+
+class CannotRepeatItself(Walker):
+    """Breaks the contract: it fails in the second search of a home that it remembers."""
+
+    def reset(self, task, camera, *, seed, keep_memory=False) -> None:
+        super().reset(task, camera, seed=seed)
+        if keep_memory and "gave" in task.description:
+            raise ValueError("news")
+
+
+@pytest.mark.parametrize(
+    ("agent", "found"),
+    [
+        (Greedy, "task with 6 actions, step 1: act() returned <Action.FOUND: 'found'>; expected an Action of ['stop',"),
+        (CannotCarry, "sequence of 2 searches, keep_memory=True, step 7: CannotCarry.carry() raised NotImplemented"),
+        (
+            CannotRepeatItself,
+            "sequence of 2 searches, keep_memory=True, step 7: CannotRepeatItself.reset() raised ValueError: news",
+        ),
+        (
+            Hoards,
+            "sequence of 2 searches, seed 0: from step 1 on after another episode it does something else, with the "
+            "same observations; expected reset() to forget",
+        ),
+    ],
+)
+def test_a_breach_in_a_home_sequence_is_named(agent: type, found: str) -> None:
+    problems = check_agent(agent, **QUICK, sequences=True)
+    assert len(problems) == 1, problems
+    assert found in problems[0]
+
+
+def test_home_sequences_are_checked_on_request_only() -> None:
+    assert check_agent(lambda: CannotCarry(), **QUICK) == []
+
+
+class HashesNews(Follower):
+    """Chooses actions by Python's hash of a message, which differs between processes."""
+
+    def act(self, observation):
+        news = self.told[-1][1] if self.told else None
+        return self.task.actions[1 + hash(f"{observation.step} {news}") % 3] if news else super().act(observation)
+
+
+@pytest.mark.slow
+def test_an_agent_that_differs_between_processes_in_a_sequence_alone_is_named() -> None:
+    (problem,) = check_agent(HashesNews, steps=12, camera=Camera(32, 24), sequences=True)
+    assert "sequence of 2 searches, seed 0: from step" in problem
+    assert "a second process does something else" in problem

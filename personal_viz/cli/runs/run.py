@@ -195,7 +195,7 @@ class Run:
             return [play_sequences(self, self.sequences, agent, processes=self._workers())]
         if self.memory == "on" or self.ignore_messages:
             raise PersonalVizError(
-                "--memory and --ignore-messages: expected them with --sequences only. Leave them out."
+                "--memory on, --ignore-messages: found no --sequences; expected it too. Give it, or leave them out."
             )
         if self.study is not None:
             return self._run_study(agent)

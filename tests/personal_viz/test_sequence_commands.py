@@ -1,0 +1,72 @@
+"""`run --sequences` and `metrics` on its runs, as a user types them."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from personal_viz.cli.runs.metrics import Metrics
+from personal_viz.cli.verbs import parse
+from sim.errors import PersonalVizError, RunFileError
+from tests.sim.home_story import MESSAGES, SUBTASKS, told_in
+
+FIGURES = {
+    *("sr_fresh", "sr_revisit", "sr_changed", "sr_stale", "progress", "partial", "composite", "csr", "cgt", "ppl"),
+    *("stale", "interference", "lag", "n"),
+}
+"""Measures that other programs read by name."""
+
+
+@pytest.fixture(scope="module")
+def told(small_home_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A set of one sequence."""
+    out = tmp_path_factory.mktemp("set")
+    told_in(small_home_root, out, messages=MESSAGES, subtasks=SUBTASKS)
+    return out
+
+
+def run(root: Path, told: Path, out: Path, *more: str) -> None:
+    words = ["run", "--dataset", str(root), "--sequences", str(told), "--agent", "shortest-path", "--out", str(out)]
+    assert parse([*words, *more]).run() == 0
+
+
+def test_sequences_are_run_resumed_and_told_in_a_table(
+    small_home_root: Path, told: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for more in ((), ("--ignore-messages",), ("--memory", "on")):
+        run(small_home_root, told, tmp_path, *more)
+    capsys.readouterr()
+    run(small_home_root, told, tmp_path)
+    assert "1 sequence in 1 scene (invented), 1 done before" in capsys.readouterr().out
+    assert Metrics((tmp_path,), json=True).run() == 0
+    rows = {row["condition"]: row for row in json.loads(capsys.readouterr().out)}
+    assert set(rows) == {"none", "messages ignored", "memory"}
+    assert set(rows["none"]["sequence_measures"]) > FIGURES
+    hears, ignores = (rows[name]["sequence_measures"] for name in ("none", "messages ignored"))
+    assert (hears["sr_changed"], hears["stale"], hears["composite"], hears["n"]) == (1, 0, 1, 1)
+    assert (ignores["sr_changed"], ignores["stale"], ignores["sr_fresh"]) == (0, 1, hears["sr_fresh"])
+    assert rows["memory"]["memory_gain"]["sr"] == 0
+    assert rows["none"]["memory_gain"] is None
+    assert rows["none"]["goat_measures"]["n"] == 1
+    assert Metrics((tmp_path,)).run() == 0
+    shown = capsys.readouterr().out
+    assert "Home sequences, rule paper" in shown
+    assert "Invented homes, made from a seed: no human baseline for PersONAL" in shown
+    assert "memory gain in 1 revisits SR +0.0, SPL +0.0, steps +0.0" in shown
+
+
+def test_options_that_do_not_belong_to_sequences_are_refused(small_home_root: Path, told: Path, tmp_path: Path) -> None:
+    with pytest.raises(PersonalVizError, match="--episode beside --sequences: expected one of them"):
+        run(small_home_root, told, tmp_path, "--episode", "easy/Small/1")
+    with pytest.raises(PersonalVizError, match="--memory on, --ignore-messages: found no --sequences"):
+        parse(["run", "--dataset", str(small_home_root), "--agent", "random", "--memory", "on"]).run()
+    with pytest.raises(PersonalVizError, match="the chosen splits and scenes hold no episode"):
+        run(small_home_root, told, tmp_path, "--split", "easy")
+
+
+def test_runs_on_different_sets_never_share_a_table(small_home_root: Path, told: Path, tmp_path: Path) -> None:
+    told_in(small_home_root, tmp_path / "other", messages=MESSAGES[:2], subtasks=SUBTASKS[:3])
+    run(small_home_root, told, tmp_path / "runs", "--run-id", "one")
+    run(small_home_root, tmp_path / "other", tmp_path / "runs", "--run-id", "two")
+    with pytest.raises(RunFileError, match=r"found sequences .* expected runs on one set"):
+        Metrics((tmp_path / "runs",)).run()
