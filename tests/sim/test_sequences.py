@@ -255,9 +255,9 @@ def test_the_rule_holds_after_each_message_of_several_before_one_search(tmp_path
     document["messages"][1:] = [
         message(1, "unshare", [], ["Dee cup_1"]),
         message(1, "unshare", [], ["Eve cup_1"]),
-        message(1, "share", ["Dee cup_1"], []),
+        message(1, "share", ["Cy cup_1"], []),
     ]
-    document["subtasks"][1:] = [search("Dee", "cup_1", "changed", 3)]
+    document["subtasks"][1:] = [search("Cy", "cup_1", "changed", 3)]
     report = validate_sequences(written(tmp_path, content(document)))
     assert report.broken == (
         "Home/s0: messages[2]: no object has several owners; expected the rule of hard after each message",
