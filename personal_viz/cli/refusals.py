@@ -29,7 +29,7 @@ def check_options(verb: object) -> None:
     """
     for name, least in _LEAST.items():
         value = getattr(verb, name, None)
-        if value is not None and value < least:
+        if isinstance(value, int) and value < least:
             raise PersonalVizError(
                 f"--{name.replace('_', '-')} is {value}; expected a whole number from {least}. "
                 "Leave it out for the default."
