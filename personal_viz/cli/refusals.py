@@ -15,9 +15,7 @@ from sim.tasks.run_files import RUN_ID
 from sim.types import SPLITS, SceneKind, Split
 
 _LEAST = {
-    **dict.fromkeys(
-        ("limit", "jobs", "batch", "homes", "width", "height", "max_steps", "max_calls", "max_tokens", "sequences"), 1
-    ),
+    **dict.fromkeys(("limit", "jobs", "batch", "homes", "width", "height", "max_steps", "max_calls", "max_tokens"), 1),
     **dict.fromkeys(("failures", "seed", "sample_seed"), 0),
 }
 """Smallest allowed value of an option, by field of a verb."""

@@ -26,7 +26,7 @@ from .options import Dataset, Json
 from .output import print_json, print_table
 
 _SEQUENCE_TABLES = {
-    "sequences": "Home sequences",
+    "sequences": "Home sequences of each split",
     "lengths": "Sequences by length",
     "messages": "Messages by kind",
     "kinds": "Searches by kind",
@@ -73,7 +73,7 @@ def _sequence_figures(found: SequenceSet) -> dict[str, dict[str, dict[str, int]]
     for sequence in found.sequences():
         record = sequence.record
         told = {
-            "sequences": ["all"],
+            "sequences": ["sequences"],
             "lengths": [how_many(len(record.subtasks), "search", "searches")],
             "messages": [message.kind for message in record.messages],
             "kinds": [subtask.kind for subtask in record.subtasks],

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.text import Text
 
-from sim.authoring.sequence_checks import SequenceReport, validate_sequences
+from sim.authoring.sequences.checks import SequenceReport, validate_sequences
 from sim.episodes.sequence_files import holds_sequences
 from sim.episodes.validate import CheckResult, Measure, ValidationReport, validate_dataset
 from sim.types import SPLITS, Split

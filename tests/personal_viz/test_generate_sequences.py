@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.authoring.stories import SHARES
+from sim.authoring.sequences.stories import SHARES
 
 from .program import assert_one_line, personal_viz
 
@@ -36,14 +36,20 @@ def test_stats_count_searches_and_messages_of_each_split(made: tuple[Path, dict[
     out, printed = made
     figures = json.loads(personal_viz("stats", "--dataset", out, "--json").stdout)
     assert figures["sequences"] == {
-        name: {"all": number} for name, number in (("easy", 1), ("medium", 1), ("hard", 1), ("all", 3))
+        name: {"sequences": number} for name, number in (("easy", 1), ("medium", 1), ("hard", 1), ("all", 3))
     }
     assert figures["kinds"]["all"] == {kind: count for kind, count in sorted(printed["by_kind"].items()) if count}  # pyright: ignore
     assert sum(figures["modes"]["all"].values()) == printed["subtasks"]
     assert figures["messages"]["all"]["intro"] == 3
     assert sum(figures["lengths"]["all"].values()) == 3
     shown = personal_viz("stats", "--dataset", out).stdout
-    for title in ("Home sequences", "Sequences by length", "Messages by kind", "Searches by kind", "Searches by mode"):
+    for title in (
+        "Home sequences of each split",
+        "Sequences by length",
+        "Messages by kind",
+        "Searches by kind",
+        "Searches by mode",
+    ):
         assert title in shown
 
 
@@ -52,7 +58,13 @@ def test_a_set_needs_a_folder_of_its_own(made: tuple[Path, dict[str, object]], s
     assert_one_line(personal_viz(*asked), "--sequences 3: --out is None", "Give --out")
     assert_one_line(personal_viz(*asked, "--out", small_home_root), "found episodes", "Give another --out")
     assert_one_line(personal_viz(*asked, "--out", made[0]), "found sequences; expected none", "--replace")
-    assert_one_line(personal_viz("generate", small_home_root, "--sequences", 0, "--out", made[0]), "--sequences is 0")
+
+
+def test_one_number_of_sequences_or_none_is_given(small_home_root: Path, tmp_path: Path) -> None:
+    for given in ((0,), (3, 4)):
+        done = personal_viz("generate", small_home_root, "--out", tmp_path, "--sequences", *given)
+        assert_one_line(done, f"--sequences is {' '.join(map(str, given))}", "expected one whole number from 1")
+    assert_one_line(personal_viz("generate", small_home_root, "--sequences"), "--sequences 300: --out is None")
 
 
 def test_a_home_that_carries_nothing_leaves_nothing_behind(small_root: Path, tmp_path: Path) -> None:

@@ -11,10 +11,10 @@ import pytest
 from sim.authoring.annotated import Thing, captioned_goals, phrase_of
 from sim.authoring.content import content_file, index_file, packed, write_files
 from sim.authoring.edition import OpenedHome, opened_home
-from sim.authoring.sequence_checks import validate_sequences
-from sim.authoring.sequence_homes import LENGTHS, HomeSequences, SetSoFar
-from sim.authoring.sequence_texts import PHRASINGS, Told, message_text, released_intros
-from sim.authoring.stories import Change, Needs, Setting, StoryError, draw_story
+from sim.authoring.sequences.checks import validate_sequences
+from sim.authoring.sequences.homes import LENGTHS, HomeSequences, SetSoFar
+from sim.authoring.sequences.stories import Change, Needs, Setting, StoryError, draw_story
+from sim.authoring.sequences.texts import PHRASINGS, Told, message_text, released_intros
 from sim.episodes.checks_geometry import GEODESIC_LIMITS
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.ownership import queries_for

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from personal_viz.cli.validate import Validate
 from sim.authoring.content import packed
-from sim.authoring.sequence_checks import validate_sequences
+from sim.authoring.sequences.checks import validate_sequences
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.sequence_files import (
     SequenceFile,
@@ -247,6 +247,54 @@ def test_each_broken_guarantee_is_one_line(tmp_path: Path) -> None:
         "Home/s0: subtasks[0]: no object has several owners; expected the rule of hard after each message",
         "Home/s0: subtasks[2] is 0.50 m from the object before; expected at least 2 m",
         "Home/s0: subtasks[2] is 'stale' without another 'cup' on its storey",
+    )
+
+
+def test_the_rule_holds_after_each_message_of_several_before_one_search(tmp_path: Path) -> None:
+    document = whole_story()
+    document["messages"][1:] = [
+        message(1, "unshare", [], ["Dee cup_1"]),
+        message(1, "unshare", [], ["Eve cup_1"]),
+        message(1, "share", ["Cy cup_1"], []),
+    ]
+    document["subtasks"][1:] = [search("Cy", "cup_1", "changed", 3)]
+    report = validate_sequences(written(tmp_path, content(document)))
+    assert report.broken == (
+        "Home/s0: messages[2]: no object has several owners; expected the rule of hard after each message",
+    )
+
+
+def test_a_query_has_one_meaning_and_the_walk_from_the_object_before_is_known(tmp_path: Path) -> None:
+    document = whole_story()
+    document["messages"] = document["messages"][:1]
+    document["messages"][0]["adds"] += [["Bo", "lamp_5"]]
+    document["subtasks"][1:] = [search("Cy", "book_4", "fresh", 0)]
+    del document["subtasks"][1]["info"]["previous_geodesic"]
+    file = content(document)
+    other = file["goals_by_category"][f"{SCENE}.glb_lamp"][0] | {
+        "object_name": "lamp_5",
+        "object_category": "desk lamp",
+    }
+    file["goals_by_category"][f"{SCENE}.glb_desk lamp"] = [other]
+    report = validate_sequences(written(tmp_path, file))
+    assert report.broken == (
+        "Home/s0: subtasks[1].info.previous_geodesic is null; expected the walk from the object before",
+        "Home/s0: subtasks[0] could mean Bo's 'desk lamp' too; expected a query with one meaning",
+    )
+
+
+def test_a_changed_answer_differs_from_the_one_of_the_intro(tmp_path: Path) -> None:
+    document = whole_story()
+    document["messages"][1:] = [message(1, "lend", ["Ada lamp_3"], ["Bo lamp_3"], until=2)]
+    document["subtasks"][1:] = [search("Cy", "book_4", "fresh", 0), search("Bo", "lamp_3", "changed", 1)]
+    file = content(document)
+    file["goals_by_category"][f"{SCENE}.glb_lamp"] += [
+        file["goals_by_category"][f"{SCENE}.glb_lamp"][0] | {"object_name": "lamp_5"}
+    ]
+    document["subtasks"][0] = search("Dee", "cup_1", "fresh", 0)
+    report = validate_sequences(written(tmp_path, file))
+    assert report.broken == (
+        "Home/s0: subtasks[2] is 'changed', but the intro gives 'lamp_3'; expected another answer",
     )
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from sim.authoring.edition import Generated
 
 _SHOWN_LEFT_OUT = 5
+DEFAULT_SEQUENCES = 300
 Count = Annotated[int, arg(help="Episodes of this split in each scene; 0 = none.")]
 
 
@@ -39,11 +40,11 @@ class Generate:
         arg(help="Folder of `annotate --dataset` whose accepted captions replace those of the edition DATASET."),
     ] = None
     sequences: Annotated[
-        int | None,
+        tuple[int, ...] | None,
         arg(
-            metavar="N",
-            help="Make N home sequences over all scenes instead of episodes (docs/home-sequences.md), such as 300; the "
-            "numbers of episodes do not count then.",
+            metavar="[N]",
+            help="Make N home sequences over all scenes (300 without a number) instead of episodes; the numbers of "
+            "episodes do not count then.",
         ),
     ] = None
     seed: Annotated[int, arg(help="The same seed gives the same files.")] = 0
@@ -90,7 +91,7 @@ class Generate:
                 "Give that folder."
             )
         if self.sequences is not None:
-            return self._make_sequences(self.sequences)
+            return self._make_sequences(*(self.sequences or (DEFAULT_SEQUENCES,)))
         counts: dict[Split, int] = {"easy": self.easy, "medium": self.medium, "hard": self.hard}
         describer = Describer(self._chat())
         out = self.out or self.dataset
@@ -127,11 +128,16 @@ class Generate:
             print(f"Next: personal-viz run --agent shortest-path --dataset {out}")
         return 0
 
-    def _make_sequences(self, count: int) -> int:
+    def _make_sequences(self, count: int, *more: int) -> int:
         from sim.authoring.edition import scenes_to_ask
-        from sim.authoring.sequence_generation import draw_sequences, require_free_set, write_sequences
-        from sim.authoring.stories import SHARES
+        from sim.authoring.sequences.generation import draw_sequences, require_free_set, write_sequences
+        from sim.authoring.sequences.stories import SHARES
 
+        if count < 1 or more:
+            given = " ".join(map(str, (count, *more)))
+            raise PersonalVizError(
+                f"--sequences is {given}; expected one whole number from 1. Give one, or none for 300."
+            )
         if self.out is None or self.describe == "llm":
             raise PersonalVizError(
                 f"--sequences {count}: --out is {self.out} and --describe {self.describe!r}; expected a folder of its "

@@ -13,11 +13,11 @@ import numpy as np
 from sim.errors import DatasetError
 from sim.types import Split
 
-from ..episodes.checks_geometry import GEODESIC_LIMITS
-from ..episodes.sequence_files import HomeSequence, SequenceSet
-from ..episodes.sequences import Edge, MessageKind, SubtaskKind
-from . import people
-from .captions import are_mixed_up
+from ...episodes.checks_geometry import GEODESIC_LIMITS
+from ...episodes.sequence_files import HomeSequence, SequenceSet
+from ...episodes.sequences import Edge, MessageKind, SubtaskKind, ownership_over_time
+from .. import people
+from ..captions import are_mixed_up
 
 LEAST_APART = 2.0
 """Least planar distance between the right objects of two searches, one after the other (metres)."""
@@ -73,10 +73,10 @@ def broken_guarantees(sequence: HomeSequence) -> Iterator[str]:
     if not low <= first <= high:
         yield f"subtasks[0] begins {first:.2f} m from its object; expected {low:g} to {high:g} m in {record.split}"
     rule = None
-    for index, edges in enumerate(sequence.ownership):
+    for place, edges in _states(sequence):
         before, rule = rule, broken_rule(record.split, edges)
         if rule is not None and rule != before:
-            yield f"subtasks[{index}]: {rule}; expected the rule of {record.split} after each message"
+            yield f"{place}: {rule}; expected the rule of {record.split} after each message"
     for index, (one, other) in enumerate(zip(sequence.targets, sequence.targets[1:], strict=False), start=1):
         apart = min(
             float(np.hypot(a.position[0] - b.position[0], a.position[2] - b.position[2])) for a in one for b in other
@@ -90,7 +90,19 @@ def broken_guarantees(sequence: HomeSequence) -> Iterator[str]:
         alike = {goal.object_name for goal in sequence.of_category(subtask.object_category)} - right
         if subtask.kind in ("changed", "stale") and not alike:
             yield f"subtasks[{index}] is {subtask.kind!r} without another {subtask.object_category!r} on its storey"
+        told = {edge.object_name for edge in record.messages[0].adds if edge.owner == subtask.owner}
+        if subtask.kind == "changed" and told & right:
+            yield f"subtasks[{index}] is 'changed', but the intro gives {min(told & right)!r}; expected another answer"
         yield from _other_meanings(index, sequence)
+
+
+def _states(sequence: HomeSequence) -> Iterator[tuple[str, Mapping[Edge, int]]]:
+    """Who owns what after each message and at each subtask, with its place in the file."""
+    messages = sequence.record.messages
+    for index, edges in enumerate(sequence.ownership):
+        for number in [number for number, message in enumerate(messages) if message.before == index][:-1]:
+            yield f"messages[{number}]", ownership_over_time(messages[: number + 1], index + 1)[index]
+        yield f"subtasks[{index}]", edges
 
 
 def _other_meanings(index: int, sequence: HomeSequence) -> Iterator[str]:

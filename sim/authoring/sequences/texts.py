@@ -12,14 +12,14 @@ import numpy as np
 from sim.errors import DatasetError
 from sim.types import Split
 
-from ..episodes.dataset import PersonalDataset
-from ..episodes.described import content_words
-from ..episodes.ownership import OwnershipEdge, ownership_graph
-from ..episodes.schema import Episode
-from ..episodes.sequences import Edge, MessageKind
-from .annotated import AnnotatedHome, Thing
-from .captions import names_category, ownership_sentence
-from .descriptions import OwnedItem, capital, number_word, placed
+from ...episodes.dataset import PersonalDataset
+from ...episodes.described import content_words
+from ...episodes.ownership import OwnershipEdge, ownership_graph
+from ...episodes.schema import Episode
+from ...episodes.sequences import Edge, MessageKind
+from ..annotated import AnnotatedHome, Thing
+from ..captions import names_category, ownership_sentence
+from ..descriptions import OwnedItem, capital, number_word, placed
 from .stories import Change
 
 _LEAST = 0.8

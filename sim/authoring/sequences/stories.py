@@ -1,7 +1,7 @@
 """Draws the story of a home sequence: messages that change an ownership, and the searches that follow them.
 
 A storey's objects, an initial ownership and the needs of the set -> `Story`; each step keeps the guarantees of
-sequence_checks.py, so a story that cannot go on is given up with the name of the guarantee.
+checks.py, so a story that cannot go on is given up with the name of the guarantee.
 """
 
 from collections import Counter
@@ -14,9 +14,9 @@ import numpy as np
 
 from sim.types import Split
 
-from ..episodes.sequences import Edge, MessageKind, SubtaskKind
-from .searches import ODD_PLURALS
-from .sequence_checks import broken_rule
+from ...episodes.sequences import Edge, MessageKind, SubtaskKind
+from ..searches import ODD_PLURALS
+from .checks import broken_rule
 
 SHARES: Mapping[SubtaskKind, float] = {"fresh": 0.4, "revisit": 0.2, "changed": 0.25, "stale": 0.15}
 """Shares of the kinds of searches in a set."""
@@ -277,7 +277,8 @@ class _Teller:
             return Ask(owner, names, "revisit", decided, None) if self.decided[key] == decided else None
         if decided == 0:
             return Ask(owner, names, "fresh", 0, None)
-        if self.setting.num_alike[category] <= len(names):
+        is_told = any(Edge(owner, name) in self.changes[0].adds for name in names)
+        if is_told or self.setting.num_alike[category] <= len(names):
             return None
         return Ask(owner, names, "changed", decided, old if number == decided else None)
 

@@ -1,6 +1,6 @@
 """Draws the home sequences of one home: ownerships, stories, texts, starts and distances.
 
-Opened home -> storeys that can carry a split -> `SequenceRecord`s that keep every guarantee of sequence_checks.py.
+Opened home -> storeys that can carry a split -> `SequenceRecord`s that keep every guarantee of checks.py.
 """
 
 import hashlib
@@ -17,21 +17,21 @@ from sim.errors import DatasetError
 from sim.frames import quat_xyzw_from_yaw
 from sim.types import SPLITS, EpisodeKey, Split
 
-from ..episodes.checks_geometry import GEODESIC_LIMITS
-from ..episodes.dataset import PersonalDataset
-from ..episodes.ownership import queries_for
-from ..episodes.schema import Episode, EpisodeInfo, EpisodeRecord, Goal, Vector3
-from ..episodes.sequence_files import HomeSequence, SequenceFile, resolve_sequence
-from ..episodes.sequences import Edge, Generator, Message, SequenceRecord, Subtask, SubtaskInfo
-from .content import sequence_file
-from .descriptions import write_description
-from .edition import OpenedHome
-from .findable import Finder
-from .people import NAMES, draw_ownership, unmet_need
-from .searches import START_RULES, Start, Starts, draw_start, may_be_meant
-from .sequence_checks import LEAST_APART, broken_guarantees
-from .sequence_texts import Intro, message_text, owned_items, released_intros, sentences
+from ...episodes.checks_geometry import GEODESIC_LIMITS
+from ...episodes.dataset import PersonalDataset
+from ...episodes.ownership import queries_for
+from ...episodes.schema import Episode, EpisodeInfo, EpisodeRecord, Goal, Vector3
+from ...episodes.sequence_files import HomeSequence, SequenceFile, resolve_sequence
+from ...episodes.sequences import Edge, Generator, Message, SequenceRecord, Subtask, SubtaskInfo
+from ..content import sequence_file
+from ..descriptions import write_description
+from ..edition import OpenedHome
+from ..findable import Finder
+from ..people import NAMES, draw_ownership, unmet_need
+from ..searches import START_RULES, Start, Starts, draw_start, may_be_meant
+from .checks import LEAST_APART, broken_guarantees
 from .stories import Ask, Change, Needs, Setting, Story, StoryError, draw_story, keeps_rules
+from .texts import Intro, message_text, owned_items, released_intros, sentences
 
 VERSION = 1
 """Of the generator; another version may make other sequences of the same seed."""

@@ -1,6 +1,6 @@
 """Makes a set of home sequences from annotated scans or from the captioned objects of an edition.
 
-Homes -> their sequences (sequence_homes.py) -> files, checked before anything is written; `personal-viz generate
+Homes -> their sequences (homes.py) -> files, checked before anything is written; `personal-viz generate
 --sequences` is its verb, docs/home-sequences.md its description.
 """
 
@@ -11,15 +11,13 @@ from pathlib import Path
 
 from sim.errors import DatasetError
 
-from ..episodes.dataset import PersonalDataset
-from ..episodes.sequence_files import SequenceFile
-from .content import packed, write_files
-from .edition import opened_home
-from .searches import Starts
-from .sequence_checks import validate_sequences
-from .sequence_homes import HomeSequences, SetSoFar
-
-DEFAULT_SEQUENCES = 300
+from ...episodes.dataset import PersonalDataset
+from ...episodes.sequence_files import SequenceFile
+from ..content import packed, write_files
+from ..edition import opened_home
+from ..searches import Starts
+from .checks import validate_sequences
+from .homes import HomeSequences, SetSoFar
 
 
 @dataclass(frozen=True, slots=True)

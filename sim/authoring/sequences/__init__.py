@@ -1,0 +1,1 @@
+"""Home sequences: their generation on homes with words, and the checks that generator and `validate` share."""
