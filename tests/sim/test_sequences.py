@@ -250,6 +250,13 @@ def test_each_broken_guarantee_is_one_line(tmp_path: Path) -> None:
     )
 
 
+def test_a_right_object_lies_apart_from_the_one_that_was_right_before(tmp_path: Path) -> None:
+    file = content(whole_story())
+    file["goals_by_category"][f"{SCENE}.glb_cup"][1]["position"] = [1.5, 0.5, 0.0]
+    report = validate_sequences(written(tmp_path, file))
+    assert "Home/s0: subtasks[2] is 1.50 m from 'cup_1'; expected at least 2 m" in report.broken
+
+
 def test_the_rule_holds_after_each_message_of_several_before_one_search(tmp_path: Path) -> None:
     document = whole_story()
     document["messages"][1:] = [

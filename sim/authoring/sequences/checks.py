@@ -3,24 +3,26 @@
 The generator asks `broken_guarantees` after each message, `personal-viz validate` for a whole set.
 """
 
+import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from sim.errors import DatasetError
+from sim.frames import planar_distance
 from sim.types import Split
 
 from ...episodes.checks_geometry import GEODESIC_LIMITS
+from ...episodes.schema import Goal
 from ...episodes.sequence_files import HomeSequence, SequenceSet
 from ...episodes.sequences import Edge, MessageKind, SubtaskKind, ownership_over_time
 from .. import people
 from ..captions import are_mixed_up
 
 LEAST_APART = 2.0
-"""Least planar distance between the right objects of two searches, one after the other (metres)."""
+"""Least planar distance between the right objects of two searches, one after the other, and of a right object from the
+one that was right before (metres); otherwise FOUND at one could succeed for the other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +80,7 @@ def broken_guarantees(sequence: HomeSequence) -> Iterator[str]:
         if rule is not None and rule != before:
             yield f"{place}: {rule}; expected the rule of {record.split} after each message"
     for index, (one, other) in enumerate(zip(sequence.targets, sequence.targets[1:], strict=False), start=1):
-        apart = min(
-            float(np.hypot(a.position[0] - b.position[0], a.position[2] - b.position[2])) for a in one for b in other
-        )
-        if apart < LEAST_APART:
+        if (apart := _apart(one, other)) < LEAST_APART:
             yield f"subtasks[{index}] is {apart:.2f} m from the object before; expected at least {LEAST_APART:g} m"
         if record.subtasks[index].info.previous_geodesic is None:
             yield f"subtasks[{index}].info.previous_geodesic is null; expected the walk from the object before"
@@ -90,10 +89,18 @@ def broken_guarantees(sequence: HomeSequence) -> Iterator[str]:
         alike = {goal.object_name for goal in sequence.of_category(subtask.object_category)} - right
         if subtask.kind in ("changed", "stale") and not alike:
             yield f"subtasks[{index}] is {subtask.kind!r} without another {subtask.object_category!r} on its storey"
+        old = [goal for goal in sequence.goals if goal.object_name == subtask.old_object_id]
+        if (apart := _apart(targets, old)) < LEAST_APART:
+            yield f"subtasks[{index}] is {apart:.2f} m from {old[0].object_name!r}; expected at least {LEAST_APART:g} m"
         told = {edge.object_name for edge in record.messages[0].adds if edge.owner == subtask.owner}
         if subtask.kind == "changed" and told & right:
             yield f"subtasks[{index}] is 'changed', but the intro gives {min(told & right)!r}; expected another answer"
         yield from _other_meanings(index, sequence)
+
+
+def _apart(some: Sequence[Goal], others: Sequence[Goal]) -> float:
+    """Least planar distance between two groups of objects, metres; inf where one is empty."""
+    return min((planar_distance(a.position, b.position) for a in some for b in others), default=math.inf)
 
 
 def _states(sequence: HomeSequence) -> Iterator[tuple[str, Mapping[Edge, int]]]:

@@ -56,7 +56,7 @@ class Setting:
     conflicts: frozenset[frozenset[str]]
     """Pairs that one person may not own, because a query could mean either."""
     near: frozenset[frozenset[str]]
-    """Pairs too near each other for two searches in a row."""
+    """Pairs too near each other for two searches in a row, and for an old object and the right one."""
 
 
 @dataclass(slots=True)
@@ -258,7 +258,7 @@ class _Teller:
             if any(a == b or frozenset((a, b)) in self.setting.near for a in before for b in names):
                 continue
             ask = self._choice(owner, category, names, max(edges[Edge(owner, name)] for name in names))
-            if ask is not None:
+            if ask is not None and not any(frozenset((ask.old, name)) in self.setting.near for name in names):
                 yield ask
 
     def _choice(self, owner: str, category: str, names: tuple[str, ...], decided: int) -> Ask | None:
