@@ -15,6 +15,7 @@ from grounding.agents.goal_text import described_thing
 from grounding.agents.onemap.agent import OneMapAgent
 from grounding.agents.random_frontier import RandomFrontierAgent
 from grounding.agents.vlfm.agent import VlfmAgent
+from grounding.chat.endpoint import LlmOptions
 from grounding.maps.oracle_map import object_texts
 from grounding.perception.by_name import EpisodeTruth, make_perception
 from grounding.perception.oracle_detector import OracleDetector
@@ -193,6 +194,16 @@ def test_a_carried_map_keeps_floor_or_obstacles_alone(small_home_root: Path, nam
         assert share_free < 0.6
     walked(agent, small_home_root, steps=1, carry=lambda agent: None)
     assert np.count_nonzero(cells(agent)) < 0.7 * np.count_nonzero(before), "nobody said where the episode starts"
+
+
+def test_the_agent_with_a_chat_model_carries_its_obstacles_too(small_home_root: Path) -> None:
+    scene, _, (episode, *_) = home_at(small_home_root)
+    llm = LlmOptions.model_validate({"base_url": "http://127.0.0.1:9/v1", "model": "nobody"})
+    agent = MakesSeeing("frontier-vlm", "oracle", llm=llm).open(PersonalDataset(small_home_root), scene)(episode)
+    walked(agent, small_home_root, steps=12)  # it looks around and asks nothing yet
+    before = cells(agent) == OCCUPIED
+    walked(agent, small_home_root, steps=1, carry=at_height(0.0))
+    assert np.count_nonzero((cells(agent) == OCCUPIED) & before) > 0.9 * np.count_nonzero(before)
 
 
 def test_vlfm_forgets_values_and_explored_area_with_its_query(small_home_root: Path) -> None:
