@@ -173,6 +173,10 @@ def resolve_sequence(scene: str, record: SequenceRecord, content: SequenceFile) 
             more = short(sorted(owned - set(subtask.object_names)), most=80)
             raise KeyError(f"subtasks[{index}]: {subtask.owner} owns {more} of the category too, expected in object_id")
         targets.append(found)
+    known = {goal.object_name for found in goals.values() for goal in found}
+    told = {edge.object_name for message in record.messages for edge in (*message.adds, *message.removes)}
+    if told - known:
+        raise KeyError(f"messages name {short(sorted(told - known), most=80)}, which goals_by_category does not hold")
     return HomeSequence(SequenceKey(scene, record.sequence_id), record, tuple(targets), states, on_storey)
 
 

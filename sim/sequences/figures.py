@@ -48,12 +48,16 @@ class SequenceFigures(BaseModel):
     """Share of the searches with an object that was right before in which FOUND was there."""
     interference: float | None
     """SR of unchanged answers after unrelated messages, less SR of unchanged answers before any."""
+    dtg: float | None
+    """Metres to where the rule counts FOUND, mean over searches that ended with FOUND and have a path there."""
+    steps: float | None
+    """Mean over the searches that began."""
     lag: float | None
     """Failed searches about a message until the first that succeeds, mean over messages."""
     recall: float | None
     precision: float | None
     intervals: dict[str, tuple[float, float]] = {}
-    """95 % intervals of the means over sequences, with homes random and sequences inside homes."""
+    """95 % intervals of shares over searches and of means over sequences: homes random, all else inside homes."""
 
 
 class MemoryGain(BaseModel):
@@ -80,14 +84,21 @@ def sequence_figures(runs: Sequence[SequenceRun], *, rule: SequenceRule = "paper
     whole = [search.all for search in searches if search.all is not None]
     wholes = {name: [measure(found, rule) for found in ends] for name, measure in _OF_SEQUENCES.items()}
     homes = [run.start.scene for run in runs]
+    groups = {"sr": searches, **{f"sr_{kind}": [one for one in searches if one.kind == kind] for kind in _KINDS}}
+    home_of = {id(search): home for found, home in zip(ends, homes, strict=True) for search in found}
     intervals = {name: interval_over_homes(values, homes) for name, values in wholes.items()}
+    for name, group in groups.items():
+        known = [search for search in group if search.succeeds(rule) is not None]
+        rights = [float(_is_right(search, rule)) for search in known]
+        intervals[name] = interval_over_homes(rights, [home_of[id(search)] for search in known])
     return SequenceFigures(
         n=len(runs),
         searches=len(searches),
-        sr=_sr(searches, rule),
-        **{f"sr_{kind}": _sr([search for search in searches if search.kind == kind], rule) for kind in _KINDS},
+        **{name: _sr(group, rule) for name, group in groups.items()},
         **{name: _mean(values) for name, values in wholes.items()},
-        spl=_mean([_spl(search, rule) for search in searches]),
+        spl=_mean([_spl(search, rule) for search in searches if search.succeeds(rule) is not None]),
+        dtg=_mean([dtg for search in searches if (dtg := _dtg(search, rule)) is not None]),
+        steps=_mean([float(search.measures.num_steps) for search in searches if search.measures is not None]),
         stale=_mean(old),
         interference=None if after is None or before is None else after - before,
         lag=_mean([lag for found in ends for lag in _lags(found, rule)]),
@@ -163,6 +174,14 @@ def _spl(search: SearchEnd, rule: SequenceRule) -> float:
     if best_m is None:
         return 0.0
     return _efficiency(best_m, search.measures.path_m)
+
+
+def _dtg(search: SearchEnd, rule: SequenceRule) -> float | None:
+    """Metres from where FOUND ended a search to where it succeeds; None without both."""
+    if search.measures is None or search.reason != "found":
+        return None
+    found = search.measures.rules["habitat" if rule == "goat" else rule]
+    return None if found is None else found.dtg
 
 
 def _efficiency(best_m: float, walked_m: float) -> float:

@@ -97,7 +97,11 @@ class SequenceGymEnv(PanGymEnv):
     def _info(self) -> dict[str, Any]:
         info, index = super()._info(), self._ended()
         if index is not None:
-            info["search"] = {"index": index, "reason": search_reason(self._running()[1].steps[-1].action)}
+            env = self._running()[1]
+            begin, end = (0, *env.search_ends)[index : index + 2]
+            is_for_all = self._prompts()[index].is_for_all
+            reason = search_reason(env.steps[begin:end], is_for_all=is_for_all)
+            info["search"] = {"index": index, "reason": reason}
         return info
 
     def _scored(self) -> dict[str, Any]:

@@ -89,6 +89,9 @@ class SearchBySearch:
             return Action.FOUND
         assert self._agent is not None, "an observation with a query comes first"
         action = next_action(self._agent, self._task, self._as_episode(observation))
+        if action is Action.STOP and self._is_sure:  # the next object is here too, but FOUND again would end the search
+            self._is_sure = False
+            return Action.LEFT
         self._is_sure = action is Action.STOP
         return Action.FOUND if self._is_sure else action
 
@@ -205,6 +208,11 @@ def open_job(job: SequenceJob) -> Callable[[EpisodeKey], SequenceRun]:
             return agent_of(episode) if (knows_goals and episode.targets) or not marks else None
 
         agent = sequence_agent(agent_at, sequence.start, keeps_memory=job.keeps_memory)
+        if job.keeps_memory and not isinstance(agent, SearchBySearch):
+            raise AgentError(
+                f"{key}: {type(agent).__name__} has follows_sequences, so it decides itself what it keeps; "
+                "expected no memory to be asked for. Leave --memory out."
+            )
         task = sequence_task(sequence, query_index=terms.query_index, max_steps=terms.max_steps, actions=terms.actions)
         try:
             play_sequence(agent, env, task, seed=episode_seed(job.seed, key))

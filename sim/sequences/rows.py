@@ -96,23 +96,25 @@ def _gain(
     others = pooled.get((row.who, without, row.scene_kind))
     if MEMORY not in parts or others is None:
         return None
-    by_seed = {info.seed: runs for info, runs in others}
+    forgetting = {(info.seed, run.key): run for info, runs in others for run in runs}
     pairs = [
-        (run, other)
+        (run, forgetting[info.seed, run.key])
         for info, runs in pooled[row.who, row.condition, row.scene_kind]
         for run in runs
-        for other in by_seed.get(info.seed, ())
-        if run.key == other.key
+        if (info.seed, run.key) in forgetting
     ]
     return memory_gain(pairs, rule=rule)
 
 
 def _require_one_set(infos: Sequence[RunInfo]) -> None:
-    """Raises RunFileError where runs are on different sets of sequences, or on different editions of homes."""
-    digests = {(str(info.config.get("sequences")), info.dataset_digest): info.run_id for info in infos}
-    if len(digests) > 1:
-        found = ", ".join(f"{sequences[:12]} ({digests[sequences, homes]})" for sequences, homes in sorted(digests))
+    """Raises RunFileError where runs are on different sets of sequences, or had different homes or pictures."""
+    sets = {(str(info.config.get("sequences")), info.dataset_digest, info.labels): info.run_id for info in infos}
+    if len(sets) > 1:
+        found = ", ".join(
+            f"{name[:12]}{' with labels' * labels} ({sets[name, homes, labels]})"
+            for name, homes, labels in sorted(sets)
+        )
         raise RunFileError(
-            f"runs: found sequences {found}; expected runs on one set, in the homes of one edition. Give the runs of "
-            "each set separately."
+            f"runs: found sequences {found}; expected runs on one set, in the homes of one edition, all with labels in "
+            "the pictures or none. Give them separately."
         )

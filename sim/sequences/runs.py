@@ -13,9 +13,9 @@ from sim.episodes.schema import NAME_PATTERN, Finite, Vector3
 from sim.episodes.sequences import SubtaskKind
 from sim.errors import RunFileError
 from sim.tasks.run_files import Length, Measures, Share, Step, read_lines
+from sim.tasks.run_folders import SEQUENCES_FILE
 from sim.types import Action, EndReason, EpisodeKey, Pose, Split, SuccessRule
 
-SEQUENCES_FILE = "sequences.jsonl"
 VIEW_DISTANCE = 0.25
 """Metres of walking to a view point below which GOAT-Bench counts FOUND as a success."""
 SearchReason = Literal["found", "steps", "stop", "unreached"]
@@ -66,7 +66,7 @@ class SearchEnd(BaseModel):
     measures: Measures | None
     """Measures of the walk from where the search began; None = unreached."""
     is_at_old: bool | None
-    """Whether FOUND was at the object that was right before (radius of rule `paper`); None = there is none."""
+    """Whether FOUND was at the object that was right before, and at no right one; None = there is none."""
     all: AllMeasures | None = None
     """Of a search for all right objects."""
 

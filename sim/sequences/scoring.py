@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import permutations
+from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from sim.episodes.schema import Goal
@@ -52,9 +53,13 @@ def score_search(
     return scored.end(env.poses[begin : end + 1], env.steps[begin:end], scene_digest=scene_digest)
 
 
-def search_reason(last: Action) -> SearchReason:
-    """Why a search ended whose last action this was."""
-    return "found" if last is Action.FOUND else "stop" if last is Action.STOP else "steps"
+def search_reason(steps: Sequence[Step], *, is_for_all: bool) -> SearchReason:
+    """Why a search with these steps ended."""
+    last = [step.action for step in steps[-2:]]
+    if last[-1] is Action.STOP:
+        return "stop"
+    is_found = last == 2 * [Action.FOUND] if is_for_all else last[-1] is Action.FOUND
+    return "found" if is_found else "steps"
 
 
 class _Search:
@@ -71,7 +76,7 @@ class _Search:
         reason: SearchReason = "unreached"
         measures = found_old = None
         if steps:
-            reason = search_reason(steps[-1].action)
+            reason = search_reason(steps, is_for_all=subtask.mode == "all")
             measures = score_run(
                 self._episode,
                 poses,
@@ -83,7 +88,8 @@ class _Search:
         marks = _marks(poses, steps, ends_with_two=subtask.mode == "all" and reason == "found")
         old = old_target(self._sequence, index)
         if old is not None:
-            found_old = any(reaches_target(mark, old) for mark in marks)
+            wrong = [mark for mark in marks if not any(reaches_target(mark, target) for target in self._targets)]
+            found_old = any(reaches_target(mark, old) for mark in wrong)
         told = range(1, len(self._sequence.record.messages))
         return SearchEnd(
             kind=subtask.kind,
@@ -101,34 +107,43 @@ class _Search:
         )
 
     def _leg_m(self) -> float | None:
-        """The shortest walk from a right object of the search before, or from the start."""
+        """The shortest walk from a right object of the search before, or from the start; to all objects if wanted."""
         sequence, index = self._sequence, self._index
         begins = [_before(target) for target in sequence.targets[index - 1]] if index else [sequence.start.position]
-        return _finite(self._walk(begins, self._targets))
+        return _finite(self._best_m(begins) if self._subtask.mode == "all" else self._walk(begins, self._targets).min())
 
     def _all(self, poses: Sequence[Pose], marks: Sequence[Sequence[float]]) -> AllMeasures:
         """Recall and precision of the marks, each for one right object at most, and the best walk to all of them."""
         hits = np.array([[reaches_target(mark, target) for target in self._targets] for mark in marks], float)
         rows, columns = linear_sum_assignment(hits.reshape(len(marks), len(self._targets)), maximize=True)
         num_hits = int(hits[rows, columns].sum()) if len(marks) else 0
-        orders = permutations(self._targets)
-        best_m = min(self._along([poses[0].position, *map(_before, order)], order) for order in orders)
         return AllMeasures(
             recall=num_hits / len(self._targets),
             precision=num_hits / len(marks) if marks else 0.0,
-            best_m=_finite(best_m),
+            best_m=_finite(self._best_m([poses[0].position])),
         )
 
-    def _along(self, places: Sequence[Sequence[float]], order: Sequence[Goal]) -> float:
-        """Metres of walking from each place to the next object."""
-        return sum(self._walk([place], (target,)) for place, target in zip(places, order, strict=False))
+    def _best_m(self, begins: Sequence[Sequence[float]]) -> float:
+        """Metres of the shortest walk from one of these places to all right objects, in the best order."""
+        places = [*begins, *map(_before, self._targets)]
+        walks = np.array([self._walk(places, (target,)) for target in self._targets]).T
+        first, between = walks[: len(begins)].min(axis=0), walks[len(begins) :]
+        bests = {frozenset((last,)): {last: float(walk)} for last, walk in enumerate(first)}
+        """The shortest walk to each set of objects, by the object reached last."""
+        for count in range(2, len(self._targets) + 1):
+            for reached in map(frozenset, combinations(range(len(self._targets)), count)):
+                bests[reached] = {
+                    last: min(walk + between[before, last] for before, walk in bests[reached - {last}].items())
+                    for last in reached
+                }
+        return min(bests[frozenset(range(len(self._targets)))].values())
 
-    def _walk(self, begins: Sequence[Sequence[float]], targets: tuple[Goal, ...]) -> float:
-        """Least metres from one of these places to where FOUND at one of the objects succeeds; inf = no path."""
+    def _walk(self, begins: Sequence[Sequence[float]], targets: tuple[Goal, ...]) -> NDArray[np.float64]:
+        """(N,) metres from each of these places to where FOUND at one of the objects succeeds; inf = no path."""
         region = success_region(replace(self._episode, targets=targets), self._navigation)
         if not len(region):
-            return float("inf")
-        return float(self._navigation.distances(np.array(begins), region).min())
+            return np.full(len(begins), np.inf)
+        return self._navigation.distances(np.array(begins), region)
 
 
 def _marks(poses: Sequence[Pose], steps: Sequence[Step], *, ends_with_two: bool) -> list[tuple[float, float, float]]:
@@ -143,4 +158,4 @@ def _before(target: Goal) -> tuple[float, float, float]:
 
 
 def _finite(metres: float) -> float | None:
-    return metres if np.isfinite(metres) else None
+    return float(metres) if np.isfinite(metres) else None

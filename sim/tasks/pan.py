@@ -62,6 +62,8 @@ class PanEnv:
         self._steps: list[Step] = []
         self._ends: list[int] = []
         """Number of steps at the end of each search that is over."""
+        self._was_found = False
+        """Whether FOUND ended the last one."""
 
     @classmethod
     def in_home(
@@ -112,12 +114,11 @@ class PanEnv:
     @property
     def end_reason(self) -> EndReason | None:
         """`stop` or `steps` once the episode is over, None before; `stop` also where FOUND ended the last search."""
-        last = self._steps[-1].action if self._steps else None
-        if last is Action.STOP:
+        if self._steps and self._steps[-1].action is Action.STOP:
             return "stop"
         if len(self._ends) < max(1, len(self._prompts)):
             return None
-        return "stop" if last is Action.FOUND else "steps"
+        return "stop" if self._was_found else "steps"
 
     @property
     def is_over(self) -> bool:
@@ -185,6 +186,7 @@ class PanEnv:
         is_found = step.action is Action.FOUND and (not self._prompts[index].is_for_all or before is Action.FOUND)
         if is_found or step.action is Action.STOP or len(self._steps) - begin >= self.max_steps:
             self._ends.append(len(self._steps))
+            self._was_found = is_found
 
     def _new_prompt(self) -> Prompt | None:
         """The prompt of a search that begins now."""

@@ -7,6 +7,8 @@ from sim.errors import RunFileError
 
 from .run_files import Run, read_run, read_run_info
 
+SEQUENCES_FILE = "sequences.jsonl"
+"""The file of a run of home sequences; among other run folders it is left out."""
 BESIDE = "beside"
 """In the configuration of run.json: the run of the same folder that always stands beside this one."""
 
@@ -67,9 +69,13 @@ def read_runs(folders: Sequence[Path], *, with_reported: bool = False) -> list[R
     Raises:
         RunFileError: A folder holds no run, or only reported figures where none may be, or a run is damaged.
     """
-    found = run_folders(folders)
+    found = [folder for folder in run_folders(folders) if folder in folders or not (folder / SEQUENCES_FILE).is_file()]
     runs = [read_run(folder, with_reported=with_reported) for folder in found]
     for folder, run in zip(found, runs, strict=True):
+        if (folder / SEQUENCES_FILE).is_file():
+            raise RunFileError(
+                f"{folder}: holds home sequences; expected episodes or answers. personal-viz metrics shows sequences."
+            )
         if not run.episodes and not run.answers and not run.reported:
             raise RunFileError(f"{folder}: holds no finished episode or answer; expected at least one. Run it again.")
     return runs

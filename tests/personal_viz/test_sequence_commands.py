@@ -8,6 +8,7 @@ import pytest
 from personal_viz.cli.runs.metrics import Metrics
 from personal_viz.cli.verbs import parse
 from sim.errors import PersonalVizError, RunFileError
+from sim.tasks.run_folders import read_runs
 from tests.sim.home_story import MESSAGES, SUBTASKS, told_in
 
 FIGURES = {
@@ -58,10 +59,24 @@ def test_sequences_are_run_resumed_and_told_in_a_table(
 def test_options_that_do_not_belong_to_sequences_are_refused(small_home_root: Path, told: Path, tmp_path: Path) -> None:
     with pytest.raises(PersonalVizError, match="--episode beside --sequences: expected one of them"):
         run(small_home_root, told, tmp_path, "--episode", "easy/Small/1")
+    sees = ("--agent", "onemap", "--perception", "oracle", "--goal-text", "caption")
+    with pytest.raises(PersonalVizError, match="captions are those of the answer after all messages"):
+        run(small_home_root, told, tmp_path, "--ignore-messages", *sees)
     with pytest.raises(PersonalVizError, match="--memory on, --ignore-messages: found no --sequences"):
         parse(["run", "--dataset", str(small_home_root), "--agent", "random", "--memory", "on"]).run()
     with pytest.raises(PersonalVizError, match="the chosen splits and scenes hold no episode"):
         run(small_home_root, told, tmp_path, "--split", "easy")
+
+
+def test_verbs_about_episodes_leave_sequences_out_or_refuse_them(
+    small_home_root: Path, told: Path, tmp_path: Path
+) -> None:
+    run(small_home_root, told, tmp_path, "--run-id", "sequences")
+    words = ["run", "--dataset", str(small_home_root), "--agent", "random", "--limit", "1", "--split", "easy"]
+    assert parse([*words, "--out", str(tmp_path), "--run-id", "episodes"]).run() == 0
+    assert [found.info.run_id for found in read_runs([tmp_path])] == ["episodes"]
+    with pytest.raises(RunFileError, match="holds home sequences; expected episodes or answers"):
+        read_runs([tmp_path / "sequences"])
 
 
 def test_runs_on_different_sets_never_share_a_table(small_home_root: Path, told: Path, tmp_path: Path) -> None:

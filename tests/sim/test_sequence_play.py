@@ -15,7 +15,7 @@ from sim.mesh import Scene
 from sim.sequences.figures import csr, interval_over_homes, memory_gain, sequence_figures
 from sim.sequences.playing import SequenceJob, open_job, run_sequences
 from sim.sequences.runs import SEQUENCES_FILE, SequenceRun, read_sequence_runs
-from sim.sequences.scoring import run_from_sequence_env
+from sim.sequences.scoring import run_from_sequence_env, search_reason
 from sim.sequences.searches import prompts_of, search_episode, sequence_key, sequence_task
 from sim.sequences.writer import SequenceWriter
 from sim.tasks.agent_makers import MakesPlugin, MakesShortestPath
@@ -25,7 +25,7 @@ from sim.tasks.provenance import make_run_info
 from sim.tasks.runner import play
 from sim.types import PAPER6, SEQUENCE7, Action, Camera, Observation, Task
 
-from .home_story import MESSAGES, SCENE, SUBTASKS, told_in
+from .home_story import MESSAGES, SCENE, SUBTASKS, subtask, told_in
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +134,28 @@ def test_all_right_objects_are_wanted_once_each(home: Scene, story: tuple[Path, 
     assert 0.5 * both.measures.path_m < both.all.best_m <= both.measures.path_m
     assert [search.reason for search in run.end.searches[2:]] == ["stop", "unreached", "unreached", "unreached"]
     assert not any(search.succeeds("paper") for search in run.end.searches[2:])
+
+
+def test_a_first_mark_in_the_last_step_ends_no_search_for_all(home: Scene, story: tuple[Path, HomeSequence]) -> None:
+    _, sequence = story
+    env = PanEnv(sequence.start, home.navigation, renderer=None, max_steps=1, prompts=prompts_of(sequence)[1:2])
+    env.reset()
+    env.step(Action.FOUND)
+    assert (env.search_ends, env.end_reason) == ((1,), "steps")
+    assert search_reason(env.steps, is_for_all=True) == "steps"
+    assert search_reason(env.steps, is_for_all=False) == "found"
+    assert search_reason(2 * env.steps, is_for_all=True) == "found"
+
+
+def test_the_oracle_marks_two_objects_from_one_place(small_home_root: Path, tmp_path: Path) -> None:
+    intro = {**MESSAGES[0], "adds": [["Ada", "chair_21"], ["Ada", "chair_22"]]}
+    chairs = subtask("Ada", "chair", ["chair_21", "chair_22"], "fresh", 0, mode="all")
+    told_in(small_home_root, tmp_path, messages=[intro], subtasks=[chairs])
+    (run,) = played(small_home_root, tmp_path)
+    (search,) = run.end.searches
+    assert search.all is not None
+    assert (search.all.recall, search.all.precision) == (1, 1)
+    assert search.leg_m == search.all.best_m
 
 
 def walk_to(env: PanEnv, home: Scene, place: tuple[float, float, float]) -> None:

@@ -206,6 +206,15 @@ def test_an_answer_that_is_not_the_only_one_is_refused() -> None:
     assert len(resolved.targets[2]) == 2
 
 
+def test_messages_about_unknown_objects_are_refused(tmp_path: Path) -> None:
+    document = story()
+    document["messages"][0]["adds"].append(["Cy", "cup_99"])
+    with pytest.raises(
+        DatasetError, match=r"sequences\[0\]: messages name \['cup_99'\], which goals_by_category does not"
+    ):
+        list(SequenceSet(written(tmp_path, content(document))).sequences())
+
+
 def test_a_written_set_is_read_back_as_it_was(tmp_path: Path) -> None:
     file = SequenceFile.model_validate_json(json.dumps(content(story())), strict=True)
     (tmp_path / "content").mkdir()

@@ -178,7 +178,7 @@ class Run:
 
     def _control(self) -> "Run | None":
         """The same command for the agent that is always run beside this one; None if there is none."""
-        if self.agent not in CONTROLS:
+        if self.agent not in CONTROLS or self.sequences is not None:
             return None
         name = CONTROLS[self.agent]
         return replace(

@@ -5,6 +5,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from grounding.agents.goal_text import GoalText
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.sequence_files import SequenceSet
 from sim.errors import PersonalVizError
@@ -14,7 +15,6 @@ from sim.sequences.searches import sequence_key
 from sim.sequences.writer import SequenceWriter
 from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
-from sim.tasks.shards import shard_from_text
 from sim.tasks.workers import Workers
 from sim.types import SPLITS, ClutterLevel, EpisodeKey, SceneKind, Split
 from sim.words.english import how_many
@@ -23,7 +23,7 @@ from ...progress import counted
 from ..refusals import nothing_chosen, require_dataset, require_no_scan
 from .named_agents import NamedAgent
 
-_NOT_HERE = ("study", "episode", "rerun", "llm_url")
+_NOT_HERE = ("study", "episode", "rerun", "llm_url", "shard")
 """Options of `run` that sequences do not have."""
 
 
@@ -38,10 +38,11 @@ class SequenceOptions(Protocol):
     limit: int | None
     sample_seed: int
     seed: int
-    shard: str | None
     out: Path | None
     run_id: str | None
     label: str | None
+    perception: str | None
+    goal_text: GoalText
     clutter: ClutterLevel
     labels: Literal["on", "off"]
     memory: Literal["on", "off"]
@@ -60,6 +61,11 @@ def play_sequences(verb: SequenceOptions, root: Path, agent: NamedAgent, *, proc
             raise PersonalVizError(
                 f"--{name.replace('_', '-')} beside --sequences: expected one of them. Leave one out."
             )
+    if verb.ignore_messages and verb.goal_text == "caption":
+        raise PersonalVizError(
+            "--goal-text caption beside --ignore-messages: expected another, because captions are those of the answer "
+            "after all messages. Give --goal-text phrase or query."
+        )
     dataset = PersonalDataset(require_dataset(verb.dataset), evidence=verb.evidence)
     keys = _chosen(verb, root)
     kind = common_kind(dataset, {key.scene for key in keys}, verb.scenes_dir)
@@ -67,15 +73,13 @@ def play_sequences(verb: SequenceOptions, root: Path, agent: NamedAgent, *, proc
     by_scene: dict[str, list[EpisodeKey]] = {}
     for key in keys:
         by_scene.setdefault(key.scene, []).append(key)
-    shard = shard_from_text(verb.shard)
-    info = shard.run_info(_info(verb, root, dataset, kind, agent), by_scene)
-    by_scene = shard.part(by_scene)
-    folder = shard.folder(verb.out or Path("runs"), info)
+    info = _info(verb, root, dataset, kind, agent)
+    folder = (verb.out or Path("runs")) / info.run_id
     writer = SequenceWriter(folder, info)
-    left = sum(key not in writer.done for own in by_scene.values() for key in own)
+    left = sum(key not in writer.done for key in keys)
     print(
-        f"{how_many(sum(map(len, by_scene.values())), 'sequence')} in {how_many(len(by_scene), 'scene')} "
-        f"({info.scene_kind}), {sum(map(len, by_scene.values())) - left} done before"
+        f"{how_many(len(keys), 'sequence')} in {how_many(len(by_scene), 'scene')} ({info.scene_kind}), "
+        f"{len(keys) - left} done before"
     )
     jobs = [
         SequenceJob(
@@ -124,7 +128,9 @@ def _info(verb: SequenceOptions, root: Path, dataset: PersonalDataset, kind: Sce
         "messages ignored" if verb.ignore_messages else "",
         agent.condition,
     ]
-    told = ["sequences", who, *parts[:3], kind, f"seed{verb.seed}"]
+    sight = [verb.perception, verb.goal_text] if verb.perception else []
+    level = ["evidence" if verb.evidence else "", "labels" if verb.labels == "on" else ""]
+    told = ["sequences", who, *sight, *parts[:3], kind, *level, f"seed{verb.seed}"]
     return make_run_info(
         verb.run_id or fitting_run_id("-".join(filter(None, told)).replace(":", ".").replace(" ", "-")),
         who=fitting_name(who),
