@@ -161,6 +161,14 @@ class Frame:
         return self.ids
 
 
+class News(NamedTuple):
+    """A message of a home sequence."""
+
+    text: str
+    searches_ago: int
+    """Number of searches that have begun since; 0 = it was told before the present one."""
+
+
 @dataclass(frozen=True, slots=True)
 class Task:
     """All that an agent or a participant may know of an episode; holds no ground truth."""
@@ -172,6 +180,8 @@ class Task:
     """Objects to find, in order; one query today."""
     max_steps: int = MAX_STEPS
     actions: tuple[Action, ...] = PAPER6
+    news: tuple[News, ...] = ()
+    """In a home sequence: what was told after the intro, oldest first; the description ends with its texts."""
 
 
 @dataclass(frozen=True, slots=True)

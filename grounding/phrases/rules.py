@@ -9,6 +9,7 @@ from itertools import pairwise
 
 from sim.types import Task
 
+from .messages import updated
 from .objects import (
     after_words,
     before_words,
@@ -42,7 +43,7 @@ _SEVERAL_THINGS = re.compile(
 class RulePhrases:
     """Reads ownership from English paragraphs: lists, pronouns, "both", "shared by", relative clauses.
 
-    Like a person, it sees the description and the query.
+    Like a person, it sees the description, the news of a home sequence, and the query.
     """
 
     name = "rules"
@@ -51,7 +52,8 @@ class RulePhrases:
     def phrases(self, task: Task) -> tuple[str, ...]:
         """The phrases found, each once, in the order of the text; may be empty."""
         asked = parse_query(task.queries[0]) if task.queries else None
-        return phrases_in(task.description, also=(asked.owner,) if asked else ())
+        intro = task.description.removesuffix("".join(f"\n{each.text}" for each in task.news))
+        return updated(phrases_in(intro, also=(asked.owner,) if asked else ()), task.news)
 
 
 def phrases_in(text: str, *, also: tuple[str, ...] = ()) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from sim.tasks.pan import PanEnv
 from sim.tasks.rules import reaches_target
 from sim.tasks.runner import WalkTerms, episode_seed
 from sim.tasks.workers import SceneJob, Workers, results, without
-from sim.types import SEQUENCE7, Action, Camera, ClutterLevel, EpisodeKey, Observation, Pose, Task
+from sim.types import SEQUENCE7, Action, Camera, ClutterLevel, EpisodeKey, News, Observation, Pose, Task
 
 from .runs import SequenceRun
 from .scoring import run_from_sequence_env
@@ -74,7 +74,7 @@ class SearchBySearch:
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """Starts a sequence; the agents are reset when their searches begin."""
         self._whole, self._camera, self._seed = task, camera, seed
-        self._told, self._index, self._is_sure = [task.description], -1, False
+        self._news, self._index, self._is_sure = list[tuple[str, int]](), -1, False
         self._agent: Agent | None = None
 
     def act(self, observation: Observation) -> Action:
@@ -98,11 +98,15 @@ class SearchBySearch:
     def _begin(self, observation: Observation) -> None:
         """A search begins."""
         self._index, self._is_sure, self._marks = self._index + 1, False, list[Pose]()
-        self._told += [observation.message] if observation.message else []
+        self._news += [(observation.message, self._index)] if observation.message else []
         assert observation.query is not None
         actions = tuple(action for action in self._whole.actions if action is not Action.FOUND)
         self._task = dataclasses.replace(
-            self._whole, description="\n".join(self._told), queries=(observation.query,), actions=actions
+            self._whole,
+            description="\n".join((self._whole.description, *(text for text, _ in self._news))),
+            queries=(observation.query,),
+            actions=actions,
+            news=tuple(News(text, self._index - index) for text, index in self._news),
         )
         self._here = self._pose(observation)
         agent = self._agent_of(self._index, _in_world(self._start, self._here), ())
