@@ -11,7 +11,7 @@ from sim.tasks.rules import scene_storeys, score_answer
 from sim.tasks.run_files import Answer
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.workers import SceneJob, Workers, results, without
-from sim.types import SPLITS, EpisodeKey, Split
+from sim.types import SPLITS, EpisodeKey, Split, Task
 
 from ..agents.progress_notes import scene_note
 from ..chat.budget import Budget
@@ -99,17 +99,29 @@ class SceneGrounder:
         seen = None if folders is None else SeenHome(dataset, scene, settings, folders)
         self._grounder = make_grounder(settings.method, encoder, seed=settings.seed, chat=self._chat, seen=seen)
         self._phrases = make_phrases(settings.phrases, episodes=dataset.episodes(scenes=(scene,)), chat=self._chat)
-        self._storeys = scene_storeys(dataset.goals(scene).values())
+        self.storeys = scene_storeys(dataset.goals(scene).values())
+        """(lowest, highest) floor of each storey."""
 
     def memory(self, episode: Episode) -> Memory:
         """The map that the grounder gets for this episode; made once per storey."""
         return self._map_of(episode)
 
-    def ground(self, episode: Episode) -> Grounding:
-        """The grounder's answer and layers; it sees the map, the task and the phrases only."""
-        task = episode.task("pog", query_index=self._query_index)
-        phrases = self._phrases.phrases(task) if self._grounder.uses_phrases else ()
-        return self._grounder.ground(self.memory(episode), task, phrases)
+    def ground(
+        self, episode: Episode, task: Task | None = None, *, phrases: tuple[str, ...] | None = None
+    ) -> Grounding:
+        """The grounder's answer and layers; it sees the map, the task and the phrases only.
+
+        Args:
+            episode: Says which map.
+            task: The task; None = the episode's own.
+            phrases: Who owns what; None = as the settings' source finds it in the task.
+        """
+        task = task or episode.task("pog", query_index=self._query_index)
+        if not self._grounder.uses_phrases:
+            phrases = ()
+        return self._grounder.ground(
+            self.memory(episode), task, self._phrases.phrases(task) if phrases is None else phrases
+        )
 
     def answered(self, episode: Episode) -> Answered:
         """The scored answer, and what was asked of a chat model for it."""
@@ -131,7 +143,7 @@ class SceneGrounder:
             storey_given=not self._settings.all_storeys,
             reason="click" if points else "giveup",
             fell_back=grounding.fell_back or self._phrases.num_fallbacks > fallbacks,
-            measures=score_answer(episode, points, storeys=self._storeys),
+            measures=score_answer(episode, points, storeys=self.storeys),
         )
 
 

@@ -40,10 +40,13 @@ class SequenceFigures(BaseModel):
     """Share of sequences in which all searches succeed."""
     csr: float | None
     cgt: float | None
+    """PAN only, as `spl`, `ppl`, `dtg` and `steps`."""
     spl: float | None
     """SPL of the searches, from where the robot then stood."""
     ppl: float | None
     """Progress, weighted by the shortest walk through the true objects over the walk made for it."""
+    top3: float | None
+    """POG only: share of the searches in which one of the first three points succeeds."""
     stale: float | None
     """Share of the searches with an object that was right before in which FOUND was there."""
     interference: float | None
@@ -82,7 +85,10 @@ def sequence_figures(runs: Sequence[SequenceRun], *, rule: SequenceRule = "paper
     before = _sr([search for search in unchanged if not search.is_after_news], rule)
     old = [search.is_at_old for search in searches if search.is_at_old is not None]
     whole = [search.all for search in searches if search.all is not None]
-    wholes = {name: [measure(found, rule) for found in ends] for name, measure in _OF_SEQUENCES.items()}
+    answers = [search.answer for search in searches if search.answer is not None]
+    walked = [search for search in searches if search.answer is None]
+    measures = {name: one for name, one in _OF_SEQUENCES.items() if walked or name not in _OF_WALKS}
+    wholes = {name: [measure(found, rule) for found in ends] for name, measure in measures.items()}
     homes = [run.start.scene for run in runs]
     groups = {"sr": searches, **{f"sr_{kind}": [one for one in searches if one.kind == kind] for kind in _KINDS}}
     home_of = {id(search): home for found, home in zip(ends, homes, strict=True) for search in found}
@@ -95,8 +101,9 @@ def sequence_figures(runs: Sequence[SequenceRun], *, rule: SequenceRule = "paper
         n=len(runs),
         searches=len(searches),
         **{name: _sr(group, rule) for name, group in groups.items()},
-        **{name: _mean(values) for name, values in wholes.items()},
-        spl=_mean([_spl(search, rule) for search in searches if search.succeeds(rule) is not None]),
+        **{name: _mean(wholes.get(name, [])) for name in _OF_SEQUENCES},
+        spl=_mean([_spl(search, rule) for search in walked if search.succeeds(rule) is not None]),
+        top3=_mean([float(answer.top3_success) for answer in answers]),
         dtg=_mean([dtg for search in searches if (dtg := _dtg(search, rule)) is not None]),
         steps=_mean([float(search.measures.num_steps) for search in searches if search.measures is not None]),
         stale=_mean(old),
@@ -252,3 +259,5 @@ _OF_SEQUENCES: dict[str, Callable[[Sequence[SearchEnd], SequenceRule], float]] =
     "ppl": _ppl,
 }
 """Measures of one sequence; a row has their means, each with an interval."""
+_OF_WALKS = ("cgt", "ppl")
+"""Those that need a walk."""

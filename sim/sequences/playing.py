@@ -21,11 +21,11 @@ from sim.tasks.pan import PanEnv
 from sim.tasks.rules import reaches_target
 from sim.tasks.runner import WalkTerms, episode_seed
 from sim.tasks.workers import SceneJob, Workers, results, without
-from sim.types import SEQUENCE7, Action, Camera, ClutterLevel, EpisodeKey, News, Observation, Pose, Task
+from sim.types import SEQUENCE7, Action, Camera, ClutterLevel, EpisodeKey, Observation, Pose, Task
 
 from .runs import SequenceRun
 from .scoring import run_from_sequence_env
-from .searches import prompts_of, remembered_episode, search_episode, sequence_key, sequence_task
+from .searches import prompts_of, remembered_episode, search_episode, sequence_key, sequence_task, task_so_far
 from .writer import SequenceWriter
 
 BATCH = 2
@@ -100,14 +100,7 @@ class SearchBySearch:
         self._index, self._is_sure, self._marks = self._index + 1, False, list[Pose]()
         self._news += [(observation.message, self._index)] if observation.message else []
         assert observation.query is not None
-        actions = tuple(action for action in self._whole.actions if action is not Action.FOUND)
-        self._task = dataclasses.replace(
-            self._whole,
-            description="\n".join((self._whole.description, *(text for text, _ in self._news))),
-            queries=(observation.query,),
-            actions=actions,
-            news=tuple(News(text, self._index - index) for text, index in self._news),
-        )
+        self._task = task_so_far(self._whole, self._news, observation.query, self._index)
         self._here = self._pose(observation)
         agent = self._agent_of(self._index, _in_world(self._start, self._here), ())
         if self._agent is None or not self._keeps_memory:

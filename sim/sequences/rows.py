@@ -3,14 +3,13 @@
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
 from sim.errors import RunFileError
 from sim.homes.kind import scene_label
 from sim.tasks.run_files import RunInfo, read_run_info
-from sim.types import EpisodeKey, SuccessRule
+from sim.types import EpisodeKey, SuccessRule, TaskKind
 
 from .figures import MemoryGain, SequenceFigures, memory_gain, sequence_figures
 from .runs import SEQUENCES_FILE, SequenceRun, read_sequence_runs
@@ -19,12 +18,16 @@ MEMORY = "memory"
 """Part of the condition of runs in which agents kept their memory."""
 
 
+_Pooled = dict[tuple[str, str, str, TaskKind], list[tuple[RunInfo, tuple[SequenceRun, ...]]]]
+"""Runs by who, condition, kind of homes and task."""
+
+
 class SequenceRow(BaseModel):
     """The figures of an agent in one condition and kind of homes, over all splits."""
 
     model_config = ConfigDict(frozen=True)
     who: str
-    task: Literal["pan"] = "pan"
+    task: TaskKind
     condition: str
     scene_kind: str
     edition: str
@@ -32,8 +35,8 @@ class SequenceRow(BaseModel):
     rule: SuccessRule
     made_for: tuple[SuccessRule, ...]
     sequence_measures: SequenceFigures
-    goat_measures: SequenceFigures
-    """The same runs by GOAT-Bench's rule: FOUND less than 0.25 m of walking from a view point."""
+    goat_measures: SequenceFigures | None
+    """The same runs by GOAT-Bench's rule: FOUND less than 0.25 m of walking from a view point; PAN only."""
     memory_gain: MemoryGain | None = None
     """Of a row with memory, beside the same agent's row without."""
 
@@ -52,9 +55,10 @@ def sequence_rows(folders: Sequence[Path], *, rule: SuccessRule = "paper") -> li
     """
     read = [(read_run_info(folder), read_sequence_runs(folder)) for folder in folders]
     _require_one_set([info for info, _ in read])
-    pooled: dict[tuple[str, str, str], list[tuple[RunInfo, tuple[SequenceRun, ...]]]] = defaultdict(list)
+    pooled: _Pooled = defaultdict(list)
     for info, runs in read:
-        pooled[info.who, info.condition, info.scene_kind].append((info, runs))
+        for task in dict.fromkeys(run.start.task for run in runs):
+            pooled[info.who, info.condition, info.scene_kind, task].append((info, runs))
     rows = [_row(found, rule) for found in pooled.values()]
     return [row.model_copy(update={"memory_gain": _gain(row, pooled, rule)}) for row in rows]
 
@@ -72,8 +76,10 @@ def _row(found: Sequence[tuple[RunInfo, tuple[SequenceRun, ...]]], rule: Success
                 )
             seen[trial] = one.run_id
     whole = [run for _, runs in found for run in runs]
+    task = whole[0].start.task
     return SequenceRow(
         who=info.who,
+        task=task,
         condition=info.condition,
         scene_kind=info.scene_kind,
         edition=info.edition,
@@ -81,25 +87,25 @@ def _row(found: Sequence[tuple[RunInfo, tuple[SequenceRun, ...]]], rule: Success
         rule=rule,
         made_for=tuple(sorted({one.made_for for one, _ in found if one.made_for is not None})),
         sequence_measures=sequence_figures(whole, rule=rule),
-        goat_measures=sequence_figures(whole, rule="goat"),
+        goat_measures=sequence_figures(whole, rule="goat") if task == "pan" else None,
     )
 
 
 def _gain(
     row: SequenceRow,
-    pooled: dict[tuple[str, str, str], list[tuple[RunInfo, tuple[SequenceRun, ...]]]],
+    pooled: _Pooled,
     rule: SuccessRule,
 ) -> MemoryGain | None:
     """The gain of a row with memory over the same agent's row without; runs are paired by their seeds."""
     parts = row.condition.split(", ")
     without = ", ".join(part for part in parts if part != MEMORY) or "none"
-    others = pooled.get((row.who, without, row.scene_kind))
+    others = pooled.get((row.who, without, row.scene_kind, row.task))
     if MEMORY not in parts or others is None:
         return None
     forgetting = {(info.seed, run.key): run for info, runs in others for run in runs}
     pairs = [
         (run, forgetting[info.seed, run.key])
-        for info, runs in pooled[row.who, row.condition, row.scene_kind]
+        for info, runs in pooled[row.who, row.condition, row.scene_kind, row.task]
         for run in runs
         if (info.seed, run.key) in forgetting
     ]

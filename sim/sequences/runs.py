@@ -12,13 +12,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from sim.episodes.schema import NAME_PATTERN, Finite, Vector3
 from sim.episodes.sequences import SubtaskKind
 from sim.errors import RunFileError
-from sim.tasks.run_files import Length, Measures, Share, Step, read_lines
+from sim.tasks.run_files import AnswerMeasures, Length, Measures, Share, Step, read_lines
 from sim.tasks.run_folders import SEQUENCES_FILE
-from sim.types import Action, EndReason, EpisodeKey, Pose, Split, SuccessRule
+from sim.types import Action, EndReason, EpisodeKey, Pose, Split, SuccessRule, TaskKind
 
 VIEW_DISTANCE = 0.25
 """Metres of walking to a view point below which GOAT-Bench counts FOUND as a success."""
-SearchReason = Literal["found", "steps", "stop", "unreached"]
+SearchReason = Literal["found", "steps", "stop", "unreached", "giveup"]
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
@@ -28,6 +28,7 @@ class SequenceStart(BaseModel):
     model_config = _MODEL
     kind: Literal["sequence"] = "sequence"
     schema_version: Literal[1] = 1
+    task: TaskKind = "pan"
     split: Split
     scene: str = Field(pattern=NAME_PATTERN)
     sequence_id: str = Field(pattern=NAME_PATTERN)
@@ -55,7 +56,7 @@ class SearchEnd(BaseModel):
     model_config = _MODEL
     kind: SubtaskKind
     reason: SearchReason
-    """`unreached` = STOP came before."""
+    """`unreached` = STOP came before; in POG `found` = pointed at something, or `giveup`."""
     message: int = Field(ge=0)
     """Index of the message that decides the answer."""
     is_after_news: bool
@@ -69,16 +70,22 @@ class SearchEnd(BaseModel):
     """Whether FOUND was at the object that was right before, and at no right one; None = there is none."""
     all: AllMeasures | None = None
     """Of a search for all right objects."""
+    answer: AnswerMeasures | None = None
+    """Of POG."""
+    points: tuple[Vector3, ...] = ()
+    """In POG: where the answer points, best first, or each marked object."""
 
     def succeeds(self, rule: SuccessRule | Literal["goat"]) -> bool | None:
         """Whether it succeeds; None where the rule has no usable point. All right objects must be marked, and no other.
 
         `goat` is GOAT-Bench's: FOUND less than `VIEW_DISTANCE` of walking from a view point.
         """
-        if self.measures is None:
+        if self.measures is None and self.answer is None:
             return False
         if self.all is not None:
             return self.all.recall == self.all.precision == 1
+        if self.answer is not None or self.measures is None:
+            return self.answer is not None and self.answer.success
         found = self.measures.rules["habitat" if rule == "goat" else rule]
         if found is None:
             return None

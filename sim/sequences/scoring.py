@@ -17,7 +17,7 @@ from sim.types import Action, Pose
 from sim.walk.navigation_map import NavigationMap
 
 from .runs import AllMeasures, SearchEnd, SearchReason, SequenceEnd, SequenceRun, SequenceStart
-from .searches import old_target, search_episode
+from .searches import is_after_news, old_target, search_episode
 
 
 def run_from_sequence_env(
@@ -90,16 +90,11 @@ class _Search:
         if old is not None:
             wrong = [mark for mark in marks if not any(reaches_target(mark, target) for target in self._targets)]
             found_old = any(reaches_target(mark, old) for mark in wrong)
-        told = range(1, len(self._sequence.record.messages))
         return SearchEnd(
             kind=subtask.kind,
             reason=reason,
             message=subtask.message,
-            is_after_news=any(
-                self._sequence.record.messages[message].before <= index
-                for message in told
-                if message != subtask.message
-            ),
+            is_after_news=is_after_news(self._sequence, index),
             leg_m=self._leg_m(),
             measures=measures,
             is_at_old=found_old,

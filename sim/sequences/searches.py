@@ -2,11 +2,12 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 from sim.episodes.schema import Episode, EpisodeInfo, EpisodeRecord, Goal
 from sim.episodes.sequence_files import HomeSequence
 from sim.episodes.sequences import Edge
-from sim.types import MAX_STEPS, SEQUENCE7, Action, EpisodeKey, Prompt, Task
+from sim.types import MAX_STEPS, SEQUENCE7, Action, EpisodeKey, News, Prompt, Task
 
 
 def sequence_key(sequence: HomeSequence) -> EpisodeKey:
@@ -47,6 +48,24 @@ def prompts_of(sequence: HomeSequence, *, query_index: int = 0, ignores_messages
         query = subtask.query[query_index % len(subtask.query)]
         found.append(Prompt(query, "\n".join(told) or None, is_for_all=subtask.mode == "all"))
     return tuple(found)
+
+
+def task_so_far(whole: Task, news: Sequence[tuple[str, int]], query: str, index: int) -> Task:
+    """The task of search `index` as an episode's: everything told so far is the description, and FOUND is no action.
+
+    Args:
+        whole: The sequence's task.
+        news: What was told after the intro, oldest first, each with the index of the search that it came before.
+        query: The search's query.
+        index: The search.
+    """
+    return dataclasses.replace(
+        whole,
+        description="\n".join((whole.description, *(text for text, _ in news))),
+        queries=(query,),
+        actions=tuple(action for action in whole.actions if action is not Action.FOUND),
+        news=tuple(News(text, index - before) for text, before in news),
+    )
 
 
 def search_episode(sequence: HomeSequence, index: int) -> Episode:
@@ -97,6 +116,16 @@ def remembered_episode(sequence: HomeSequence, index: int) -> Episode:
     ]
     old = [goal for goal in goals if goal.object_name == subtask.old_object_id]
     return dataclasses.replace(search_episode(sequence, index), targets=tuple(old or goals))
+
+
+def is_after_news(sequence: HomeSequence, index: int) -> bool:
+    """Whether anything was told between the intro and a search that does not decide its answer."""
+    record = sequence.record
+    return any(
+        message.before <= index
+        for number, message in enumerate(record.messages)
+        if number not in (0, record.subtasks[index].message)
+    )
 
 
 def old_target(sequence: HomeSequence, index: int) -> Goal | None:

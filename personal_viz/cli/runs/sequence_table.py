@@ -19,7 +19,9 @@ def print_sequences(rows: Sequence[SequenceRow]) -> None:
         lines = []
         for row in shown:
             name = row.who if row.condition == "none" else f"{row.who} ({row.condition})"
-            lines += [_cells(name, row.sequence_measures), _cells(f"  FOUND < {VIEW_DISTANCE:g} m", row.goat_measures)]
+            lines.append(_cells(f"{name}, POG" if row.task == "pog" else name, row.sequence_measures))
+            if row.goat_measures is not None:
+                lines.append(_cells(f"  FOUND < {VIEW_DISTANCE:g} m", row.goat_measures))
         print_table(f"Home sequences, rule {rows[0].rule}; edition {shown[0].edition}; scenes: {kind}", _HEADS, lines)
         if shown[0].scene_label:
             print(f"{shown[0].scene_label}.")
