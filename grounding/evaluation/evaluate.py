@@ -119,9 +119,9 @@ class SceneGrounder:
         task = task or episode.task("pog", query_index=self._query_index)
         if not self._grounder.uses_phrases:
             phrases = ()
-        return self._grounder.ground(
-            self.memory(episode), task, self._phrases.phrases(task) if phrases is None else phrases
-        )
+        elif phrases is None:
+            phrases = self._phrases.phrases(task)
+        return self._grounder.ground(self.memory(episode), task, phrases)
 
     def answered(self, episode: Episode) -> Answered:
         """The scored answer, and what was asked of a chat model for it."""

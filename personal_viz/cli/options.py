@@ -23,6 +23,13 @@ DatasetOrStudy = Annotated[
         help="Folder with easy/, medium/, hard/ (data/split in the authors' repository); with --study only if it moved."
     ),
 ]
+Sequences = Annotated[
+    Path | None,
+    arg(help="Folder of a set of home sequences, done instead of episodes; --dataset has the homes."),
+]
+IgnoreMessages = Annotated[
+    bool, arg(help="--sequences: tell nothing after the intro; shortest-path then walks by the intro alone.")
+]
 Evidence = Annotated[
     tuple[Path, ...],
     arg(help="Further editions of the dataset: their places and objects also make the homes without a scan."),

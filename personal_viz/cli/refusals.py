@@ -6,13 +6,16 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 from pydantic import ValidationError
 
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
+from sim.episodes.sequence_files import SequenceSet
 from sim.errors import DatasetError, PersonalVizError, line_from_validation_error
+from sim.sequences.searches import sequence_key
 from sim.tasks.run_files import RUN_ID
-from sim.types import SPLITS, SceneKind, Split
+from sim.types import SPLITS, EpisodeKey, SceneKind, Split
 
 _LEAST = {
     **dict.fromkeys(("limit", "jobs", "batch", "homes", "width", "height", "max_steps", "max_calls", "max_tokens"), 1),
@@ -63,6 +66,28 @@ def sampled(
     return chosen
 
 
+def sampled_sequences(
+    root: Path, *, splits: Sequence[Split], scenes: Sequence[str], limit: int | None, seed: int
+) -> list[EpisodeKey]:
+    """The sequences of a set that the same options choose, named as in runs; the limit is that of a split.
+
+    Raises:
+        PersonalVizError: They hold no sequence.
+        DatasetError: As `SequenceSet.sequences`.
+    """
+    found = [sequence_key(one) for one in SequenceSet(root).sequences(scenes=tuple(scenes) or None)]
+    chosen: list[EpisodeKey] = []
+    for split in splits or SPLITS:
+        own = [key for key in found if key.split == split]
+        if limit is not None:
+            places = np.random.default_rng(seed).permutation(len(own))[:limit]
+            own = [own[place] for place in sorted(places)]
+        chosen += own
+    if not chosen:
+        raise nothing_chosen(root)
+    return chosen
+
+
 def require_dataset(dataset: Path | None) -> Path:
     """The folder of `--dataset`; raises PersonalVizError without one."""
     if dataset is None:
@@ -70,6 +95,14 @@ def require_dataset(dataset: Path | None) -> Path:
             "--dataset: found none; expected the folder of the episodes. Give it, or --study for those of a study."
         )
     return dataset
+
+
+def require_none(verb: object, names: Sequence[str], *, beside: str) -> None:
+    """Raises PersonalVizError where one of these options of a verb, by field, is given beside another one."""
+    for name in names:
+        if getattr(verb, name):
+            option = f"--{name.replace('_', '-')}"
+            raise PersonalVizError(f"{option} beside {beside}: expected one of them. Leave one out.")
 
 
 def nothing_chosen(dataset: Path) -> PersonalVizError:

@@ -57,7 +57,8 @@ def sequence_rows(folders: Sequence[Path], *, rule: SuccessRule = "paper") -> li
     _require_one_set([info for info, _ in read])
     pooled: _Pooled = defaultdict(list)
     for info, runs in read:
-        for task in dict.fromkeys(run.start.task for run in runs):
+        tasks: set[TaskKind] = {run.start.task for run in runs}
+        for task in sorted(tasks):
             pooled[info.who, info.condition, info.scene_kind, task].append((info, runs))
     rows = [_row(found, rule) for found in pooled.values()]
     return [row.model_copy(update={"memory_gain": _gain(row, pooled, rule)}) for row in rows]

@@ -25,6 +25,7 @@ from grounding.encoders.by_name import (
 from grounding.encoders.protocol import ModelOptions
 from grounding.evaluation.evaluate import GroundJob, evaluate, select_jobs
 from grounding.evaluation.home_maps import MAP_VERSION, MapFolders
+from grounding.evaluation.sequences import SequenceGroundJob
 from grounding.evaluation.settings import CELLS, GroundSettings
 from grounding.methods.by_name import Grounder, make_grounder, require_method, takes_objects
 from grounding.phrases.sources import phrases_called
@@ -48,6 +49,7 @@ from ..options import (
     Clutter,
     DatasetOrStudy,
     Evidence,
+    IgnoreMessages,
     Jobs,
     Json,
     Label,
@@ -67,14 +69,17 @@ from ..options import (
     SampleSeed,
     Scenes,
     ScenesDir,
+    Sequences,
     Shard,
     Splits,
     StudyFolder,
     workers_of,
 )
 from ..output import print_json
-from ..refusals import check_options, nothing_chosen, require_dataset
+from ..refusals import check_options, nothing_chosen, require_dataset, require_none, sampled_sequences
+from ..runs.metrics import Metrics
 from .ground_maps import cell_of_maps, layout_of_maps
+from .ground_sequences import ground_sequences, sequence_info
 from .ground_tables import GroundResult, ground_document, print_ground_table
 
 if TYPE_CHECKING:
@@ -104,6 +109,8 @@ class Ground:
         ),
     ] = MISSING
     study: StudyFolder = None
+    sequences: Sequences = None
+    ignore_messages: IgnoreMessages = False
     map: Annotated[
         str,
         arg(help="oracle (texts of the episode files), explore (walk each home, map it), or a folder of <Scene>.npz."),
@@ -188,6 +195,8 @@ class Ground:
         require_chat_for_limits(self, has_chat=settings.has_chat)
         if not is_model(self.encoder):
             require_no_model_options(f"--encoder {self.encoder}", self._model)
+        if self.sequences is not None:
+            return self._on_sequences(self.sequences, episodes, settings)
         documents = []
         for each in self._swept(settings):
             found = [self._grounded(episodes, one) for one in (each, *_beside(each))]
@@ -242,6 +251,30 @@ class Ground:
             "out": agent_runs(study, self.out),
         }
         return _GroundStudy(**{**same, **placed}, planned=study)
+
+    def _on_sequences(self, root: Path, episodes: PersonalDataset, settings: GroundSettings) -> int:
+        """Answers the searches of home sequences, and prints their table."""
+        require_none(self, ("study", "sweep", "shard"), beside="--sequences")
+        keys = sampled_sequences(root, splits=self.split, scenes=self.scene, limit=self.limit, seed=self.sample_seed)
+        folders = []
+        for each in (settings, *_beside(settings)):
+            whole = self._info(episodes, each)
+            info = sequence_info(whole, root, ignores_messages=self.ignore_messages)
+            budget = Budget(self._out / info.run_id, self.max_calls, self.max_tokens) if each.has_chat else None
+            job = SequenceGroundJob(
+                episodes.root,
+                "",
+                (),
+                each,
+                self._folders(each, whole),
+                self._model,
+                budget,
+                evidence=self.evidence,
+                sequences=root,
+                ignores_messages=self.ignore_messages,
+            )
+            folders.append(ground_sequences(job, keys, info, out=self._out, processes=self._workers()))
+        return Metrics(tuple(folders), json=self.json).run()
 
     @property
     def _out(self) -> Path:

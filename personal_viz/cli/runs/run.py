@@ -40,6 +40,7 @@ from ..options import (
     Clutter,
     DatasetOrStudy,
     Evidence,
+    IgnoreMessages,
     Jobs,
     Label,
     Labels,
@@ -59,6 +60,7 @@ from ..options import (
     SampleSeed,
     Scenes,
     ScenesDir,
+    Sequences,
     Shard,
     Splits,
     StudyFolder,
@@ -91,19 +93,12 @@ class Run:
         ),
     ] = MISSING
     study: StudyFolder = None
-    sequences: Annotated[
-        Path | None,
-        arg(
-            help="Folder of a set of home sequences, which the agent does instead of episodes; --dataset has the homes."
-        ),
-    ] = None
+    sequences: Sequences = None
     memory: Annotated[
         Literal["on", "off"],
         arg(help="--sequences: whether the agent keeps what it knows of the home from one search to the next."),
     ] = "off"
-    ignore_messages: Annotated[
-        bool, arg(help="--sequences: tell nothing after the intro; shortest-path then walks by the intro alone.")
-    ] = False
+    ignore_messages: IgnoreMessages = False
     perception: Annotated[
         str | None,
         arg(

@@ -3,24 +3,21 @@
 from pathlib import Path
 from typing import Literal, Protocol
 
-import numpy as np
-
 from grounding.agents.goal_text import GoalText
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.sequence_files import SequenceSet
 from sim.errors import PersonalVizError
 from sim.homes.kind import common_kind
 from sim.sequences.playing import SequenceJob, run_sequences
-from sim.sequences.searches import sequence_key
 from sim.sequences.writer import SequenceWriter
 from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
 from sim.tasks.workers import Workers
-from sim.types import SPLITS, ClutterLevel, EpisodeKey, SceneKind, Split
+from sim.types import ClutterLevel, EpisodeKey, SceneKind, Split
 from sim.words.english import how_many
 
 from ...progress import counted
-from ..refusals import nothing_chosen, require_dataset, require_no_scan
+from ..refusals import require_dataset, require_no_scan, require_none, sampled_sequences
 from .named_agents import NamedAgent
 
 _NOT_HERE = ("study", "episode", "rerun", "llm_url", "shard")
@@ -56,18 +53,14 @@ def play_sequences(verb: SequenceOptions, root: Path, agent: NamedAgent, *, proc
         PersonalVizError: An option does not belong to sequences, the set or the homes cannot be read, or the agent
             fails; finished sequences are kept.
     """
-    for name in _NOT_HERE:
-        if getattr(verb, name):
-            raise PersonalVizError(
-                f"--{name.replace('_', '-')} beside --sequences: expected one of them. Leave one out."
-            )
+    require_none(verb, _NOT_HERE, beside="--sequences")
     if verb.ignore_messages and verb.goal_text == "caption":
         raise PersonalVizError(
             "--goal-text caption beside --ignore-messages: expected another, because captions are those of the answer "
             "after all messages. Give --goal-text phrase or query."
         )
     dataset = PersonalDataset(require_dataset(verb.dataset), evidence=verb.evidence)
-    keys = _chosen(verb, root)
+    keys = sampled_sequences(root, splits=verb.split, scenes=verb.scene, limit=verb.limit, seed=verb.sample_seed)
     kind = common_kind(dataset, {key.scene for key in keys}, verb.scenes_dir)
     require_no_scan(kind, clutter=verb.clutter)
     by_scene: dict[str, list[EpisodeKey]] = {}
@@ -102,21 +95,6 @@ def play_sequences(verb: SequenceOptions, root: Path, agent: NamedAgent, *, proc
         run_sequences(jobs, writer, processes=processes, on_sequence=progress.add)
     print(f"Written to {folder}; see it with: personal-viz metrics {folder}")
     return folder
-
-
-def _chosen(verb: SequenceOptions, root: Path) -> list[EpisodeKey]:
-    """The sequences that `--scene`, `--split`, `--limit` and `--sample-seed` choose; the limit is that of a split."""
-    found = [sequence_key(one) for one in SequenceSet(root).sequences(scenes=tuple(verb.scene) or None)]
-    chosen: list[EpisodeKey] = []
-    for split in verb.split or SPLITS:
-        own = [key for key in found if key.split == split]
-        if verb.limit is not None:
-            places = np.random.default_rng(verb.sample_seed).permutation(len(own))[: verb.limit]
-            own = [own[place] for place in sorted(places)]
-        chosen += own
-    if not chosen:
-        raise nothing_chosen(root)
-    return chosen
 
 
 def _info(verb: SequenceOptions, root: Path, dataset: PersonalDataset, kind: SceneKind, agent: NamedAgent) -> RunInfo:
