@@ -8,7 +8,7 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ValidationError
 
@@ -224,7 +224,7 @@ def episode_from_sequence(sequence: HomeSequence) -> Episode:
         DatasetError: It has more messages or searches, or lacks a distance of episodes.
     """
     record = sequence.record
-    subtask, intro = record.subtasks[0], record.messages[0]
+    subtask = record.subtasks[0]
     info = subtask.info.model_dump(exclude_none=True)
     if len(record.subtasks) != 1 or len(record.messages) != 1 or subtask.mode != "any" or len(info) != 3:
         raise DatasetError(
@@ -232,21 +232,34 @@ def episode_from_sequence(sequence: HomeSequence) -> Episode:
             f"{subtask.mode!r} and the distances {', '.join(info)}; expected one intro, one search in mode 'any', and "
             "geodesic_distance, euclidean_distance, closest_goal_object_id. Take a sequence that is an episode."
         )
-    episode = EpisodeRecord(
-        episode_id=record.sequence_id,
-        scene_id=record.scene_id,
-        scene_dataset_config=record.scene_dataset_config,
-        object_category=subtask.object_category,
-        object_id=subtask.object_id,
-        description=subtask.captions,
-        owner=subtask.owner,
-        floor_id=record.floor_id,
-        summary=intro.text,
-        extracted_summary=intro.extracted_summary,
-        query=subtask.query,
-        start_position=record.start_position,
-        start_rotation=record.start_rotation,
-        info=EpisodeInfo.model_validate(info),
-    )
     key = EpisodeKey(record.split, sequence.key.scene, record.sequence_id)
-    return Episode(key, episode, sequence.targets[0])
+    return Episode(key, search_record(record, 0, info=EpisodeInfo.model_validate(info)), sequence.targets[0])
+
+
+def search_record(record: SequenceRecord, index: int, *, info: EpisodeInfo, **told: Any) -> EpisodeRecord:
+    """One search as an episode that begins where the sequence does, with the intro as its description.
+
+    Args:
+        record: The sequence.
+        index: The search.
+        info: The episode's distances.
+        told: Other fields of the episode in place of these.
+    """
+    subtask, intro = record.subtasks[index], record.messages[0]
+    fields: dict[str, Any] = {
+        "episode_id": record.sequence_id,
+        "scene_id": record.scene_id,
+        "scene_dataset_config": record.scene_dataset_config,
+        "object_category": subtask.object_category,
+        "object_id": subtask.object_id,
+        "description": subtask.captions,
+        "owner": subtask.owner,
+        "floor_id": record.floor_id,
+        "summary": intro.text,
+        "extracted_summary": intro.extracted_summary,
+        "query": subtask.query,
+        "start_position": record.start_position,
+        "start_rotation": record.start_rotation,
+        "info": info,
+    }
+    return EpisodeRecord(**(fields | told))

@@ -4,8 +4,8 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
-from sim.episodes.schema import Episode, EpisodeInfo, EpisodeRecord, Goal
-from sim.episodes.sequence_files import HomeSequence
+from sim.episodes.schema import Episode, EpisodeInfo, Goal
+from sim.episodes.sequence_files import HomeSequence, search_record
 from sim.episodes.sequences import Edge
 from sim.types import MAX_STEPS, SEQUENCE7, Action, EpisodeKey, News, Prompt, Task
 
@@ -80,25 +80,17 @@ def search_episode(sequence: HomeSequence, index: int) -> Episode:
     if euclidean is None:
         euclidean = min(math.hypot(target.position[0] - x, target.position[2] - z) for target in targets)
     closest = info.closest_goal_object_id
-    episode = EpisodeRecord(
-        episode_id=f"{record.sequence_id}_{index}"[-64:],
-        scene_id=record.scene_id,
-        scene_dataset_config=record.scene_dataset_config,
-        object_category=subtask.object_category,
-        object_id=subtask.object_names,
-        description=subtask.captions or (("",),) * len(targets),
-        owner=subtask.owner,
-        floor_id=record.floor_id,
-        summary=record.messages[0].text,
-        extracted_summary=record.messages[0].extracted_summary,
-        query=subtask.query,
-        start_position=record.start_position,
-        start_rotation=record.start_rotation,
+    episode = search_record(
+        record,
+        index,
         info=EpisodeInfo(
             geodesic_distance=info.geodesic_distance,
             euclidean_distance=euclidean,
             closest_goal_object_id=targets[0].object_id if closest is None else closest,
         ),
+        episode_id=f"{record.sequence_id}_{index}"[-64:],
+        object_id=subtask.object_names,
+        description=subtask.captions or (("",),) * len(targets),
     )
     return Episode(EpisodeKey(record.split, sequence.key.scene, episode.episode_id), episode, targets)
 

@@ -262,4 +262,6 @@ def test_an_agent_gets_task_and_senses_only(marked_dataset: Path) -> None:
     env = PanEnv(episode.start, scene.navigation, renderer=renderer)
     seen = env.step(Action.LEFT)
     fields = {field.name for field in dataclasses.fields(seen)}
-    assert fields == {"rgb", "depth_m", "gps", "compass", "T_start_camera", "camera", "collided", "step"}
+    told = {"message", "query"}
+    assert fields == {"rgb", "depth_m", "gps", "compass", "T_start_camera", "camera", "collided", "step"} | told
+    assert (seen.message, seen.query) == (None, None)  # home sequences only

@@ -19,7 +19,7 @@ from sim.episodes.checks_geometry import GEODESIC_LIMITS
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.ownership import queries_for
 from sim.episodes.schema import EpisodeInfo, EpisodeRecord, Goal
-from sim.episodes.sequence_files import SequenceFile, SequenceSet
+from sim.episodes.sequence_files import SequenceFile, SequenceSet, search_record
 from sim.episodes.sequences import Edge, MessageKind, SequenceRecord
 from sim.types import SPLITS
 
@@ -246,25 +246,9 @@ def test_sequences_begin_with_what_an_episode_tells(opened: OpenedHome, made: Se
 
 def first_search(record: SequenceRecord) -> EpisodeRecord:
     """The intro and the first search of a sequence as an episode."""
-    intro, subtask = record.messages[0], record.subtasks[0]
-    return EpisodeRecord(
-        episode_id="7",
-        scene_id=record.scene_id,
-        scene_dataset_config=record.scene_dataset_config,
-        object_category=subtask.object_category,
-        object_id=subtask.object_id,
-        description=subtask.captions,
-        owner=subtask.owner,
-        floor_id=record.floor_id,
-        summary=intro.text,
-        extracted_summary=intro.extracted_summary,
-        query=subtask.query,
-        start_position=record.start_position,
-        start_rotation=record.start_rotation,
-        info=EpisodeInfo(
-            geodesic_distance=subtask.info.geodesic_distance, euclidean_distance=3.0, closest_goal_object_id=1
-        ),
-    )
+    geodesic = record.subtasks[0].info.geodesic_distance
+    info = EpisodeInfo(geodesic_distance=geodesic, euclidean_distance=3.0, closest_goal_object_id=1)
+    return search_record(record, 0, info=info, episode_id="7")
 
 
 def test_released_episodes_tell_ownerships_of_known_objects(dataset_root: Path, opened: OpenedHome) -> None:

@@ -20,8 +20,8 @@ from sim.types import SPLITS, EpisodeKey, Split
 from ...episodes.checks_geometry import GEODESIC_LIMITS
 from ...episodes.dataset import PersonalDataset
 from ...episodes.ownership import queries_for
-from ...episodes.schema import Episode, EpisodeInfo, EpisodeRecord, Goal, Vector3
-from ...episodes.sequence_files import HomeSequence, SequenceFile, resolve_sequence
+from ...episodes.schema import Episode, EpisodeInfo, Goal, Vector3
+from ...episodes.sequence_files import HomeSequence, SequenceFile, resolve_sequence, search_record
 from ...episodes.sequences import Edge, Generator, Message, SequenceRecord, Subtask, SubtaskInfo
 from ..content import sequence_file
 from ..descriptions import write_description
@@ -354,22 +354,13 @@ class HomeSequences:
         record, finder = sequence.record, self._finder
         if finder is None:
             return True
-        for index, (subtask, targets) in enumerate(zip(record.subtasks, sequence.targets, strict=True)):
-            episode = EpisodeRecord(
-                episode_id=record.sequence_id,
-                scene_id=record.scene_id,
-                scene_dataset_config=record.scene_dataset_config,
-                object_category=subtask.object_category,
-                object_id=subtask.object_id,
-                description=subtask.captions,
-                owner=subtask.owner,
-                floor_id=record.floor_id,
+        for index, targets in enumerate(sequence.targets):
+            episode = search_record(
+                record,
+                index,
+                info=EpisodeInfo(geodesic_distance=0.0, euclidean_distance=0.0, closest_goal_object_id=0),
                 summary=" ".join(message.text for message in record.messages if message.before <= index),
                 extracted_summary=sentences(sequence.ownership[index], self._home.things),
-                query=subtask.query,
-                start_position=record.start_position,
-                start_rotation=record.start_rotation,
-                info=EpisodeInfo(geodesic_distance=0.0, euclidean_distance=0.0, closest_goal_object_id=0),
             )
             key = EpisodeKey(record.split, self._home.name, record.sequence_id)
             if not finder.can_find(Episode(key, episode, targets)):
