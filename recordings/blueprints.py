@@ -10,14 +10,16 @@ from rerun.encodings import EntityPathLike
 
 from grounding.maps.home_map import HomeMemory, StoreyMemory
 from sim.plan_view.storey import StoreyMap
-from sim.tasks.run_files import EpisodeRun
+from sim.sequences.runs import SequenceRun
+from sim.tasks.run_files import Answer, EpisodeRun
 
 from . import layers, memory, paths
 from .divergence import DEPARTURE, DEVIATION, PARTING
-from .episode import CENTRE_DISTANCE, GOAL_DISTANCE, SEEN_M2, Walker
+from .episode import CENTRE_DISTANCE, FOUND_MARKS, GOAL_DISTANCE, OUTCOMES, SEEN_M2, Walker, trail_name
 from .insight import OCCUPANCY, SIMILARITY
 from .layers import Regrounded
 from .memory import NamedMemory
+from .scene import OLD
 from .traces import Trace
 
 BACKGROUND = (24, 26, 30)
@@ -69,6 +71,45 @@ def comparison_blueprint(
     return _blueprint(
         rrb.Vertical(_row(row), _row(_below(traces, maps, regrounded, memories)), row_shares=[2, 1]),
         rrb.TimePanel(state="collapsed", timeline=paths.STEP, fps=4.0, play_state="paused"),
+    )
+
+
+def sequence_blueprint(traces: Sequence[Trace], maps: Sequence[StoreyMap], *, shown: Sequence[Trace]) -> rrb.Blueprint:
+    """The layout for any number of runs of one home sequence.
+
+    The best run's camera and map | home, maps of other runs | the second best; below them who owns what, a plot, what
+    was told, the results. Each run has its own map, because there the colours tell the searches apart.
+
+    Args:
+        shown: At most two PAN runs whose cameras are shown, left and right.
+    """
+    plans = {
+        trace.label: _together(
+            rrb.Horizontal, [_map([trace], maps, storey, (), whose=f": {trace.title}") for storey in maps]
+        )
+        for trace in traces
+    }
+    is_wide = not shown
+    home = _together(rrb.Horizontal, [_home(traces, maps, storey, (), (), is_wide=is_wide) for storey in maps])
+    rest = [plans[trace.label] for trace in traces if trace not in shown]
+    middle = rrb.Vertical(home, _together(rrb.Tabs, rest), row_shares=[1, 1]) if rest else home
+    row: list[tuple[Parts, int]] = [
+        (rrb.Vertical(_sees(trace.title, _entity(trace, "camera")), plans[trace.label]), 5) for trace in shown
+    ]
+    row.insert(min(1, len(row)), (middle, 6))
+    told = _actions([paths.TOLD, *(_entity(trace, OUTCOMES) for trace in traces)], name="Told, asked, found")
+    below: list[tuple[Parts, int]] = [
+        (rrb.GraphView(origin=paths.OWNERS, contents=f"{paths.OWNERS}/**", name="Who owns what"), 4),
+        (told, 5),
+        (_task(), 5),
+    ]
+    walks = [_entity(trace, CENTRE_DISTANCE) for trace in traces if trace.is_walk]
+    if walks:
+        plot = rrb.TimeSeriesView(origin="/", contents=walks, name="Metres to the right object's centre")
+        below.insert(1, (plot, 3))
+    return _blueprint(
+        rrb.Vertical(_row(row), _row(below), row_shares=[3, 2]),
+        rrb.TimePanel(state="collapsed", timeline=paths.TOGETHER, fps=4.0, play_state="paused"),
     )
 
 
@@ -183,10 +224,10 @@ def _home(
     is_wide: bool,
 ) -> rrb.View:
     """One storey of the home in a comparison."""
-    shown = [f"{paths.GOAL}/{name}" for name in ("centre", "region", "places", "path")]
+    shown = [f"{paths.GOAL}/{name}" for name in ("centre", "region", "places", "path", OLD)]
     for trace in traces:
-        names = WALK_ENTITIES if isinstance(trace.run, EpisodeRun) else ("candidates", "click_ray")
-        shown += [_entity(trace, name) for name in names]
+        names = (*WALK_ENTITIES, *_growing(trace)) if trace.is_walk else ("candidates", "click_ray")
+        shown += [_entity(trace, name) for name in dict.fromkeys(names)]
     shown += [layers.home_entity(item.trace, name, storey) for item in regrounded for name in item.names]
     shown += [memory.home_entity(item.name, "objects", storey) for item in memories]
     return _home_view(
@@ -194,22 +235,27 @@ def _home(
         [f"{paths.MESH}/{storey.name}/**", *shown],
         name=_named("Home", storey, maps),
         extent=_extent(storey, across=len(maps) / (WIDE_ASPECT if is_wide else ASPECT)),
-        overrides=_trails(traces, "trail")
+        overrides=_trails(traces)
         | _hidden([layers.home_entity(*layer, storey) for layer in layers.covering(regrounded)]),
     )
 
 
 def _map(
-    traces: Sequence[Trace], maps: Sequence[StoreyMap], storey: StoreyMap, regrounded: Sequence[Regrounded]
+    traces: Sequence[Trace],
+    maps: Sequence[StoreyMap],
+    storey: StoreyMap,
+    regrounded: Sequence[Regrounded],
+    *,
+    whose: str = "",
 ) -> rrb.View:
-    """One storey from above in a comparison."""
+    """One storey from above in a comparison; `whose` is added to its name."""
     return _map_view(
         storey,
         [*_plan(storey), *(f"{_entity(trace, 'map', storey.name)}/**" for trace in traces)],
-        name=_named("Map", storey, maps),
+        name=_named(f"Map{whose}", storey, maps),
         background=BACKGROUND,
         is_cropped=True,
-        overrides=_trails(traces, "map", storey.name, "trail")
+        overrides=_trails(traces, "map", storey.name)
         | _hidden([layers.map_entity(*layer, storey) for layer in layers.covering(regrounded)]),
     )
 
@@ -333,9 +379,9 @@ def _task() -> rrb.View:
     return rrb.TextDocumentView(origin=paths.TASK, name="Task and results")
 
 
-def _actions(contents: str | list[str], *, origin: str = "/") -> rrb.View:
+def _actions(contents: str | list[str], *, origin: str = "/", name: str = "Actions") -> rrb.View:
     columns = rrb.TextLogColumns(text_log_columns=[TextLogColumn("Body")])
-    return rrb.TextLogView(origin=origin, contents=contents, name="Actions", columns=columns)
+    return rrb.TextLogView(origin=origin, contents=contents, name=name, columns=columns)
 
 
 def _home_view(
@@ -391,8 +437,16 @@ def _map_view(
 
 
 def _trails(traces: Sequence[Trace], *parts: str) -> Overrides:
-    walks = [trace for trace in traces if isinstance(trace.run, EpisodeRun) and trace.run.steps]
-    return _until_now([_entity(trace, *parts) for trace in walks])
+    """Overrides of what grows with the time cursor; `parts` lead to it below a run."""
+    walks = [trace for trace in traces if trace.is_walk and not isinstance(trace.run, Answer) and trace.run.steps]
+    return _until_now([_entity(trace, *parts, name) for trace in walks for name in _growing(trace)])
+
+
+def _growing(trace: Trace) -> list[str]:
+    """Names below a PAN run of what shows all its rows up to the time cursor."""
+    if isinstance(trace.run, SequenceRun):
+        return [*map(trail_name, range(len(trace.run.end.searches))), FOUND_MARKS]
+    return [trail_name(None)]
 
 
 def _until_now(entities: Sequence[str]) -> Overrides:

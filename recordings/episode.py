@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 import rerun as rr
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from sim.frames import T_world_camera, forward_from_yaw
 from sim.plan_view.storey import StoreyMap, storeys_of
-from sim.tasks.run_files import Answer, EpisodeRun, Step
+from sim.tasks.run_files import Answer, Step
 from sim.types import Camera, Pose
 from sim.walk.navigation_map import NavigationMap
 
@@ -42,6 +43,8 @@ DEEPEST = 10.0
 BLOCKED_RGB: Rgb = (255, 80, 40)
 BLOCKED = -3.5
 """Radius of the marks where a wall stopped the robot, points of the screen."""
+FOUND_MARKS, OUTCOMES = "found_marks", "outcomes"
+"""Entities below a run of a home sequence: its marks at each FOUND, and a line of the log at each search's end."""
 CENTRE_DISTANCE, GOAL_DISTANCE = "centre_distance", "goal_distance"
 """Plotted below a run: metres to the nearest target's centre, and the walk to the nearest place where STOP succeeds."""
 SEEN_M2 = "seen_m2"
@@ -64,6 +67,14 @@ class Walker:
     """Whether it has a goal and a run file, whose lines are logged for `read_rrd`."""
     marks_collisions: bool = True
     """Whether marks show where a wall stopped it; beside other runs they would hide too much."""
+    search_rgbs: tuple[Rgb, ...] = ()
+    """Colours of the ways of a home sequence's searches; () in episodes, whose way has the run's colour."""
+
+    @property
+    def trails(self) -> list[tuple[str, Rgb]]:
+        """Name below the run, and colour, of each way that grows with the time cursor."""
+        found = [(trail_name(search), rgb) for search, rgb in enumerate(self.search_rgbs)]
+        return found or [(trail_name(None), self.rgb)]
 
     def entity(self, *parts: str) -> str:
         """Entity of this run."""
@@ -86,6 +97,10 @@ class Row:
     before: Pose | None = None
     """Pose at the moment before."""
     storey_before: int | None = None
+    search: int | None = None
+    """The search of a home sequence to which it belongs; None in episodes."""
+    together: int | None = None
+    """Its place on the timeline on which all runs begin a search at once; None in episodes."""
     ending: str = ""
     """Why the episode ended here, if that is known and it did not end with STOP."""
     jpeg: Future[bytes] | None = None
@@ -102,6 +117,11 @@ class Walk:
     walker: Walker
     rows: tuple[Row, ...]
     """(T + 1,) the start and each step."""
+
+
+def trail_name(search: int | None) -> str:
+    """Name, below a run or its map, of the way of a search; None = of an episode."""
+    return "trail" if search is None else f"trail/search_{search + 1}"
 
 
 def next_row(
@@ -125,7 +145,7 @@ def next_row(
 def finished_walk(trace: Trace, camera: Camera, navigation: NavigationMap) -> Walk:
     """A PAN run as a walker and its rows; the camera has the size in which the run's pictures are shown."""
     run = trace.run
-    assert isinstance(run, EpisodeRun)
+    assert not isinstance(run, Answer)
     is_timed = times(run) is not None
     walker = Walker(trace.label, trace.title, trace.rgb, camera, is_timed, marks_collisions=False)
     rows: list[Row] = []
@@ -146,7 +166,9 @@ def log_styles(stream: rr.RecordingStream, walker: Walker, *, with_depth: bool) 
         _log_pinhole(stream, walker.entity("depth"), camera.focal / DEPTH_FACTOR, size, color=None)
         look = rr.DepthImage.from_fields(meter=DEPTH_PER_METRE, depth_range=[0.0, DEEPEST * DEPTH_PER_METRE])
         stream.log(walker.entity("depth"), look, static=True)
-    stream.log(walker.entity("trail"), rr.LineStrips3D.from_fields(colors=[rgb], radii=[TRAIL]), static=True)
+    for name, trail_rgb in walker.trails:
+        look = rr.LineStrips3D.from_fields(colors=[trail_rgb], radii=[TRAIL])
+        stream.log(walker.entity(name), look, static=True)
     if walker.marks_collisions:
         marks = rr.Points3D.from_fields(colors=[BLOCKED_RGB], radii=[BLOCKED])
         stream.log(walker.entity("collisions"), marks, static=True)
@@ -156,8 +178,9 @@ def log_map_styles(stream: rr.RecordingStream, walker: Walker, storey: StoreyMap
     """Logs the colours and widths for one storey's map."""
     robot = rr.Arrows2D.from_fields(colors=[walker.rgb], radii=[ROBOT], draw_order=40.0)
     stream.log(walker.entity("map", storey.name, "robot"), robot, static=True)
-    trail = rr.LineStrips2D.from_fields(colors=[walker.rgb], radii=[MAP_TRAIL], draw_order=30.0)
-    stream.log(walker.entity("map", storey.name, "trail"), trail, static=True)
+    for name, trail_rgb in walker.trails:
+        trail = rr.LineStrips2D.from_fields(colors=[trail_rgb], radii=[MAP_TRAIL], draw_order=30.0)
+        stream.log(walker.entity("map", storey.name, name), trail, static=True)
     if walker.marks_collisions:
         marks = rr.Points2D.from_fields(colors=[BLOCKED_RGB], radii=[BLOCKED], draw_order=35.0)
         stream.log(walker.entity("map", storey.name, "collisions"), marks, static=True)
@@ -176,8 +199,10 @@ def log_rows(stream: rr.RecordingStream, walker: Walker, rows: Sequence[Row], ma
     taken = [row for row in rows if row.step is not None]
     if not taken:
         return
+    for name, part in _by_trail(taken):
+        columns = rr.LineStrips3D.columns(strips=_float32(_pieces(part) + _UP))
+        stream.send_columns(walker.entity(name), indexes_of(walker, part), columns)
     at = indexes_of(walker, taken)
-    stream.send_columns(walker.entity("trail"), at, rr.LineStrips3D.columns(strips=_float32(_pieces(taken) + _UP)))
     texts = [_action_text(walker, row) for row in taken]
     colors = np.full(len(texts), rgba_u32(walker.rgb), np.uint32)
     columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=colors)
@@ -244,6 +269,9 @@ def indexes_of(walker: Walker, rows: Sequence[Row]) -> list[rr.TimeColumn]:
         rr.TimeColumn(paths.STEP, sequence=np.array([row.number for row in rows])),
         rr.TimeColumn(paths.PATH_M, duration=np.array([row.path_m for row in rows])),
     ]
+    together = [row.together for row in rows if row.together is not None]
+    if together:
+        columns.append(rr.TimeColumn(paths.TOGETHER, sequence=np.array(together)))
     if walker.is_timed:
         columns.append(rr.TimeColumn(paths.TIME_S, duration=np.array([_t_s(row) for row in rows])))
     return columns
@@ -254,6 +282,8 @@ def set_moment(stream: rr.RecordingStream, walker: Walker, row: Row) -> None:
     stream.reset_time()
     stream.set_time(paths.STEP, sequence=row.number)
     stream.set_time(paths.PATH_M, duration=row.path_m)
+    if row.together is not None:
+        stream.set_time(paths.TOGETHER, sequence=row.together)
     if walker.is_timed:
         stream.set_time(paths.TIME_S, duration=_t_s(row))
 
@@ -274,27 +304,45 @@ def log_answer(stream: rr.RecordingStream, trace: Trace, maps: Sequence[StoreyMa
     answer, points = trace.run, trace.positions
     assert isinstance(answer, Answer)
     set_answered(stream, answer)
-    ranks = [f"{trace.title} {rank}" for rank in range(1, len(points) + 1)]
-    if len(points):
-        spheres = rr.Points3D(points, colors=[trace.rgb], radii=0.08, labels=ranks)
-        stream.log(paths.run_path(trace.label, "candidates"), spheres)
-        if answer.ray is not None:
-            ray = rr.LineStrips3D([[answer.ray.camera_position, points[0]]], colors=[trace.rgb], radii=0.015)
-            stream.log(paths.run_path(trace.label, "click_ray"), ray)
+    log_points(stream, trace, points, maps, navigation)
+    if len(points) and answer.ray is not None:
+        ray = rr.LineStrips3D([[answer.ray.camera_position, points[0]]], colors=[trace.rgb], radii=0.015)
+        stream.log(paths.run_path(trace.label, "click_ray"), ray)
     text = f"{answer.reason}: {len(points)} points" if len(points) else f"{answer.reason}: no answer"
     stream.log(paths.run_path(trace.label, "actions"), rr.TextLog(f"{trace.title}: {text}", color=trace.rgb))
     floors = storeys_of(points[:, 1], navigation)
     for storey in maps:
         here, spots = floors == storey.index, storey.pixels(points)
-        labels = [rank for rank, is_here in zip(ranks, here, strict=True) if is_here]
-        flat = rr.Points2D(spots[here], colors=[trace.rgb], radii=POINT, labels=labels, draw_order=45.0)
-        stream.log(paths.run_path(trace.label, "map", storey.name, "candidates"), flat)
         if answer.ray is not None and here[:1].any():
             back = storey.pixels(np.array(answer.ray.camera_position)) - spots[0]
             shown = back * min(1.0, RAY / storey.grid.cell / max(float(np.linalg.norm(back)), 1e-9))
             arrow = rr.Arrows2D(vectors=[-shown], origins=[spots[0] + shown], colors=[trace.rgb], radii=ROBOT)
             stream.log(paths.run_path(trace.label, "map", storey.name, "click_ray"), arrow)
     stream.reset_time()
+
+
+def log_points(
+    stream: rr.RecordingStream,
+    trace: Trace,
+    points: NDArray[np.float64],
+    maps: Sequence[StoreyMap],
+    navigation: NavigationMap,
+    *,
+    first: str = "",
+) -> None:
+    """Logs the ranked points (K, 3) of a POG answer at the stream's present time; the label of the first ends with
+    `first`.
+    """
+    ranks = [f"{trace.title} {rank}{first if rank == 1 else ''}" for rank in range(1, len(points) + 1)]
+    if len(points):
+        spheres = rr.Points3D(points, colors=[trace.rgb], radii=0.08, labels=ranks)
+        stream.log(paths.run_path(trace.label, "candidates"), spheres)
+    floors = storeys_of(points[:, 1], navigation)
+    for storey in maps:
+        here, spots = floors == storey.index, storey.pixels(points)
+        labels = [rank for rank, is_here in zip(ranks, here, strict=True) if is_here]
+        flat = rr.Points2D(spots[here], colors=[trace.rgb], radii=POINT, labels=labels, draw_order=45.0)
+        stream.log(paths.run_path(trace.label, "map", storey.name, "candidates"), flat)
 
 
 def _log_pinhole(
@@ -337,14 +385,19 @@ def _log_on_map(stream: rr.RecordingStream, walker: Walker, rows: Sequence[Row],
     counts = [int(row.storey == storey.index) for row in rows]
     stream.send_columns(walker.entity("map", storey.name, "robot"), indexes_of(walker, rows), arrows.partition(counts))
     taken = [row for row in rows if row.step is not None]
-    if taken:
-        walked = [row.storey == row.storey_before == storey.index for row in taken]
-        strips = _float32(storey.pixels(_pieces([row for row, is_here in zip(taken, walked, strict=True) if is_here])))
+    for name, part in _by_trail(taken):
+        walked = [row.storey == row.storey_before == storey.index for row in part]
+        strips = _float32(storey.pixels(_pieces([row for row, is_here in zip(part, walked, strict=True) if is_here])))
         columns = rr.LineStrips2D.columns(strips=strips).partition([int(is_here) for is_here in walked])
-        stream.send_columns(walker.entity("map", storey.name, "trail"), indexes_of(walker, taken), columns)
+        stream.send_columns(walker.entity("map", storey.name, name), indexes_of(walker, part), columns)
     if walker.marks_collisions and (blocked := _blocked(here)):
         columns = rr.Points2D.columns(positions=storey.pixels(_feet(blocked)))
         stream.send_columns(walker.entity("map", storey.name, "collisions"), indexes_of(walker, blocked), columns)
+
+
+def _by_trail(rows: Sequence[Row]) -> list[tuple[str, list[Row]]]:
+    """The rows of each way, with its name."""
+    return [(trail_name(search), list(part)) for search, part in groupby(rows, key=lambda row: row.search)]
 
 
 def _action_text(walker: Walker, row: Row) -> str:

@@ -68,7 +68,7 @@ class RerunObserver:
             episode.start, scene, self._sink, episode.key, self._walker, goal=goal, may_show=self._may_show
         )
         self._running = (episode, live)
-        log_identity(live.stream, episode, scene)
+        log_identity(live.stream, episode.key, scene)
         log_record_start(live.stream, self._walker.label, self._info, self._start_of(episode))
         log_task(live.stream, episode, scene, [], may_show=self._may_show, edition=self._info.edition)
         live.start(observation)
@@ -158,7 +158,7 @@ class AnswerObserver:
         self._running = None  # an unfinished trial ends here
         recording = self._sink.open(episode.key)
         self._running, self._maps = (episode, recording), {}
-        log_identity(recording.stream, episode, self._scene)
+        log_identity(recording.stream, episode.key, self._scene)
         log_task(recording.stream, episode, self._scene, [], may_show=self._may_show, edition=self._info.edition)
         self._show_storey(0)
         recording.flush()

@@ -12,6 +12,10 @@ MESH = "/scene/mesh"
 TOPDOWN = "/scene/topdown"
 GOAL = "/goal"
 TASK = "/task"
+TOLD, OWNERS = "/sequence/told", "/sequence/owners"
+"""Of a home sequence: messages and queries as a log, and who owns what as a graph."""
+NEW_OWNERS = f"{OWNERS}/new"
+"""The edges of that graph that hold since the last message."""
 MEMORY = "/memory"
 """Root of the maps that explorations made, by name (memory.py)."""
 RUNS = "/runs"
@@ -25,7 +29,9 @@ PATH_M = "path_m"
 """Timeline: metres walked. Rerun has no timeline of lengths: one second of this duration is one metre."""
 TIME_S = "time_s"
 """Timeline: seconds since the episode's start; absent from runs that measured no time."""
-TIMELINES = (STEP, PATH_M, TIME_S)
+TOGETHER = "together"
+"""Timeline of home sequences: number of actions, where every run begins each search at the same moment."""
+TIMELINES = (STEP, PATH_M, TIME_S, TOGETHER)
 
 
 class ExplorationKey(NamedTuple):
@@ -49,7 +55,17 @@ class MapKey(NamedTuple):
         return f"map/{self.name}"
 
 
-RecordingKey = EpisodeKey | ExplorationKey | MapKey
+class SequenceRecordingKey(NamedTuple):
+    """Names a recording of a home sequence."""
+
+    sequence: EpisodeKey
+    """The sequence, named as an episode is."""
+
+    def __str__(self) -> str:
+        return f"sequence/{self.sequence}"
+
+
+RecordingKey = EpisodeKey | ExplorationKey | MapKey | SequenceRecordingKey
 """A key that names a recording."""
 
 

@@ -21,6 +21,7 @@ from rerun.chunk import Chunk, RrdReader
 
 from sim.errors import RecordingError, line_from_validation_error
 from sim.files import TooLargeError
+from sim.sequences.runs import SequenceEnd, SequenceRun, SequenceStart
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Run, RunInfo, Step
 
 from . import paths
@@ -47,8 +48,10 @@ _ENTITY = re.compile(rf"({paths.RUNS}/(?:\\.|[^/\\])+)/{paths.RECORD}(?:/(?:{LIN
 _ADVICE = "Write the recording again from its run folders."
 
 
-def log_record_start(stream: rr.RecordingStream, label: str, info: RunInfo, start: EpisodeStart) -> None:
-    """Logs the run's facts and the episode's start."""
+def log_record_start(
+    stream: rr.RecordingStream, label: str, info: RunInfo, start: EpisodeStart | SequenceStart
+) -> None:
+    """Logs the run's facts and the start of its episode or home sequence."""
     texts = {INFO: info.model_dump_json(), START: start.model_dump_json()}
     stream.log(paths.run_path(label, paths.RECORD), rr.AnyValues(True, **texts), static=True)
 
@@ -62,8 +65,8 @@ def log_record_steps(
     stream.send_columns(paths.run_path(label, paths.RECORD, LINE), times, columns)
 
 
-def log_record_end(stream: rr.RecordingStream, label: str, end: EpisodeEnd) -> None:
-    """Logs how the episode ended; a recording without it holds a run that was cut off."""
+def log_record_end(stream: rr.RecordingStream, label: str, end: EpisodeEnd | SequenceEnd) -> None:
+    """Logs how it ended; a recording without it holds a run that was cut off."""
     entity = paths.run_path(label, paths.RECORD, END)
     stream.log(entity, rr.AnyValues(True, **{END: end.model_dump_json()}), static=True)
 
@@ -83,6 +86,8 @@ class Recorded(NamedTuple):
     """Entities of the runs without an end, which are left out: their program was stopped."""
     is_whole: bool
     """Whether the file ends as Rerun ends a file; if not, whole runs may be lost too."""
+    sequences: tuple[tuple[RunInfo, tuple[SequenceRun, ...]], ...] = ()
+    """Runs of home sequences with the facts of their run folders, in the recording's order."""
 
 
 def read_rrd(path: Path) -> list[Run]:
@@ -110,7 +115,7 @@ def read_recorded(path: Path) -> Recorded:
             "--rerun). Other programs' recordings hold no run files."
         )
     infos: dict[str, RunInfo] = {}
-    found: dict[str, list[EpisodeRun | Answer]] = {}
+    found: dict[str, list[EpisodeRun | Answer | SequenceRun]] = {}
     incomplete: list[str] = []
     for entity, record in records.items():
         where = f"{path}: {entity}/{paths.RECORD}"
@@ -129,8 +134,11 @@ def read_recorded(path: Path) -> Recorded:
             answers=tuple(item for item in items if isinstance(item, Answer)),
         )
         for text, items in found.items()
+        if not isinstance(items[0], SequenceRun)
     ]
-    return Recorded(runs, tuple(incomplete), is_whole)
+    sequences = {text: tuple(item for item in items if isinstance(item, SequenceRun)) for text, items in found.items()}
+    told = tuple((infos[text], items) for text, items in sequences.items() if items)
+    return Recorded(runs, tuple(incomplete), is_whole, told)
 
 
 @dataclass(slots=True)
@@ -152,7 +160,7 @@ class _Record:
             else:
                 self.steps += zip(batch.column(paths.STEP).cast(pa.int64()).to_pylist(), texts, strict=True)
 
-    def item(self, where: str) -> EpisodeRun | Answer | None:
+    def item(self, where: str) -> EpisodeRun | Answer | SequenceRun | None:
         """The run or answer; None if its end is missing."""
         if INFO not in self.texts or not {START, LINE} & set(self.texts):
             raise RecordingError(f"{where}: found {sorted(self.texts)}; expected {INFO} and {START}. {_ADVICE}")
@@ -164,8 +172,14 @@ class _Record:
         if numbers != list(range(1, len(numbers) + 1)):
             raise RecordingError(f"{where}: found steps {numbers}; expected 1, 2, 3, ... {_ADVICE}")
         steps = tuple(_parsed(Step, text, where) for _, text in sorted(self.steps))
-        start, end = _parsed(EpisodeStart, self.texts[START], where), _parsed(EpisodeEnd, self.texts[END], where)
+        is_sequence = self.texts[START].startswith('{"kind":"sequence"')
+        start = _parsed(SequenceStart if is_sequence else EpisodeStart, self.texts[START], where)
+        end = _parsed(SequenceEnd if is_sequence else EpisodeEnd, self.texts[END], where)
         try:
+            if isinstance(start, SequenceStart) and isinstance(end, SequenceEnd):
+                return SequenceRun(start=start, steps=steps, end=end)
+            assert isinstance(start, EpisodeStart)
+            assert isinstance(end, EpisodeEnd)
             return EpisodeRun(start=start, steps=steps, end=end)
         except ValidationError as error:
             raise RecordingError(line_from_validation_error(where, error, advice=_ADVICE)) from None

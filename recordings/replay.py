@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from grounding.maps.home_map import HomeMemory, Memory
 from grounding.methods.free_text import Reply
@@ -170,16 +171,16 @@ def _write(
 ) -> None:
     """Writes the recording's parts in the order in which a viewer should show them while it reads."""
     goal = goal_region(episode, scene.navigation)
-    maps = [storey_map(scene.navigation, index) for index in _floors_shown(traces, goal, scene)]
+    maps = shown_storeys(traces, goal.floors_y, scene)
     best = best_two(traces)
     divergence = _divergence(traces, goal, best)
     memories = named_memories([item.map_file for item in regrounded if item.map_file]) if may_show else []
-    walks = _walks(traces, best, camera, scene)
+    walks = walks_of(traces, best, camera, scene)
     with open_recording(out, episode.key) as stream:
         # viewers show data while they read on; without a blueprint they choose their own layout and start playing
         stream.send_blueprint(comparison_blueprint(traces, maps, shown=best, regrounded=regrounded, memories=memories))
         stream.flush()
-        log_identity(stream, episode, scene)
+        log_identity(stream, episode.key, scene)
         log_task(
             stream,
             episode,
@@ -195,7 +196,7 @@ def _write(
         for item in memories:
             log_memory(stream, item.name, item.memory, maps)
         stream.flush()
-        pictures = _pictures(walks, renderer)
+        pictures = pictures_of(walks, renderer)
         for walk, jpegs in zip(walks, pictures, strict=True):
             if jpegs:
                 log_pictures(stream, walk.walker, walk.rows[:1], jpegs[:1])
@@ -215,10 +216,12 @@ def _write(
                 log_pictures(stream, walk.walker, walk.rows[1:], jpegs[1:])
 
 
-def _floors_shown(traces: Sequence[Trace], goal: GoalRegion, scene: Scene) -> list[int]:
-    """Storeys on which a run, an answer or a target is, from the lowest."""
-    heights = np.concatenate([goal.floors_y, *(trace.positions[:, 1] for trace in traces)])
-    return sorted(set(storeys_of(heights, scene.navigation).tolist()))
+def shown_storeys(traces: Sequence[Trace], floors_y: NDArray[np.float64], scene: Scene) -> list[StoreyMap]:
+    """Storeys on which a run, an answer or a target is, from the lowest; `floors_y` are heights of targets' floors."""
+    heights = np.concatenate([floors_y, *(trace.positions[:, 1] for trace in traces)])
+    return [
+        storey_map(scene.navigation, index) for index in sorted(set(storeys_of(heights, scene.navigation).tolist()))
+    ]
 
 
 def _divergence(traces: Sequence[Trace], goal: GoalRegion, best: Sequence[Trace]) -> Divergence:
@@ -228,15 +231,15 @@ def _divergence(traces: Sequence[Trace], goal: GoalRegion, best: Sequence[Trace]
     return divergence_of(ways, goal.path, pair=pair)
 
 
-def _walks(traces: Sequence[Trace], best: Sequence[Trace], camera: Camera, scene: Scene) -> list[Walk]:
+def walks_of(traces: Sequence[Trace], best: Sequence[Trace], camera: Camera, scene: Scene) -> list[Walk]:
     """The PAN runs, each with the camera of its pictures: larger for runs that are shown at first."""
-    walking = [(trace, trace.run.poses) for trace in traces if isinstance(trace.run, EpisodeRun)]
+    walking = [(trace, trace.run.poses) for trace in traces if trace.is_walk and not isinstance(trace.run, Answer)]
     shown = [trace in best for trace, _ in walking]
     cameras = picture_cameras([way for _, way in walking], camera, is_shown=shown)
     return [finished_walk(trace, view, scene.navigation) for (trace, _), view in zip(walking, cameras, strict=True)]
 
 
-def _pictures(walks: Sequence[Walk], renderer: Renderer | None) -> list[list[bytes]]:
+def pictures_of(walks: Sequence[Walk], renderer: Renderer | None) -> list[list[bytes]]:
     """JPEGs of each robot's view at each row; none without a renderer."""
     if renderer is None:
         return [[] for _ in walks]

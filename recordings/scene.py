@@ -5,6 +5,7 @@ import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 import rerun as rr
@@ -12,10 +13,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from sim.copies.browser_glb import browser_glb
-from sim.episodes.schema import Episode
+from sim.episodes.schema import Episode, Goal
 from sim.mesh import Scene
 from sim.plan_view.storey import StoreyMap, storeys_of
 from sim.tasks.rules import success_radius, success_region
+from sim.types import EpisodeKey
 from sim.walk.navigation_map import NavigationMap
 
 from . import paths
@@ -31,6 +33,9 @@ MAP_WHOLE, MAP_TRAIL, ROBOT, POINT = -0.8, -2.0, -2.5, -5.0
 LIFT = 0.15
 """Paths are drawn this far above the feet (metres), so that no floor covers them; recorded heights are noisy."""
 GOAL_RGB: Rgb = (255, 60, 60)
+OLD = "old"
+"""Entity below the goal of a home sequence: the object that was right before the last change."""
+OLD_RGB: Rgb = (255, 170, 0)
 PLACE_RGB: Rgb = (255, 190, 190)
 PATH_RGB: Rgb = (255, 120, 120)
 RIM, WAY = -1.2, -1.5
@@ -45,11 +50,14 @@ def may_be_shown(scene: Scene, *, with_pixels: bool) -> bool:
     return scene.kind != "scan" or with_pixels
 
 
-def log_identity(stream: rr.RecordingStream, episode: Episode, scene: Scene) -> None:
-    """Logs the recording's name, its episode and home, and which way is up."""
-    stream.send_recording_name(f"{episode.key} in {scene.label}")
-    facts = rr.AnyValues(episode=str(episode.key), scene=scene.name, scene_kind=scene.kind, scene_digest=scene.digest)
-    stream.send_property("episode", facts)
+def log_identity(
+    stream: rr.RecordingStream, key: EpisodeKey, scene: Scene, *, what: Literal["episode", "sequence"] = "episode"
+) -> None:
+    """Logs the recording's name, its episode or home sequence and its home, and which way is up."""
+    stream.send_recording_name(f"{key} in {scene.label}")
+    named: dict[str, Any] = {what: str(key)}
+    facts = rr.AnyValues(**named, scene=scene.name, scene_kind=scene.kind, scene_digest=scene.digest)
+    stream.send_property(what, facts)
     log_up(stream)
 
 
@@ -152,6 +160,17 @@ def log_goal(stream: rr.RecordingStream, goal: GoalRegion, maps: Sequence[Storey
         stream.log(f"{paths.GOAL}/path", rr.LineStrips3D([goal.path + up], colors=[PATH_RGB], radii=WAY))
     for storey in maps:
         _log_on_map(stream, goal, storey)
+
+
+def log_old_object(stream: rr.RecordingStream, old: Goal | None, maps: Sequence[StoreyMap], storey: int) -> None:
+    """Logs the object that was right before a change, on this storey, at the stream's present time; None = none."""
+    centres = np.array([] if old is None else [old.position]).reshape(-1, 3)
+    labels = [] if old is None else [f"before: {old.object_name}"]
+    stream.log(f"{paths.GOAL}/{OLD}", rr.Points3D(centres, colors=[OLD_RGB], radii=0.14, labels=labels))
+    for shown in maps:
+        spots = shown.pixels(centres if shown.index == storey else centres[:0])
+        flat = rr.Points2D(spots, colors=[OLD_RGB], radii=POINT, labels=labels[: len(spots)], draw_order=59.0)
+        stream.log(f"{paths.GOAL}/map/{shown.name}/{OLD}", flat)
 
 
 def _log_on_map(stream: rr.RecordingStream, goal: GoalRegion, storey: StoreyMap) -> None:

@@ -125,7 +125,7 @@ def _parting_text(traces: Sequence[Trace], divergence: Divergence) -> str:
         return ""
     pair = tuple(traces[index] for index in divergence.pair)
     first, second = (plain_text(trace.title) for trace in pair)
-    decision = _decision_text([trace.run for trace in pair])
+    decision = _decision_text(pair)
     if divergence.parted is None:
         return f"The ways of {first} and {second} do not part: one goes along the other's to its end. {decision}"
     here, there = divergence.parted
@@ -133,9 +133,9 @@ def _parting_text(traces: Sequence[Trace], divergence: Divergence) -> str:
     return f"The ways of {first} and {second} part: {told}. {decision}"
 
 
-def _decision_text(runs: Sequence[EpisodeRun | Answer]) -> str:
+def _decision_text(traces: Sequence[Trace]) -> str:
     """The first decision in which two runs differ, in a sentence."""
-    first, second = (run.decisions for run in runs if isinstance(run, EpisodeRun))
+    first, second = (trace.run.decisions for trace in traces if isinstance(trace.run, EpisodeRun))
     number = parting_decision(first, second)
     return "They did the same throughout." if number is None else f"Their first different decision is number {number}."
 

@@ -22,7 +22,7 @@ from sim.frames import T_world_camera
 from sim.homes.kind import scene_label
 from sim.mesh import Scene
 from sim.render.renderer import Renderer
-from sim.tasks.run_files import EpisodeRun
+from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import Camera
 
 from ..contact_sheet.sheet import png_bytes
@@ -224,6 +224,7 @@ def figures_of(trace: Trace) -> tuple[str, ...]:
             f"{path_lengths(trace.run)[-1]:.1f}",
             "-" if seconds is None else f"{seconds[-1]:.0f}",
         )
+    assert isinstance(trace.run, Answer), "pages of compare are about episodes"
     found = trace.run.measures
     apart = found.planar_distance if found else None
     top3 = "-" if found is None or not trace.run.scores else "yes" if found.top3_success else "no"

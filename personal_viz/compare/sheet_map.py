@@ -17,7 +17,7 @@ from sim.mesh import Scene
 from sim.plan_view.axes import CLOSED, draw_free_floor
 from sim.plan_view.storey import StoreyMap, storey_map, storeys_of
 from sim.tasks.rules import SUCCESS_RADIUS
-from sim.tasks.run_files import EpisodeRun
+from sim.tasks.run_files import Answer, EpisodeRun
 
 _PIECE, _PIECE_EDGE, _WORD = "#e9e6df", "#b9b3a7", "#8a857b"
 INK, GOAL = "#1c1d21", "#d81b60"
@@ -136,6 +136,7 @@ def success_of(trace: Trace) -> bool | None:
         measures = trace.run.end.measures if trace.run.end.reason != "technical" else None
         rule = measures.rules["paper"] if measures else None
         return rule.success if rule else None
+    assert isinstance(trace.run, Answer), "pages of compare are about episodes"
     found = trace.run.measures if trace.run.reason != "technical" else None
     return found.success if found else None
 

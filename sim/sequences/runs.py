@@ -4,6 +4,7 @@ A block is `sequence`, `step`..., `sequence_end`; its steps are those of episode
 """
 
 from collections.abc import Iterator
+from itertools import accumulate
 from pathlib import Path
 from typing import Literal
 
@@ -129,6 +130,13 @@ class SequenceRun(BaseModel):
     def poses(self) -> tuple[Pose, ...]:
         """Start pose and the pose after each step; len(steps) + 1."""
         return (Pose(self.start.position, self.start.yaw), *(step.pose for step in self.steps))
+
+    @property
+    def spans(self) -> tuple[tuple[int, int], ...]:
+        """Of each search, the index of its first step and of the one after its last; equal for one without steps."""
+        counts = [0 if search.measures is None else search.measures.num_steps for search in self.end.searches]
+        ends = tuple(accumulate(counts))
+        return tuple(zip((0, *ends[:-1]), ends, strict=True))
 
 
 def read_sequence_runs(folder: Path) -> tuple[SequenceRun, ...]:

@@ -62,6 +62,12 @@ def search_reason(steps: Sequence[Step], *, is_for_all: bool) -> SearchReason:
     return "found" if is_found else "steps"
 
 
+def marking_steps(steps: Sequence[Step], *, ends_with_two: bool) -> list[int]:
+    """Indexes of a search's steps with FOUND; the second of two that end a search marks nothing."""
+    found = [place for place, step in enumerate(steps) if step.action is Action.FOUND]
+    return found[:-1] if ends_with_two else found
+
+
 class _Search:
     """One search with its truth."""
 
@@ -85,7 +91,8 @@ class _Search:
                 collisions=sum(step.collided for step in steps),
                 scene_digest=scene_digest,
             )
-        marks = _marks(poses, steps, ends_with_two=subtask.mode == "all" and reason == "found")
+        ends_with_two = subtask.mode == "all" and reason == "found"
+        marks = [poses[place + 1].position for place in marking_steps(steps, ends_with_two=ends_with_two)]
         old = old_target(self._sequence, index)
         if old is not None:
             wrong = [mark for mark in marks if not any(reaches_target(mark, target) for target in self._targets)]
@@ -139,12 +146,6 @@ class _Search:
         if not len(region):
             return np.full(len(begins), np.inf)
         return self._navigation.distances(np.array(begins), region)
-
-
-def _marks(poses: Sequence[Pose], steps: Sequence[Step], *, ends_with_two: bool) -> list[tuple[float, float, float]]:
-    """Places of the robot's feet at each FOUND; the second of two that end a search marks nothing."""
-    found = [pose.position for pose, step in zip(poses[1:], steps, strict=False) if step.action is Action.FOUND]
-    return found[:-1] if ends_with_two else found
 
 
 def _before(target: Goal) -> tuple[float, float, float]:

@@ -7,7 +7,8 @@ import pytest
 
 from personal_viz.cli.runs.metrics import Metrics
 from personal_viz.cli.verbs import parse
-from sim.errors import PersonalVizError, RunFileError
+from recordings.read import read_recorded
+from sim.errors import PersonalVizError, RecordingError, RunFileError
 from sim.tasks.run_folders import read_runs
 from tests.sim.home_story import MESSAGES, SUBTASKS, told_in
 
@@ -29,6 +30,20 @@ def told(small_home_root: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
 def run(root: Path, told: Path, out: Path, *more: str) -> None:
     words = ["run", "--dataset", str(root), "--sequences", str(told), "--agent", "shortest-path", "--out", str(out)]
     assert parse([*words, *more]).run() == 0
+
+
+def told_again(root: Path, out: Path) -> Path:
+    """Another set."""
+    told_in(root, out, messages=MESSAGES[:1], subtasks=SUBTASKS[:1])
+    return out
+
+
+def replayed(root: Path, told: Path, out: Path) -> None:
+    """The agent with messages beside the one without, in one recording."""
+    with_words = sorted(path for path in out.glob("sequences-*") if "memory" not in path.name)
+    words = ["replay", "--dataset", str(root), "--sequences", str(told), "--out", str(out / "a.rrd"), "--runs"]
+    assert parse([*words, *map(str, with_words)]).run() == 0
+    assert {run.run_id for run, _ in read_recorded(out / "a.rrd").sequences} == {path.name for path in with_words}
 
 
 def test_sequences_are_run_resumed_and_told_in_a_table(
@@ -54,6 +69,10 @@ def test_sequences_are_run_resumed_and_told_in_a_table(
     assert "Home sequences, rule paper" in shown
     assert "Invented homes, made from a seed: no human baseline for PersONAL" in shown
     assert "memory gain in 1 revisits SR +0.0, SPL +0.0, steps +0.0" in shown
+    replayed(small_home_root, told, tmp_path)
+    assert "a.rrd: hard/Small/told in Small (invented home)" in capsys.readouterr().out
+    with pytest.raises(RecordingError, match="was made on the set of sequences .* expected one set"):
+        replayed(small_home_root, told_again(small_home_root, tmp_path / "again"), tmp_path)
 
 
 def test_options_that_do_not_belong_to_sequences_are_refused(small_home_root: Path, told: Path, tmp_path: Path) -> None:
