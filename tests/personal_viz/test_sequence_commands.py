@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from personal_viz.cli.runs import replay
 from personal_viz.cli.runs.metrics import Metrics
 from personal_viz.cli.verbs import parse
 from recordings.read import read_recorded
@@ -46,8 +47,12 @@ def replayed(root: Path, told: Path, out: Path) -> None:
     assert {run.run_id for run, _ in read_recorded(out / "a.rrd").sequences} == {path.name for path in with_words}
 
 
-def test_sequences_are_run_resumed_and_told_in_a_table(
-    small_home_root: Path, told: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_sequences_are_run_resumed_told_in_a_table_and_recorded(
+    small_home_root: Path,
+    told: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     for more in ((), ("--ignore-messages",), ("--memory", "on")):
         run(small_home_root, told, tmp_path, *more)
@@ -69,9 +74,10 @@ def test_sequences_are_run_resumed_and_told_in_a_table(
     assert "Home sequences, rule paper" in shown
     assert "Invented homes, made from a seed: no human baseline for PersONAL" in shown
     assert "memory gain in 1 revisits SR +0.0, SPL +0.0, steps +0.0" in shown
+    monkeypatch.setattr(replay, "renderer_of", lambda _: None)  # pictures are tested with episodes
     replayed(small_home_root, told, tmp_path)
     assert "a.rrd: hard/Small/told in Small (invented home)" in capsys.readouterr().out
-    with pytest.raises(RecordingError, match="was made on the set of sequences .* expected one set"):
+    with pytest.raises(RecordingError, match=r"was made on the set of sequences .* expected one set"):
         replayed(small_home_root, told_again(small_home_root, tmp_path / "again"), tmp_path)
 
 
