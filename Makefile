@@ -13,7 +13,8 @@ export PORT TORCH_INDEX
 # Where it is set, every start of Python would compile all packages again: pip leaves that to the first start.
 unexport PYTHONDONTWRITEBYTECODE
 
-PYTEST = $(BIN)/python -m pytest --dist loadfile -n $(WORKERS)
+# A file whose test ended its worker would begin again and again.
+PYTEST = $(BIN)/python -m pytest --dist loadfile --max-worker-restart 2 -n $(WORKERS)
 QUICK = not release and not bench and not gpu
 
 .PHONY: demo install test release check lint fast bench screenshots gallery figures docs locked tag clean
