@@ -2,24 +2,27 @@
 
 import threading
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recordings.traces import Trace, select_traces
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.ownership import OwnershipGraph, ownership_graph
+from sim.episodes.ownership import OwnershipEdge, OwnershipGraph, ownership_graph
 from sim.episodes.schema import Episode, Goal
+from sim.episodes.sequence_files import HomeSequence, SequenceSet
 from sim.errors import DatasetError
 from sim.frames import T_world_camera
 from sim.homes.open_home import open_scene
 from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
 from sim.render.renderer import Renderer
-from sim.tasks.run_files import EpisodeRun, Run, Vector3, read_run
+from sim.sequences.searches import search_episode
+from sim.tasks.run_files import Run, Vector3, read_run
 from sim.types import Camera, ClutterLevel, Pose, Split
 from sim.walk.storeys import storey_of
 
@@ -31,6 +34,8 @@ PAGE = 50
 """Episodes that the panel shows at once."""
 KEPT_HOMES = 4
 """Homes that stay open; a scan takes some hundred megabytes."""
+Story = tuple[HomeSequence, int]
+"""A home sequence and the index of one of its searches."""
 UNKNOWN_SIZE = (0.5, 0.5, 0.5)
 """Box of an object of unknown size (scans without semantics), metres."""
 
@@ -74,6 +79,21 @@ class OpenHome:
         """Does nothing, because visitors may still look at the home."""
 
 
+Change = Literal["new", "gone"]
+
+
+class Told(NamedTuple):
+    """A message or a search of a home sequence."""
+
+    kind: str
+    """Of the message or the search."""
+    text: str
+    number: int | None
+    """A search's place in the list of the library; None for a message."""
+    is_here: bool
+    """Whether the search is shown, or the message came just before it."""
+
+
 @dataclass(frozen=True, slots=True)
 class ShownEpisode:
     """An episode with everything that the panels and the 3-D view show of it."""
@@ -87,6 +107,11 @@ class ShownEpisode:
     """All objects of the home that some episode asks for, by name."""
     traces: tuple[Trace, ...]
     """Its runs and answers, people first."""
+    changes: Mapping[tuple[str, str], Change] = field(default_factory=dict)
+    """Edges of the graph, as (owner, node), that the message before this search of a home sequence adds or removes;
+    the graph holds both."""
+    history: tuple[Told, ...] = ()
+    """Messages and searches of the home sequence; () for an episode."""
 
 
 class Library:
@@ -98,14 +123,20 @@ class Library:
         runs: Sequence[Run],
         texts: dict[str, SceneTexts],
         homes: HomeLibrary[OpenHome],
+        *,
+        stories: Sequence[Story] = (),
     ) -> None:
         """Prepares the search.
 
         Args:
             episodes: The episodes in the order of the list.
             texts: Captions that the episodes of each scene give to its objects.
+            stories: The sequence and the search of each episode; () where they are episodes.
         """
         self.episodes, self.homes = tuple(episodes), homes
+        self._stories = tuple(stories)
+        self.nouns = ("search", "searches") if stories else ("episode", "episodes")
+        """One and several of what is listed."""
         self._runs = sorted(runs, key=lambda run: run.info.who_kind != "human")
         counts = Counter(part.key for run in runs for part in (*run.episodes, *run.answers))
         self.num_runs = tuple(counts[episode.key] for episode in self.episodes)
@@ -133,6 +164,8 @@ class Library:
     def read(self, number: int) -> ShownEpisode:
         """An episode with its graph, its linked objects and its runs."""
         episode = self.episodes[number]
+        if self._stories:
+            return _shown_search(number, episode, *self._stories[number])
         try:
             graph = ownership_graph(episode)
         except DatasetError:  # `personal-viz validate` lists such sentences; the rest of the episode can be looked at
@@ -171,6 +204,7 @@ def open_library(
     scenes: tuple[str, ...] = (),
     clutter: ClutterLevel = 0,
     labels: bool = False,
+    sequences: Path | None = None,
 ) -> Library:
     """Reads all episodes and runs; homes are opened when somebody looks at them.
 
@@ -179,6 +213,7 @@ def open_library(
         scenes_dir: Folder of the scans; None = invented or schematic homes.
         scenes: Scenes to list; () = all.
         labels: Whether robots' pictures name the category of each object in view.
+        sequences: A set of home sequences, whose searches are listed instead of the episodes.
 
     Raises:
         DatasetError: An episode file is damaged, a scene is unknown, or there is no episode.
@@ -186,7 +221,13 @@ def open_library(
     """
     found = PersonalDataset(dataset, evidence=evidence)
     read = [read_run(folder) for folder in runs]
-    episodes = tuple(found.episodes(scenes=scenes or None))
+    stories = [
+        (sequence, index)
+        for sequence in (SequenceSet(sequences).sequences(scenes=scenes or None) if sequences else ())
+        for index in range(len(sequence.record.subtasks))
+    ]
+    searches = tuple(search_episode(*story) for story in stories)
+    episodes = searches or tuple(found.episodes(scenes=scenes or None))
     if not episodes:
         raise DatasetError(f"{dataset}: found files without episodes; expected at least one. Give another --dataset.")
     by_scene: dict[str, list[Episode]] = defaultdict(list)
@@ -198,13 +239,35 @@ def open_library(
         scene = open_scene(found, name, scenes_dir=scenes_dir, clutter=clutter, labels=labels)
         return OpenHome(scene, StoreyCopies(scene), renderer_of(scene))
 
-    return Library(episodes, read, texts, HomeLibrary(open_home, kept=KEPT_HOMES))
+    return Library(episodes, read, texts, HomeLibrary(open_home, kept=KEPT_HOMES), stories=stories)
+
+
+def _shown_search(number: int, episode: Episode, sequence: HomeSequence, index: int) -> ShownEpisode:
+    """A search with who owns what before and after the messages that came just before it."""
+    record, first = sequence.record, number - index
+    after = sequence.ownership[index]
+    before = sequence.ownership[index - 1] if index else after
+    nodes = {edge: OwnershipEdge(edge.owner, edge.object_name, None) for edge in (*before, *after)}
+    graph = OwnershipGraph(tuple(nodes.values()))
+    names = {node.node: edge.object_name for edge, node in nodes.items()}
+    links = tuple(ObjectLink(node, names[node], names[node] in episode.record.object_names) for node in graph.objects)
+    changes: dict[tuple[str, str], Change] = {
+        (edge.owner, node.node): "gone" if edge in before else "new"
+        for edge, node in nodes.items()
+        if (edge in before) != (edge in after)
+    }
+    history = []
+    for place, subtask in enumerate(record.subtasks):
+        told = [message for message in record.messages[1:] if message.before == place]
+        history += [Told(message.kind, message.text, None, place == index) for message in told]
+        history.append(Told(subtask.kind, subtask.query[0], first + place, place == index))
+    goals = {goal.object_name: goal for goal in sequence.goals}
+    return ShownEpisode(number, episode, graph, links, goals, (), changes, tuple(history))
 
 
 def digest_of(trace: Trace) -> str | None:
     """Digest of the home in which a run was scored; None for answers and for runs that do not say."""
-    measures = trace.run.end.measures if isinstance(trace.run, EpisodeRun) else None
-    return None if measures is None else measures.scene_digest
+    return next(iter(trace.digests), None)
 
 
 def _words(episode: Episode) -> str:

@@ -88,7 +88,8 @@ def graph_html(shown: ShownEpisode, *, marked: int | None = None, notes: Sequenc
     for edge in graph.edges:
         person, thing = graph.people.index(edge.owner), graph.objects.index(edge.node)
         ends = (person, thing, person_y[person], object_y[thing])
-        edges.append((*ends, color_of_person(graph, edge.owner), edge.node == node))
+        change = shown.changes.get((edge.owner, edge.node), "")
+        edges.append((*ends, color_of_person(graph, edge.owner), edge.node == node, change))
     people = [
         (name, y, color_of_person(graph, name), name == shown.episode.record.owner, name in owners)
         for name, y in zip(graph.people, person_y, strict=True)
@@ -106,7 +107,13 @@ def graph_html(shown: ShownEpisode, *, marked: int | None = None, notes: Sequenc
         people=people,
         objects=objects,
         counts=(len(links), num_targets, num_told, len(links) - num_targets - num_told),
+        is_of_search=bool(shown.history),
     )
+
+
+def history_html(shown: ShownEpisode) -> str:
+    """Messages and searches of a home sequence, each search a link; nothing for an episode."""
+    return part_html("history", lines=shown.history) if shown.history else ""
 
 
 def color_of_person(graph: OwnershipGraph, person: str) -> str:

@@ -19,7 +19,7 @@ from sim.types import Camera
 from .layers import FIRST_LAYERS, Layers, Outlined, look_at_object, look_at_storey
 from .library import PAGE, Library, OpenHome, Wanted, digest_of, nearest_page, neighbour
 from .messages import HomeOpened, Message, MessageQueue, Words
-from .panel_html import graph_html, notice_html, part_html, picture_html, runs_html, story_html
+from .panel_html import graph_html, history_html, notice_html, part_html, picture_html, runs_html, story_html
 from .panels import Panels
 
 
@@ -127,7 +127,7 @@ class Visitor:
         if self._home is not None and self._home.scene.name != episode.key.scene:
             self._home = None
         self._draw_head()
-        self._panels.show("story", story_html(episode, self._shown.graph))
+        self._panels.show("story", story_html(episode, self._shown.graph) + history_html(self._shown))
         self._panels.show("facts", part_html("facts", episode=episode))
         self._draw_graph()
         self._draw_list()

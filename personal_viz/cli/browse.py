@@ -13,7 +13,7 @@ from personal_viz.printed import Console
 from sim.words.english import how_many
 
 from .options import Clutter, Dataset, Evidence, Labels, Scenes, ScenesDir
-from .refusals import require_no_scan
+from .refusals import require_no_scan, require_none
 
 
 @dataclass
@@ -23,6 +23,9 @@ class Browse:
     dataset: Dataset
     evidence: Evidence = ()
     runs: Annotated[tuple[Path, ...], arg(help="Run folders to show beside the episodes.")] = ()
+    sequences: Annotated[
+        Path | None, arg(help="Folder of a set of home sequences, whose searches are shown instead of episodes.")
+    ] = None
     scenes_dir: ScenesDir = None
     scene: Scenes = ()
     clutter: Clutter = 0
@@ -34,6 +37,8 @@ class Browse:
         from personal_viz.browse.library import open_library
 
         require_no_scan("scan" if self.scenes_dir is not None else "schematic", clutter=self.clutter)
+        if self.sequences is not None:
+            require_none(self, ("runs",), beside="--sequences")
         console = Console(stderr=True)
         with console.status("Reading episodes and runs") if console.is_terminal else contextlib.nullcontext():
             library = open_library(
@@ -44,12 +49,13 @@ class Browse:
                 scenes=self.scene,
                 clutter=self.clutter,
                 labels=self.labels == "on",
+                sequences=self.sequences,
             )
         ended = threading.Event()
         signal.signal(signal.SIGTERM, lambda *_: ended.set())
         with browser_app(library, port=self.port) as address, contextlib.suppress(KeyboardInterrupt):
             homes = how_many(len(library.scenes), "home")
-            print(f"{how_many(len(library.episodes), 'episode')} of {homes}: {address}")
+            print(f"{how_many(len(library.episodes), *library.nouns)} of {homes}: {address}")
             print("For researchers on this machine: it shows the goals. Ctrl-C ends it.", flush=True)
             ended.wait()
         return 0
