@@ -35,7 +35,7 @@ ROOMS = {
     """,
     "recordings": """
         paths traces read scene maps episode insight divergence texts layers memory blueprints
-        viewer sinks live_episode observer explorations replay habitat_writer habitat_golden
+        viewer sinks live_episode observer explorations replay sequences habitat_writer habitat_golden
     """,
     "human_study": "private_files design trial journey store texts export report",
     "personal_viz": """

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recordings.read import read_recorded
-from recordings.sequence import OUTCOME_RGB, log_sequence
+from recordings.sequences.recording import OUTCOME_RGB, log_sequence
 from recordings.traces import common_sequence, rgba_u32
 from sim.errors import RecordingError
 from sim.mesh import Scene

@@ -73,7 +73,7 @@ class Replay:
         return self._say(key, scene)
 
     def _record_sequence(self, root: Path) -> int:
-        from recordings.sequence import log_sequence
+        from recordings.sequences.recording import log_sequence
 
         runs = [(read_run_info(folder), read_sequence_runs(folder)) for folder in self.runs]
         infos = [info for info, _ in runs]

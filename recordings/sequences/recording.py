@@ -26,9 +26,9 @@ from sim.tasks.run_files import RunInfo
 from sim.types import Camera, EpisodeKey
 from sim.walk.navigation_map import NavigationMap
 
-from . import paths
-from .blueprints import sequence_blueprint
-from .episode import (
+from .. import paths
+from ..blueprints import sequence_blueprint
+from ..episode import (
     CENTRE_DISTANCE,
     FOUND_MARKS,
     OUTCOMES,
@@ -41,9 +41,9 @@ from .episode import (
     log_walk,
     set_moment,
 )
-from .read import log_record_end, log_record_start
-from .replay import pictures_of, require_rrd, shown_storeys, walks_of
-from .scene import (
+from ..read import log_record_end, log_record_start
+from ..replay import pictures_of, require_rrd, shown_storeys, walks_of
+from ..scene import (
     LIFT,
     OLD_RGB,
     POINT,
@@ -55,9 +55,9 @@ from .scene import (
     log_storeys,
     may_be_shown,
 )
-from .sinks import open_recording
-from .texts import home_paragraphs, log_paragraphs, plain_text, table
-from .traces import RUN_COLORS, Rgb, Trace, best_two, require_same_home, rgba_u32, select_sequence_traces
+from ..sinks import open_recording
+from ..texts import home_paragraphs, log_paragraphs, plain_text, table
+from ..traces import RUN_COLORS, Rgb, Trace, best_two, require_same_home, rgba_u32, select_sequence_traces
 
 Outcome = Literal["right", "wrong", "at the old object"]
 OUTCOME_RGB: Mapping[Outcome, Rgb] = {"right": (40, 170, 80), "wrong": (220, 40, 60), "at the old object": OLD_RGB}

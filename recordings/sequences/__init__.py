@@ -1,0 +1,1 @@
+"""Recordings of home sequences: any number of runs of one sequence beside each other."""
