@@ -30,7 +30,7 @@ from grounding.evaluation.settings import CELLS, GroundSettings
 from grounding.methods.by_name import Grounder, make_grounder, require_method, takes_objects
 from grounding.phrases.sources import phrases_called
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import AgentError
+from sim.errors import AgentError, PersonalVizError
 from sim.homes.kind import common_kind
 from sim.homes.plan import HOMES_VERSION
 from sim.plugins import is_plugin, own_name, plugin_digest
@@ -187,6 +187,12 @@ class Ground:
     def run(self) -> int:
         self.check()
         self._workers()
+        if self.sequences is not None:
+            require_none(self, ("study", "sweep", "shard"), beside="--sequences")
+        elif self.ignore_messages:
+            raise PersonalVizError(
+                "--ignore-messages: found no --sequences; expected it too. Give it, or leave it out."
+            )
         if self.study is not None:
             return self._of_study().run()
         episodes = PersonalDataset(require_dataset(self.dataset), evidence=self.evidence)
@@ -254,12 +260,12 @@ class Ground:
 
     def _on_sequences(self, root: Path, episodes: PersonalDataset, settings: GroundSettings) -> int:
         """Answers the searches of home sequences, and prints their table."""
-        require_none(self, ("study", "sweep", "shard"), beside="--sequences")
         keys = sampled_sequences(root, splits=self.split, scenes=self.scene, limit=self.limit, seed=self.sample_seed)
         folders = []
         for each in (settings, *_beside(settings)):
             whole = self._info(episodes, each)
-            info = sequence_info(whole, root, ignores_messages=self.ignore_messages)
+            named = self.run_id is not None
+            info = sequence_info(whole, root, ignores_messages=self.ignore_messages, is_named=named)
             budget = Budget(self._out / info.run_id, self.max_calls, self.max_tokens) if each.has_chat else None
             job = SequenceGroundJob(
                 episodes.root,

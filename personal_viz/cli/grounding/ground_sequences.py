@@ -15,14 +15,14 @@ from ...progress import counted
 from ..output import say
 
 
-def sequence_info(info: RunInfo, root: Path, *, ignores_messages: bool) -> RunInfo:
-    """`run.json` of the same grounder on the set `root`."""
+def sequence_info(info: RunInfo, root: Path, *, ignores_messages: bool, is_named: bool) -> RunInfo:
+    """`run.json` of the same grounder on the set `root`; a run that the user named keeps its name."""
     ignored = ["messages ignored"] if ignores_messages else []
     parts = ["sequences", info.run_id, *(part.replace(" ", "-") for part in ignored)]
     told = {"sequences": SequenceSet(root).digest(), "ignore_messages": ignores_messages}
     return info.model_copy(
         update={
-            "run_id": fitting_run_id("-".join(parts)),
+            "run_id": info.run_id if is_named else fitting_run_id("-".join(parts)),
             "condition": ", ".join([*ignored, info.condition]),
             "config": {**info.config, **told},
         }
