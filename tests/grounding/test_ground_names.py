@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from grounding.evaluation.settings import GroundSettings
-from personal_viz.cli.grounding.ground import map_name, run_name
+from personal_viz.cli.grounding.ground_names import map_name, run_name
 from sim.errors import AgentError
 from sim.tasks.run_files import MAX_NAME, RUN_ID
 

@@ -1,39 +1,31 @@
 """Verb `ground`: runs a grounder over POG episodes, writes run folders and prints the paper's table; sweeps noise."""
 
-import hashlib
-import json
-import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from tyro import MISSING
 from tyro.conf import arg
 
 from grounding.chat.budget import Budget
 from grounding.encoders.by_name import (
-    PLUGIN,
     encoder_called,
-    encoder_slug,
     is_model,
-    make_encoder,
-    parse_encoder_name,
     plain_name,
     require_no_model_options,
 )
 from grounding.encoders.protocol import ModelOptions
 from grounding.evaluation.evaluate import GroundJob, evaluate, select_jobs
-from grounding.evaluation.home_maps import MAP_VERSION, MapFolders
+from grounding.evaluation.home_maps import MapFolders
 from grounding.evaluation.sequences import SequenceGroundJob
 from grounding.evaluation.settings import CELLS, GroundSettings
-from grounding.methods.by_name import Grounder, make_grounder, require_method, takes_objects
+from grounding.methods.by_name import require_method, takes_objects
 from grounding.phrases.sources import phrases_called
 from sim.episodes.dataset import PersonalDataset
-from sim.errors import AgentError, PersonalVizError
+from sim.errors import PersonalVizError
 from sim.homes.kind import common_kind
-from sim.homes.plan import HOMES_VERSION
-from sim.plugins import is_plugin, own_name, plugin_digest
+from sim.plugins import own_name
 from sim.tasks.metrics import metric_rows
 from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id, read_run
@@ -79,18 +71,12 @@ from ..output import print_json
 from ..refusals import check_options, nothing_chosen, require_dataset, require_none, sampled_sequences
 from ..runs.metrics import Metrics
 from .ground_maps import cell_of_maps, layout_of_maps
+from .ground_names import grounder_facts, map_name, plugin_codes, run_name, swept
 from .ground_sequences import ground_sequences, sequence_info
 from .ground_tables import GroundResult, ground_document, print_ground_table
 
-if TYPE_CHECKING:
-    from ...study_app.planned_study import PlannedStudy
-
 EXPLORATIONS = "explorations"
 """Folder below --out that all maps of explored homes share."""
-_NOT_OF_THE_MAP = ("method", "phrases", "all_storeys", "llm_url", "llm_model", "llm_key_env")
-"""Settings that do not change the map."""
-
-
 _EXPLORED = "Explored maps: "
 
 
@@ -230,13 +216,14 @@ class Ground:
         kind = "files" if self._folder else "explore" if self.map == "explore" else "oracle"
         return GroundSettings(map=kind, layout=layout, home_clutter=self.clutter, **values)
 
-    def _of_study(self) -> "_GroundStudy":
+    def _of_study(self) -> "Ground":
         """The same on what the study's people point at: in its homes, without being told the target's storey.
 
         Raises:
             PersonalVizError: An option contradicts the plan, or the study, its dataset or a home cannot be used.
         """
         from ...study_app.planned_study import agent_runs, open_planned, require_plans_choices
+        from .ground_study import GroundStudy
 
         assert self.study is not None
         check_options(self)
@@ -256,7 +243,7 @@ class Ground:
             "all_storeys": True,
             "out": agent_runs(study, self.out),
         }
-        return _GroundStudy(**{**same, **placed}, planned=study)
+        return GroundStudy(**{**same, **placed}, planned=study)
 
     def _on_sequences(self, root: Path, episodes: PersonalDataset, settings: GroundSettings) -> int:
         """Answers the searches of home sequences, and prints their table."""
@@ -353,12 +340,12 @@ class Ground:
 
     def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
         """The contents of run.json."""
-        grounder = _facts(settings)
+        grounder = grounder_facts(settings)
         phrases = phrases_called(settings.phrases) if grounder.uses_phrases else "none"
         storey = "all storeys" if settings.all_storeys else "storey given"
         digest = episodes.digest()
         kind, condition = "oracle-map", settings.condition
-        config = {**settings.config, "phrases": phrases, "frame": grounder.frame, **_code(settings)}
+        config = {**settings.config, "phrases": phrases, "frame": grounder.frame, **plugin_codes(settings)}
         if "encoder_code" in config:
             config["encoder"] = encoder_called(settings.map_encoder)
         who = fitting_name(self.label or own_name(grounder, settings.method))
@@ -404,112 +391,7 @@ class Ground:
         return fitting_run_id(f"{self.run_id}-{name.replace('_', '-')}{getattr(settings, name)}{phrases}")
 
 
-@dataclass
-class _GroundStudy(Ground):
-    """`Ground` on the episodes of a planned study; its other options are those of the plan."""
-
-    planned: "PlannedStudy | None" = None
-
-    def _work(self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
-        """One job per scene."""
-        assert self.planned is not None
-        keys = sorted({key for found in self.planned.episodes("pog").values() for key in found})
-        index = self.planned.config.query_index
-        return select_jobs(
-            episodes,
-            settings,
-            folders=self._folders(settings, info),
-            model=self._model,
-            keys=keys,
-            query_index=index,
-        )
-
-    def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
-        """The contents of run.json, with the study and all its conditions: a grounder answers alike in each."""
-        from human_study.export.runs import study_facts
-
-        assert self.planned is not None
-        config, info = self.planned.config, super()._info(episodes, settings)
-        clutter = self.planned.scenes("pog")[0].clutter
-        facts = {"clutter": clutter, **study_facts(config, tuple(self.planned.episodes("pog")))}
-        run_id = info.run_id if self.run_id else fitting_run_id(f"{config.study}-{info.run_id}")
-        return info.model_copy(update={"run_id": run_id, "config": {**info.config, **facts}})
-
-
-def _facts(settings: GroundSettings) -> Grounder:
-    """The settings' grounder, only to read its properties, not to get answers."""
-    return make_grounder(settings.method, make_encoder("hashed"), seed=settings.seed)
-
-
 def _beside(settings: GroundSettings) -> list[GroundSettings]:
     """The same settings with phrases read by rules, if they are the dataset's: ground truth never stands alone."""
-    is_truth = settings.phrases == "dataset" and _facts(settings).uses_phrases
+    is_truth = settings.phrases == "dataset" and grounder_facts(settings).uses_phrases
     return [replace(settings, phrases="rules")] if is_truth else []
-
-
-def swept(settings: GroundSettings, sweep: str) -> list[GroundSettings]:
-    """The settings with each value of `NAME=V1,V2,...` in turn.
-
-    Raises:
-        AgentError: The name is not a setting with numbers, or a value is not a number.
-    """
-    name, _, values = sweep.partition("=")
-    name = name.strip().replace("-", "_")
-    numbers = {
-        field.name: field.type for field in fields(settings) if field.type in (float, int) or name == "paraphrase"
-    }
-    if name not in numbers or name == "seed" or not values:
-        raise AgentError(
-            f"--sweep is {sweep!r}; expected NAME=V1,V2,... with object-noise, cell-noise, blur, view-noise, confusion "
-            "or paraphrase. Example: --sweep object-noise=0,0.1,0.2."
-        )
-    try:
-        parsed = [int(value) if name == "paraphrase" else float(value) for value in values.split(",")]
-    except ValueError:
-        raise AgentError(f"--sweep is {sweep!r}; expected numbers behind {name}=. Separate them by commas.") from None
-    return [replace(settings, **{name: value}) for value in parsed]
-
-
-def _code(settings: GroundSettings) -> dict[str, str]:
-    """Digests of the plug-ins among the settings."""
-    parts = parse_encoder_name(settings.encoder)
-    plugins = {
-        "encoder": parts.source if parts.family == PLUGIN else "",
-        "method": settings.method,
-        "phrases": settings.phrases,
-    }
-    return {f"{option}_code": f"{name}@{plugin_digest(name)}" for option, name in plugins.items() if is_plugin(name)}
-
-
-def run_name(settings: GroundSettings, *, label: str | None = None) -> str:
-    """Folder name of a run: defaults are left out, and a long name is shortened with a digest."""
-    storey = "all-storeys" if settings.all_storeys else "storey-given"
-    who = label or own_name(_facts(settings), settings.method)
-    parts = [who, settings.map, encoder_slug(settings.encoder), *_unusual(settings), storey]
-    if settings.phrases != "dataset" or settings.has_chat:
-        source = "" if settings.phrases == "dataset" else phrases_called(settings.phrases)
-        parts.append(source + re.sub(r"[^A-Za-z0-9.]", "", settings.llm_model)[:20])
-    return fitting_run_id(f"ground-{'-'.join(parts)}-seed{settings.seed}")
-
-
-def map_name(settings: GroundSettings, dataset_digest: str, kind: str) -> str:
-    """Folder name of maps of explored homes, shared by all runs with these settings and the same program versions."""
-    from grounding.agents.explore import EXPLORER_VERSION  # takes half a second to import, for explored homes only
-
-    made_of = {name: value for name, value in asdict(settings).items() if name not in _NOT_OF_THE_MAP}
-    versions = [MAP_VERSION, EXPLORER_VERSION, HOMES_VERSION]
-    code = [_code(settings)["encoder_code"]] if "encoder_code" in _code(settings) else []
-    text = json.dumps([made_of, dataset_digest, kind, *versions, *code], sort_keys=True)
-    parts = [encoder_slug(settings.encoder), *_unusual(settings), kind]
-    return fitting_run_id(f"map-{'-'.join(parts)}-seed{settings.seed}-{hashlib.sha256(text.encode()).hexdigest()[:8]}")
-
-
-def _unusual(settings: GroundSettings) -> list[str]:
-    """Words for the settings of the map that are not their defaults."""
-    skipped = {"map", "encoder", "seed", *_NOT_OF_THE_MAP}
-    changed = [field for field in fields(settings) if field.name not in skipped]
-    return [
-        f"{field.name.replace('_', '')}{'' if value is True else value}"
-        for field in changed
-        if (value := getattr(settings, field.name)) != field.default
-    ]

@@ -1,8 +1,6 @@
 """Verb `run`: runs an agent over PAN episodes into a run folder."""
 
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -19,18 +17,14 @@ from sim.episodes.dataset import PersonalDataset, key_from_text
 from sim.episodes.schema import Episode
 from sim.errors import PersonalVizError
 from sim.homes.kind import common_kind
-from sim.mesh import Scene
-from sim.tasks.agent_makers import AgentMaker
-from sim.tasks.looks import HomeLook
-from sim.tasks.observers import Observer
 from sim.tasks.provenance import evidence_config, make_run_info
 from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id
 from sim.tasks.run_folders import BESIDE
 from sim.tasks.run_writer import RunWriter
-from sim.tasks.runner import AgentJob, WalkTerms, run_agent
+from sim.tasks.runner import run_agent
 from sim.tasks.shards import shard_from_text
 from sim.tasks.workers import Workers
-from sim.types import ClutterLevel, EpisodeKey, Pose, SceneKind, SuccessRule
+from sim.types import EpisodeKey, SceneKind, SuccessRule
 from sim.words.english import how_many
 
 from ...progress import counted
@@ -67,8 +61,8 @@ from ..options import (
     WithPixels,
     workers_of,
 )
-from ..output import recorded
 from ..refusals import check_options, require_dataset, require_no_scan, sampled
+from .episode_walks import EpisodeWalks, keys_by_scene, observing
 from .metrics import Metrics
 from .named_agents import AgentOptions, NamedAgent, named_agent
 from .sequence_walks import play_sequences
@@ -199,7 +193,7 @@ class Run:
         kind = common_kind(episodes, {key.scene for key in keys}, self.scenes_dir)
         require_no_scan(kind, clutter=self.clutter)
         self._workers()
-        settings = _Settings(episodes, self.scenes_dir, self.clutter, self.labels == "on", agent.maker)
+        settings = EpisodeWalks(episodes, self.scenes_dir, self.clutter, self.labels == "on", agent.maker)
         return [self._play(settings, keys, self._info(episodes, kind, agent), out=self.out or Path("runs"))]
 
     def check(self) -> None:
@@ -282,7 +276,7 @@ class Run:
         out, homes = agent_runs(study, self.out), study.scenes("pan")
         kind = common_kind(study.dataset, {home.name for home in homes}, study.scenes_dir)
         clutter, labels = homes[0].clutter, homes[0].labels
-        settings = _Settings(study.dataset, study.scenes_dir, clutter, labels, agent.maker, walk_terms(study))
+        settings = EpisodeWalks(study.dataset, study.scenes_dir, clutter, labels, agent.maker, walk_terms(study))
         folders, walks = [], study_walks(study, agent.looks, out=out, seed=self.seed)
         if self.rerun is not None and len(walks) > 1:
             raise PersonalVizError(
@@ -295,7 +289,7 @@ class Run:
             folders.append(self._play(replace(settings, look_at=walk.look_at), walk.keys, info, out=out))
         return folders
 
-    def _play(self, settings: "_Settings", keys: Sequence[EpisodeKey], whole: RunInfo, *, out: Path) -> Path:
+    def _play(self, settings: EpisodeWalks, keys: Sequence[EpisodeKey], whole: RunInfo, *, out: Path) -> Path:
         """Plays the episodes of this shard of `whole` that its folder does not hold yet; returns the folder."""
         workers, shard = self._workers(), shard_from_text(self.shard)
         by_scene = keys_by_scene(keys, settings.scenes_dir)
@@ -312,7 +306,7 @@ class Run:
             f"{how_many(len(own), 'episode')} in {how_many(len(by_scene), 'scene')} ({info.scene_kind}), "
             f"{len(own) - len(left)} done before"
         )
-        with _observing(self.rerun, left, info, with_pixels=self.with_pixels) as make_observer:
+        with observing(self.rerun, left, info, with_pixels=self.with_pixels) as make_observer:
             jobs = settings.jobs(by_scene, make_observer, seed=self.seed)
             with counted(info.who, len(left)) as progress:
                 run_agent(jobs, writer, processes=workers, on_episode=progress.add)
@@ -350,73 +344,3 @@ class Run:
             made_for=agent.made_for,
             labels=home.labels,
         )
-
-
-@dataclass(frozen=True, slots=True)
-class _Settings:
-    """What the jobs of all scenes share."""
-
-    dataset: PersonalDataset
-    scenes_dir: Path | None
-    clutter: ClutterLevel
-    labels: bool
-    maker: AgentMaker
-    terms: WalkTerms = WalkTerms()  # noqa: RUF009 - frozen value
-    look_at: Callable[[Scene, Pose], HomeLook] | None = None
-
-    def jobs(
-        self,
-        by_scene: Mapping[str, Sequence[EpisodeKey]],
-        make_observer: Callable[[Scene], Observer] | None,
-        *,
-        seed: int,
-    ) -> list[AgentJob]:
-        """One job per scene, in order of their names."""
-        return [
-            AgentJob(
-                self.dataset.root,
-                name,
-                tuple(keys),
-                evidence=tuple(edition.root for edition in self.dataset.evidence),
-                scenes_dir=self.scenes_dir,
-                agent=self.maker,
-                seed=seed,
-                clutter=self.clutter,
-                labels=self.labels,
-                make_observer=make_observer,
-                terms=self.terms,
-                look_at=self.look_at,
-            )
-            for name, keys in sorted(by_scene.items())
-        ]
-
-
-def keys_by_scene(keys: Sequence[EpisodeKey], scenes_dir: Path | None) -> dict[str, list[EpisodeKey]]:
-    """The episodes, scene by scene; raises SceneError if a scene has no scan below `scenes_dir`."""
-    found: dict[str, list[EpisodeKey]] = {}
-    for key in keys:
-        found.setdefault(key.scene, []).append(key)
-    if scenes_dir is not None:
-        from sim.homes.open_home import find_scan
-
-        for name in found:
-            find_scan(name, scenes_dir)
-    return found
-
-
-@contextmanager
-def _observing(
-    rerun: str | None, left: Sequence[EpisodeKey], info: RunInfo, *, with_pixels: bool
-) -> Iterator[Callable[[Scene], Observer] | None]:
-    """Yields a function that makes observers for `--rerun`; checks files, and starts viewers, before any episode."""
-    if rerun is None or not left:
-        if rerun is not None:
-            print("No episode is left to run, so nothing is recorded. Give another --run-id to run them again.")
-        yield None
-        return
-    from recordings.observer import ObserveRuns
-
-    if info.scene_kind == "scan" and not with_pixels:
-        print("The homes are licensed scans: geometry and pictures are left out. --with-pixels stores them.")
-    with recorded(rerun, left, said_to=sys.stdout) as sink:
-        yield ObserveRuns(sink, info.model_dump_json(), with_pixels=with_pixels)

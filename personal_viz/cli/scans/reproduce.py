@@ -52,8 +52,9 @@ from ..options import (
 )
 from ..output import print_json, print_table, say, write_report
 from ..refusals import check_options, require_folder, sampled
+from ..runs.episode_walks import keys_by_scene
 from ..runs.metrics import Metrics
-from ..runs.run import Run, keys_by_scene
+from ..runs.run import Run
 
 PAGE, FIGURES = "index.html", "reproduce.json"
 """Names of the files below --out."""
