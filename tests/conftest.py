@@ -11,13 +11,15 @@ from sim.cache import VARIABLE
 
 from .built_once import built_once
 from .cpu_time import CpuTimes, long_files_first
+from .hung_tests import EndsHungTests
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Measures CPU time, keeps xdist from ordering files by their number of tests, and gives examples any time."""
+    """Measures CPU time, ends what hangs, keeps xdist from ordering files by length, and gives examples any time."""
     config.pluginmanager.register(CpuTimes())
+    config.pluginmanager.register(EndsHungTests())
     config.option.loadscopereorder = False
     hypothesis.settings.register_profile("any time", deadline=None)
     hypothesis.settings.load_profile("any time")

@@ -1,4 +1,4 @@
-"""A test with too much CPU time fails the run, waiting does not; long files run first; homes are built once."""
+"""Too much CPU time fails a run, waiting does not; what hangs is named; long files run first; homes are built once."""
 
 import os
 from multiprocessing import get_context
@@ -41,9 +41,11 @@ def no_other_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
 
 
-def run(pytester: pytest.Pytester, tests: str, *arguments: str, **files: str) -> pytest.RunResult:
+def run(
+    pytester: pytest.Pytester, tests: str, *arguments: str, conftest: str = CONFTEST, **files: str
+) -> pytest.RunResult:
     """Runs these tests with limits of 0.2 s (printed) and 0.5 s (failed)."""
-    pytester.makeconftest(CONFTEST)
+    pytester.makeconftest(conftest)
     pytester.makepyfile(test_few=BURN + tests, **{name: BURN + text for name, text in files.items()})
     return pytester.runpytest_inprocess("-p", "no:cacheprovider", "-p", "xdist.plugin", *arguments)
 
@@ -150,3 +152,22 @@ def test_the_next_process_builds_a_folder_whose_first_build_failed(tmp_path: Pat
     with pytest.raises(OSError, match="No space"):
         built_once(tmp_path, "home", fails)
     assert len(list(built_once(tmp_path, "home", fill).iterdir())) == 1
+
+
+def test_a_test_whose_fixture_hangs_after_its_failure_is_named(pytester: pytest.Pytester) -> None:
+    hangs = """
+@pytest.fixture
+def deaf():
+    yield
+    time.sleep(60)
+
+def test_hangs(deaf): assert False
+"""
+    limit = """
+    from tests.hung_tests import EndsHungTests
+    config.pluginmanager.register(EndsHungTests(limit_s=5))
+"""
+    conftest = CONFTEST.replace("\n\ndef pytest_collection", f"{limit}\ndef pytest_collection")
+    done = run(pytester, hangs, "-n", "1", "--dist", "loadfile", "--max-worker-restart", "0", conftest=conftest)
+    assert done.ret == pytest.ExitCode.TESTS_FAILED
+    done.stdout.fnmatch_lines(["*worker 'gw0' crashed while running 'test_few.py::test_hangs'*"])
