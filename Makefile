@@ -16,6 +16,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # A file whose test ended its worker would begin again and again.
 PYTEST = $(BIN)/python -m pytest --dist loadfile --max-worker-restart 2 -n $(WORKERS)
 QUICK = not release and not bench and not gpu
+# The files of a marker: to read all of them takes each process of pytest a quarter of a minute.
+MARKED = grep --recursive --files-with-matches --include='test_*.py' --extended-regexp
 
 .PHONY: demo install test release check lint fast bench screenshots gallery figures docs locked tag clean
 
@@ -28,12 +30,12 @@ install: $(VENV)/.demo
 test: $(VENV)/.test
 	@$(PYTHON) .ci/check_machine.py --tests
 	$(PYTEST) -m "$(QUICK) and not browser"
-	$(PYTEST) -n $(BROWSERS) -m "$(QUICK) and browser"
+	$(PYTEST) -n $(BROWSERS) -m "$(QUICK) and browser" $$($(MARKED) 'mark\.browser' tests)
 
 # Minutes of simulations and golden sets; pytest's exit code 5 says that no test has the mark.
 release: $(VENV)/.test
 	@$(PYTHON) .ci/check_machine.py --tests
-	@$(PYTEST) -m release || test $$? = 5
+	@$(PYTEST) -m release $$($(MARKED) 'mark\.release' tests) || test $$? = 5
 
 check: $(VENV)/.dev
 	@$(MAKE) --jobs=2 --output-sync --no-print-directory lint fast

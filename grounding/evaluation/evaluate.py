@@ -125,8 +125,11 @@ class SceneGrounder:
 
     def answered(self, episode: Episode) -> Answered:
         """The scored answer, and what was asked of a chat model for it."""
-        answer = self.answer(episode)
-        return Answered(answer, NO_CHAT if self._chat is None else self._chat.take(episode.key))
+        return Answered(self.answer(episode), self.asked(episode.key))
+
+    def asked(self, key: EpisodeKey) -> Transcript:
+        """What was asked of a chat model since the last call, as for this episode or sequence."""
+        return NO_CHAT if self._chat is None else self._chat.take(key)
 
     def answer(self, episode: Episode) -> Answer:
         """The scored answer, in the form of run files."""

@@ -11,6 +11,7 @@ from sim.sequences.pointing import PointSearches
 from sim.sequences.runs import SequenceRun
 from sim.sequences.searches import search_episode, sequence_key
 from sim.sequences.writer import SequenceWriter
+from sim.tasks.chat_turns import Transcript
 from sim.tasks.workers import Workers, results, without
 from sim.types import EpisodeKey
 
@@ -28,6 +29,15 @@ class SequenceGroundJob(GroundJob):
     """Whether nothing is told after the intro."""
 
 
+@dataclass(frozen=True, slots=True)
+class AnsweredSequence:
+    """One sequence's result from a worker."""
+
+    run: SequenceRun
+    chat: Transcript
+    """What was asked of a chat model for it."""
+
+
 def evaluate_sequences(
     jobs: Sequence[SequenceGroundJob],
     writer: SequenceWriter,
@@ -40,12 +50,12 @@ def evaluate_sequences(
     Raises:
         PersonalVizError: A sequence could not be answered; all before it are on disk.
     """
-    for run in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
-        writer.add_sequence(run)
+    for answered in results(open_job, without(jobs, writer.done), processes=processes, batch=BATCH):
+        writer.add_sequence(answered.run, chat=answered.chat)
         on_sequence()
 
 
-def open_job(job: SequenceGroundJob) -> Callable[[EpisodeKey], SequenceRun]:
+def open_job(job: SequenceGroundJob) -> Callable[[EpisodeKey], AnsweredSequence]:
     """Makes the maps of the job's scene; returns a function that answers one of its sequences.
 
     Raises:
@@ -57,7 +67,7 @@ def open_job(job: SequenceGroundJob) -> Callable[[EpisodeKey], SequenceRun]:
     grounder = SceneGrounder(dataset, job.scene, job.settings, folders=job.folders, model=job.model, budget=job.budget)
     found = {sequence_key(one): one for one in SequenceSet(job.sequences).sequences(scenes=(job.scene,))}
 
-    def answered(key: EpisodeKey) -> SequenceRun:
+    def answered(key: EpisodeKey) -> AnsweredSequence:
         sequence = found[key]
         searches = PointSearches(
             sequence,
@@ -72,7 +82,7 @@ def open_job(job: SequenceGroundJob) -> Callable[[EpisodeKey], SequenceRun]:
             grounding = grounder.ground(search_episode(sequence, searches.index), searches.task, phrases=phrases)
             points = tuple(candidate.position for candidate in grounding.candidates)
             searches.answer(points[:1] if searches.is_for_all else points)
-        return searches.run()
+        return AnsweredSequence(searches.run(), grounder.asked(key))
 
     return answered
 

@@ -78,9 +78,10 @@ def updated(phrases: Sequence[str], news: Iterable[News]) -> tuple[str, ...]:
     rows = [(item.owner, item.text) for item in map(parse_phrase, phrases)]
     for each in news:
         for line in each.text.splitlines():
+            before = rows  # each change of a message means a thing as it was before all of them
             for change in changes_in(line):
                 if change.searches is None or each.searches_ago < change.searches:
-                    rows = _changed(rows, change)
+                    rows = _changed(rows, change, before)
     return tuple(dict.fromkeys(f"{owner} owns {text}" if owner else text for owner, text in rows))
 
 
@@ -111,23 +112,29 @@ def _ends(text: str) -> Iterator[Change]:
         yield Change(found["giver"], "", "")
 
 
-def _changed(rows: list[tuple[str, str]], change: Change) -> list[tuple[str, str]]:
-    """The table of (owner, thing) after a change."""
+def _changed(rows: list[tuple[str, str]], change: Change, before: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """The table of (owner, thing) after a change; its thing is one of `before`, or a new one."""
     if not change.thing:
         return [row for row in rows if row[0] != change.giver]
-    mine = [row for row in rows if row[0] == change.giver] if change.giver else rows
-    row = _meant(mine, change.thing) or _meant(rows, change.thing)
+    mine = [row for row in before if row[0] == change.giver] if change.giver else before
+    row = _meant(mine, change.thing) or _meant(before, change.thing)
     text = change.thing if row is None else row[1]
     kept = [each for each in rows if each != (change.giver, text)]
     return [*kept, (change.taker, text)] if change.taker else kept
 
 
 def _meant(rows: Sequence[tuple[str, str]], thing: str) -> tuple[str, str] | None:
-    """The row about the thing: the one that shares the greatest part of its words; None where none shares half."""
+    """The row about the thing: the one that shares the greatest part of the shorter one's words, and has the fewest
+    others; None where none shares half.
+    """
     words = _words(thing)
-    shares = [len(words & _words(text)) / max(1, min(len(words), len(_words(text)))) for _, text in rows]
+    shares = []
+    for _, text in rows:
+        own = _words(text)
+        both = len(words & own)
+        shares.append((both / max(1, min(len(words), len(own))), both / max(1, len(words | own))))
     best = max(range(len(rows)), key=lambda index: shares[index], default=None)
-    return rows[best] if best is not None and shares[best] >= 0.5 else None
+    return rows[best] if best is not None and shares[best][0] >= 0.5 else None
 
 
 def _words(text: str) -> frozenset[str]:

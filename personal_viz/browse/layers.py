@@ -17,7 +17,7 @@ from sim.tasks.run_files import Answer, EpisodeRun, Vector3
 from sim.types import Camera, Pose
 from sim.walk.storeys import same_storey
 
-from ..study_app.home.looks import VIEW_ANGLE, place_camera
+from ..study_app.home.looks import VIEW_ANGLE, place_camera, window_aspect
 from ..study_app.home.surfaces import box_edges
 from ..study_app.screens.camera import three
 from .library import OpenHome, ShownEpisode
@@ -294,8 +294,9 @@ def look_at_storey(client: viser.ClientHandle, home: OpenHome, storey: int) -> N
     x, z = (low + high) / 2
     width, depth = (high - low) / 2
     reach = math.tan(client.camera.fov / 2)  # of half the canvas's height at 1 m
-    across = width / (reach * client.camera.aspect) + depth * math.cos(VIEW_ANGLE)  # its near side is that much nearer
-    upright = depth * math.sin(VIEW_ANGLE) / reach + depth * math.cos(VIEW_ANGLE)
+    near_side = depth * math.cos(VIEW_ANGLE)  # that much nearer than the middle
+    across = width / (reach * window_aspect(client.camera)) + near_side
+    upright = depth * math.sin(VIEW_ANGLE) / reach + near_side
     distance = _MARGIN * max(across, upright) + 1.0
     offset = distance * np.array([0.0, math.sin(VIEW_ANGLE), math.cos(VIEW_ANGLE)])
     centre = (x, home.copies.storeys[storey], z + _LOWER * (high - low)[1])

@@ -81,6 +81,7 @@ class PointSearches:
         sequence, index = self._sequence, self.index
         subtask, episode = sequence.record.subtasks[index], search_episode(sequence, index)
         measures, old = score_answer(episode, points, storeys=self._storeys), old_target(sequence, index)
+        marked = points if self.is_for_all else points[:1]
         self._ends.append(
             SearchEnd(
                 kind=subtask.kind,
@@ -89,7 +90,7 @@ class PointSearches:
                 is_after_news=is_after_news(sequence, index),
                 leg_m=None,
                 measures=None,
-                is_at_old=None if old is None else not measures.success and bool(self._hits(points[:1], (old,)).any()),
+                is_at_old=None if old is None else self._is_at(old, marked),
                 all=self._all(points) if self.is_for_all else None,
                 answer=measures,
                 points=tuple(points),
@@ -112,6 +113,11 @@ class PointSearches:
             steps=(),
             end=SequenceEnd(reason="click", searches=tuple(self._ends)),
         )
+
+    def _is_at(self, old: Goal, marked: Sequence[Vector3]) -> bool:
+        """Whether one of these points is at the object that was right before, and at no right one."""
+        right = self._hits(marked, self._sequence.targets[self.index]).any(axis=1)
+        return bool((self._hits(marked, (old,))[:, 0] > right).any())
 
     def _hits(self, points: Sequence[Vector3], targets: Sequence[Goal]) -> np.ndarray:
         """(N, M) which points are right for which targets."""

@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+from sim.tasks.chat_turns import NO_CHAT, Transcript
 from sim.tasks.run_writer import RunWriter
 
 from .runs import SEQUENCES_FILE, SequenceRun, read_sequence_runs
@@ -12,13 +13,14 @@ class SequenceWriter(RunWriter):
 
     _names: ClassVar[tuple[str, ...]] = (SEQUENCES_FILE,)
 
-    def add_sequence(self, run: SequenceRun) -> None:
-        """Appends one block; it is on disk when this returns.
+    def add_sequence(self, run: SequenceRun, *, chat: Transcript = NO_CHAT) -> None:
+        """Appends one block, after what was asked of a chat model for it; both are on disk when this returns.
 
         Raises:
             RunFileError: The folder cannot be written, or holds sequences on another version of this home.
         """
         self._require_one_home(run)
+        self._add_chat(chat)
         self._append(SEQUENCES_FILE, (run.start, *run.steps, run.end))
         self.done.add(run.key)
 

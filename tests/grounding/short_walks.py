@@ -12,10 +12,10 @@ from sim.homes.open_home import open_scene
 from sim.types import Camera
 
 
-def write_short_walks(dataset: PersonalDataset, out: Path, *, steps: int = 5) -> None:
+def write_short_walks(dataset: PersonalDataset, out: Path, *, scenes_dir: Path | None = None, steps: int = 5) -> None:
     """Writes one exploration for every storey on which an episode starts, in the folder of runs `out`."""
     for name in dataset.scenes:
-        scene = open_scene(dataset, name)
+        scene = open_scene(dataset, name, scenes_dir=scenes_dir)
         heights = np.array(scene.navigation.storey_heights)
         starts = [episode.start.position[1] for episode in dataset.episodes(scenes=(name,))]
         for storey in sorted({int(np.abs(heights - y).argmin()) for y in starts}):

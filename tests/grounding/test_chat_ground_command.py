@@ -18,6 +18,7 @@ from sim.homes.open_home import open_scene
 from sim.tasks.chat_turns import ChatTurn, PicturePart, TextPart, read_turns
 from sim.tasks.run_files import read_run
 from sim.types import Camera
+from tests.sim.home_story import leaks, marked_story, told_in
 
 from .chat_stub import ChatStub, chat_stub
 
@@ -103,6 +104,21 @@ def test_a_prompt_holds_the_task_and_what_perception_gave_and_nothing_else(
     pictures = {part.picture for turn in turns for part in turn.parts if isinstance(part, PicturePart)}
     assert {path.name for path in (folder / "chat").glob("*.png")} == {Path(name).name for name in pictures}
     assert 0 < len(pictures) <= 16 or method == "object-list-llm"
+
+
+def test_prompts_of_a_home_sequence_hold_nothing_before_its_time(
+    explored: Path, small_home_root: Path, stub: ChatStub, tmp_path: Path
+) -> None:
+    messages, subtasks = marked_story()
+    told_in(small_home_root, tmp_path, messages=messages, subtasks=subtasks)
+    ground(explored, small_home_root, stub, "object-list-llm", sequences=tmp_path, run_id="told")
+    turns = list(read_turns(explored / "told"))
+    assert len(turns) == len(subtasks)
+    for search, turn in enumerate(turns):
+        words = "\n".join(part.text for part in turn.parts if isinstance(part, TextPart))
+        assert leaks(words, search) == []
+        assert f"Query: {subtasks[search]['query'][0]}" in words
+        assert ("MESSAGE-2" in words) == (search >= 3)
 
 
 def _without_the_task(turn: ChatTurn, dataset: PersonalDataset) -> str:

@@ -12,7 +12,7 @@ import pytest
 
 from human_study.texts.catalogue import catalogue_of
 from human_study.trial.commands import ShowStorey
-from personal_viz.study_app.home.looks import VIEW_ANGLE, framing_distance, place_camera
+from personal_viz.study_app.home.looks import VIEW_ANGLE, framing_distance, place_camera, window_aspect
 from personal_viz.study_app.home.surfaces import Surface
 from personal_viz.study_app.screens.camera import (
     ELEVATIONS,
@@ -184,7 +184,7 @@ class WindowCamera(Camera):
     """A camera of a window with a shape."""
 
     fov = math.radians(75)
-    aspect = 1.6
+    image_width, image_height = 1280, 800
     up_direction: Any = None
 
 
@@ -198,7 +198,7 @@ class FlatHome(Surface):
 
     def _look_at_home(self, index: int) -> None:
         camera = self._client.camera
-        distance = framing_distance((10.0, 2.0, 2.0), fov=camera.fov, aspect=camera.aspect)
+        distance = framing_distance((10.0, 2.0, 2.0), fov=camera.fov, aspect=window_aspect(camera))
         place_camera(camera, (0.0, self._floor(index), 0.0), (0.0, 0.0, distance))
 
     def _show(self, index: int) -> None: ...
@@ -231,12 +231,22 @@ def test_a_window_that_changes_its_shape_gets_its_own_first_look_until_somebody_
     home, camera = flat_home()
     home.show_storey(0)
     wide = float(camera.position[2])
-    camera.aspect = 0.8
+    camera.image_width = 640
     asyncio.run(home.camera_moved(camera))
     narrow = float(camera.position[2])
     assert narrow > 1.5 * wide
     zoom(camera, "in")
     own = camera.position.copy()
-    camera.aspect = 1.6
+    camera.image_width = 1280
     asyncio.run(home.camera_moved(camera))
     assert camera.position == pytest.approx(own)
+
+
+def test_a_window_without_height_gets_its_first_look_when_it_has_one() -> None:
+    home, camera = flat_home()
+    camera.image_width = camera.image_height = 0
+    home.show_storey(0)
+    hidden = float(camera.position[2])
+    camera.image_width, camera.image_height = 640, 800
+    asyncio.run(home.camera_moved(camera))
+    assert float(camera.position[2]) > hidden

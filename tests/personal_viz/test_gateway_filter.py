@@ -69,6 +69,7 @@ def test_values_of_buttons_sliders_and_fields_pass(value: object) -> None:
         {**KEY_PRESS, "target": "everybody"},
         {**CAMERA, "position": [math.nan, 0.0, 0.0]},
         {**CAMERA, "fov": math.inf},
+        {**CAMERA, "fov": 0.0},
         {**CAMERA, "position": [1.0, 2.0]},
         {**CAMERA, "position": "here"},
         {**CAMERA, "image_height": -1},

@@ -256,7 +256,7 @@ def test_an_agent_gets_task_and_senses_only(marked_dataset: Path) -> None:
     renderer = Raycaster(scene.mesh)
     for episode in dataset.episodes():
         told = dataclasses.asdict(episode.task("pan"))
-        assert set(told) == {"kind", "description", "queries", "max_steps", "actions"}
+        assert set(told) == {"kind", "description", "queries", "max_steps", "actions", "news"}
         assert CANARY not in str(told)
         assert not any(target.object_name in str(told) for target in episode.targets)
     env = PanEnv(episode.start, scene.navigation, renderer=renderer)

@@ -31,7 +31,7 @@ FEW = ("--method", "random", "rpg", "--limit", "1", "--split", "easy")
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory, small_home_root: Path) -> Path:
-    """An invented home as a lab's scan, reproduced in `out`, with figures that VLFM reported in `vlfm`."""
+    """An invented home as a lab's scan, reproduced in `out` from short walks; VLFM's reported figures in `vlfm`."""
     root = tmp_path_factory.mktemp("lab")
     shutil.copytree(small_home_root / "easy", root / "data" / "easy")
     folder = root / "hm3d" / "val" / f"00900-{NAME}"
@@ -46,6 +46,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory, small_home_root: Path) -> Path
     assert done.returncode == 0, done.stderr
     (root / "model").mkdir()
     save_blip2(root / "model")
+    write_short_walks(PersonalDataset(root / "data"), root / "out", scenes_dir=root / "hm3d")
     done = personal_viz("reproduce", *places(root), *FEW)
     assert done.returncode == 0, done.stderr
     return root

@@ -89,3 +89,26 @@ def told_in(root: Path, out: Path, *, messages: list[dict[str, Any]], subtasks: 
     (out / "content").mkdir(parents=True, exist_ok=True)
     (out / "content" / f"{SCENE}.json.gz").write_bytes(packed(content))
     return next(SequenceSet(out).sequences())
+
+
+def marked_story() -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Messages and subtasks of the story whose texts hold words that occur nowhere else, for `leaks`."""
+    messages = [{**one, "text": f"{one['text']} MESSAGE-{number}"} for number, one in enumerate(MESSAGES)]
+    messages[0]["extracted_summary"] = [f"{owner} owns a SENTENCE-CANARY" for owner, _ in messages[0]["adds"]]
+    subtasks = []
+    for number, one in enumerate(SUBTASKS):
+        slots = ["CAPTION-CANARY", "", ""]
+        captions = slots if isinstance(one["object_id"], str) else [slots for _ in one["object_id"]]
+        subtasks.append({**one, "query": [f"{text} QUERY-{number}" for text in one["query"]], "description": captions})
+    return messages, subtasks
+
+
+def leaks(text: str, search: int) -> list[str]:
+    """Everything in a text that nobody may know at this search of the marked story: later messages and queries, and,
+    always, captions, sentences, and the objects that are or were right.
+    """
+    later = [f"MESSAGE-{number}" for number, one in enumerate(MESSAGES) if one["before"] > search]
+    later += [f"QUERY-{number}" for number in range(search + 1, len(SUBTASKS))]
+    objects = [name for _, name in MESSAGES[0]["adds"]]
+    always = ["CAPTION-CANARY", "SENTENCE-CANARY", "object_id", "owner", "stale", "revisit", *objects]
+    return [word for word in (*later, *always) if word in text]

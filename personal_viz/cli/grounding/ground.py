@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro import MISSING
 from tyro.conf import arg
@@ -67,12 +67,15 @@ from ..options import (
     workers_of,
 )
 from ..output import print_json
-from ..refusals import check_options, nothing_chosen, require_dataset, require_none, sampled_sequences
+from ..refusals import check_options, nothing_chosen, require_dataset, sampled_sequences
 from ..runs.metrics import Metrics
 from .ground_maps import cell_of_maps, layout_of_maps
 from .ground_names import grounder_facts, map_name, plugin_codes, run_name, swept
-from .ground_sequences import ground_sequences, sequence_info
+from .ground_sequences import ground_sequences, require_options_of_sequences, sequence_info
 from .ground_tables import GroundResult, ground_document, print_ground_table
+
+if TYPE_CHECKING:
+    from ...study_app.planned_study import PlannedStudy
 
 EXPLORATIONS = "explorations"
 """Folder below --out that all maps of explored homes share."""
@@ -172,6 +175,7 @@ class Ground:
     def run(self) -> int:
         self.check()
         self._workers()
+        require_options_of_sequences(self)
         if self.study is not None:
             return self._of_study().run()
         episodes = PersonalDataset(require_dataset(self.dataset), evidence=self.evidence)
@@ -209,14 +213,13 @@ class Ground:
         kind = "files" if self._folder else "explore" if self.map == "explore" else "oracle"
         return GroundSettings(map=kind, layout=layout, home_clutter=self.clutter, **values)
 
-    def _of_study(self) -> "Ground":
+    def _of_study(self) -> "_GroundStudy":
         """The same on what the study's people point at: in its homes, without being told the target's storey.
 
         Raises:
             PersonalVizError: An option contradicts the plan, or the study, its dataset or a home cannot be used.
         """
         from ...study_app.planned_study import agent_runs, open_planned, require_plans_choices
-        from .ground_study import GroundStudy
 
         assert self.study is not None
         check_options(self)
@@ -236,16 +239,16 @@ class Ground:
             "all_storeys": True,
             "out": agent_runs(study, self.out),
         }
-        return GroundStudy(**{**same, **placed}, planned=study)
+        return _GroundStudy(**{**same, **placed}, planned=study)
 
     def _on_sequences(self, root: Path, episodes: PersonalDataset, settings: GroundSettings) -> int:
         """Answers the searches of home sequences, and prints their table."""
-        require_none(self, ("study", "sweep", "shard"), beside="--sequences")
         keys = sampled_sequences(root, splits=self.split, scenes=self.scene, limit=self.limit, seed=self.sample_seed)
         folders = []
         for each in (settings, *_beside(settings)):
             whole = self._info(episodes, each)
-            info = sequence_info(whole, root, ignores_messages=self.ignore_messages)
+            named = self.run_id is not None
+            info = sequence_info(whole, root, ignores_messages=self.ignore_messages, is_named=named)
             budget = Budget(self._out / info.run_id, self.max_calls, self.max_tokens) if each.has_chat else None
             job = SequenceGroundJob(
                 episodes.root,
@@ -388,3 +391,22 @@ def _beside(settings: GroundSettings) -> list[GroundSettings]:
     """The same settings with phrases read by rules, if they are the dataset's: ground truth never stands alone."""
     is_truth = settings.phrases == "dataset" and grounder_facts(settings).uses_phrases
     return [replace(settings, phrases="rules")] if is_truth else []
+
+
+@dataclass
+class _GroundStudy(Ground):
+    """`Ground` on the episodes of a planned study; its other options are those of the plan."""
+
+    planned: "PlannedStudy | None" = None
+
+    def _work(self, episodes: PersonalDataset, settings: GroundSettings, info: RunInfo) -> list[GroundJob]:
+        from .ground_study import study_jobs
+
+        assert self.planned is not None
+        return study_jobs(self.planned, settings, folders=self._folders(settings, info), model=self._model)
+
+    def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
+        from .ground_study import study_info
+
+        assert self.planned is not None
+        return study_info(self.planned, super()._info(episodes, settings), is_named=bool(self.run_id))

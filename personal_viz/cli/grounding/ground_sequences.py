@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
 from grounding.evaluation.sequences import SequenceGroundJob, evaluate_sequences
 from sim.episodes.sequence_files import SequenceSet
+from sim.errors import PersonalVizError
 from sim.sequences.writer import SequenceWriter
 from sim.tasks.run_files import RunInfo, fitting_run_id
 from sim.tasks.workers import Workers
@@ -13,16 +15,32 @@ from sim.types import EpisodeKey
 
 from ...progress import counted
 from ..output import say
+from ..refusals import require_none
 
 
-def sequence_info(info: RunInfo, root: Path, *, ignores_messages: bool) -> RunInfo:
-    """`run.json` of the same grounder on the set `root`."""
+class GroundOptions(Protocol):
+    """The options of verb `ground` that sequences look at."""
+
+    sequences: Path | None
+    ignore_messages: bool
+
+
+def require_options_of_sequences(verb: GroundOptions) -> None:
+    """Raises PersonalVizError where options of `ground` do not fit `--sequences`, or need it."""
+    if verb.sequences is not None:
+        require_none(verb, ("study", "sweep", "shard"), beside="--sequences")
+    elif verb.ignore_messages:
+        raise PersonalVizError("--ignore-messages: found no --sequences; expected it too. Give it, or leave it out.")
+
+
+def sequence_info(info: RunInfo, root: Path, *, ignores_messages: bool, is_named: bool) -> RunInfo:
+    """`run.json` of the same grounder on the set `root`; a run that the user named keeps its name."""
     ignored = ["messages ignored"] if ignores_messages else []
     parts = ["sequences", info.run_id, *(part.replace(" ", "-") for part in ignored)]
     told = {"sequences": SequenceSet(root).digest(), "ignore_messages": ignores_messages}
     return info.model_copy(
         update={
-            "run_id": fitting_run_id("-".join(parts)),
+            "run_id": info.run_id if is_named else fitting_run_id("-".join(parts)),
             "condition": ", ".join([*ignored, info.condition]),
             "config": {**info.config, **told},
         }

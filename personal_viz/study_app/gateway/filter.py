@@ -23,6 +23,8 @@ _Id = Annotated[str, msgspec.Meta(pattern=r"\A[A-Za-z0-9_:./-]{1,64}\Z")]
 _Number = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
 """Metres and numbers computed from them; after a minute of zooming out a camera is a million metres away."""
 _Vector = tuple[_Number, _Number, _Number]
+_Angle = Annotated[float, msgspec.Meta(ge=0.01, le=3.14)]
+"""A camera's field of view (radians)."""
 _NEAREST = 1e-6
 """Least distance of a camera from its target, and least length of a direction (metres); viser cannot turn below it."""
 _Pixels = Annotated[int, msgspec.Meta(ge=0, le=100_000)] | Annotated[float, msgspec.Meta(ge=0, le=100_000)]
@@ -48,7 +50,7 @@ class ViewerCameraMessage(msgspec.Struct, tag_field="type", tag=True, frozen=Tru
 
     wxyz: tuple[_Number, _Number, _Number, _Number]
     position: _Vector
-    fov: _Number
+    fov: _Angle
     near: _Number
     far: _Number
     image_height: _Pixels

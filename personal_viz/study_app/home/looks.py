@@ -40,7 +40,7 @@ class FirstLook:
 
     def renew(self) -> bool:
         """Takes the look anew if the window's shape has changed and nobody has moved the camera; whether it did."""
-        has_changed = abs(float(self._camera.aspect) - self._aspect) > _SAME_SHAPE
+        has_changed = abs(window_aspect(self._camera) - self._aspect) > _SAME_SHAPE
         if has_changed and np.allclose(self._camera.position, self._position, atol=_UNMOVED):
             self._take()
             return True
@@ -48,8 +48,13 @@ class FirstLook:
 
     def _take(self) -> None:
         self._look()
-        self._aspect = float(self._camera.aspect)
+        self._aspect = window_aspect(self._camera)
         self._position = np.array(self._camera.position, float)
+
+
+def window_aspect(camera: viser.CameraHandle) -> float:
+    """A window's width over its height, at least 0.1; 1 while it has no height, as a page that is not laid out yet."""
+    return max(0.1, camera.image_width / camera.image_height) if camera.image_height > 0 else 1.0
 
 
 def framing_distance(size: Sequence[float] | NDArray[np.float64], *, fov: float, aspect: float) -> float:
@@ -63,13 +68,13 @@ def framing_distance(size: Sequence[float] | NDArray[np.float64], *, fov: float,
     corners = BOX_CORNERS * np.asarray(size, float) / 2
     up = np.array([0.0, _FROM_ABOVE[2], -_FROM_ABOVE[1]])
     vertical = math.tan(fov / 2)
-    beside = np.maximum(np.abs(corners[:, 0]) / (vertical * max(aspect, 0.1)), np.abs(corners @ up) / vertical)
+    beside = np.maximum(np.abs(corners[:, 0]) / (vertical * aspect), np.abs(corners @ up) / vertical)
     return float(FIT * (corners @ _FROM_ABOVE + beside).max())
 
 
 def look_from_above(camera: viser.CameraHandle, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
     """Makes a browser look at all of a box between two corners (3,), world metres, from VIEW_ANGLE above."""
-    distance = framing_distance(high - low, fov=camera.fov, aspect=camera.aspect)
+    distance = framing_distance(high - low, fov=camera.fov, aspect=window_aspect(camera))
     place_camera(camera, (low + high) / 2, distance * _FROM_ABOVE, up=(0.0, 1.0, 0.0))
 
 

@@ -23,7 +23,7 @@ from sim.copies.cut import storey_cut
 from sim.mesh import Scene, SceneObject
 from sim.tasks.run_files import ClickRay, Vector3
 
-from .looks import BOX_CORNERS, FIT, FirstLook, look_from_above, place_camera
+from .looks import BOX_CORNERS, FIT, FirstLook, look_from_above, place_camera, window_aspect
 from .names import HomeNames, Name, NamesOf, no_names
 from .top_view import MARGIN, STRIP, TopView, top_views
 
@@ -281,7 +281,7 @@ class MapView(Surface):
         """Looks straight down; the pictures of all storeys have the same ground."""
         centre, (width, height) = self._ground(index)
         camera = self._client.camera
-        distance = FIT * max(height, width / max(camera.aspect, 0.1)) / 2 / math.tan(camera.fov / 2)
+        distance = FIT * max(height, width / window_aspect(camera)) / 2 / math.tan(camera.fov / 2)
         place_camera(camera, centre, (0.0, distance, 0.0), up=(0.0, 0.0, -1.0))
 
     def _ground(self, index: int) -> tuple[Vector3, tuple[float, float]]:
