@@ -115,7 +115,7 @@ class Layers:
                 continue
             if isinstance(trace.run, EpisodeRun):
                 self._add_path(name, trace, floor_y, lift=0.12 + 0.04 * (index % 4))
-            else:
+            elif isinstance(trace.run, Answer):
                 self._add_answer(name, trace, trace.run, floor_y)
 
     def mark(self, objects: Sequence[Outlined]) -> None:

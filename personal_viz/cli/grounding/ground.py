@@ -220,6 +220,7 @@ class Ground:
             PersonalVizError: An option contradicts the plan, or the study, its dataset or a home cannot be used.
         """
         from ...study_app.planned_study import agent_runs, open_planned, require_plans_choices
+        from .ground_study import study_places
 
         assert self.study is not None
         check_options(self)
@@ -227,18 +228,8 @@ class Ground:
         study = open_planned(
             self.study, "pog", dataset=self.dataset, evidence=self.evidence, scenes_dir=self.scenes_dir
         )
-        homes = study.scenes("pog")
         same = {field.name: getattr(self, field.name) for field in fields(self)}
-        placed = {
-            "study": None,
-            "dataset": study.dataset.root,
-            "evidence": tuple(edition.root for edition in study.dataset.evidence),
-            "scenes_dir": study.scenes_dir,
-            "scene": tuple(home.name for home in homes),
-            "clutter": homes[0].clutter if self.map == "explore" else 0,
-            "all_storeys": True,
-            "out": agent_runs(study, self.out),
-        }
+        placed = study_places(study, explores=self.map == "explore", out=agent_runs(study, self.out))
         return _GroundStudy(**{**same, **placed}, planned=study)
 
     def _on_sequences(self, root: Path, episodes: PersonalDataset, settings: GroundSettings) -> int:

@@ -1,5 +1,8 @@
 """`ground --study`: what a study's people point at."""
 
+from pathlib import Path
+from typing import Any
+
 from grounding.encoders.protocol import ModelOptions
 from grounding.evaluation.evaluate import GroundJob, select_jobs
 from grounding.evaluation.home_maps import MapFolders
@@ -8,6 +11,27 @@ from human_study.export.runs import study_facts
 from sim.tasks.run_files import RunInfo, fitting_run_id
 
 from ...study_app.planned_study import PlannedStudy
+
+
+def study_places(study: PlannedStudy, *, explores: bool, out: Path) -> dict[str, Any]:
+    """The options of `ground` by which it asks what the study's people are asked, in their homes.
+
+    Args:
+        study: The study.
+        explores: Whether homes are explored for the maps; only then does it matter what lies about in them.
+        out: Folder of the runs.
+    """
+    homes = study.scenes("pog")
+    return {
+        "study": None,
+        "dataset": study.dataset.root,
+        "evidence": tuple(edition.root for edition in study.dataset.evidence),
+        "scenes_dir": study.scenes_dir,
+        "scene": tuple(home.name for home in homes),
+        "clutter": homes[0].clutter if explores else 0,
+        "all_storeys": True,
+        "out": out,
+    }
 
 
 def study_jobs(
