@@ -26,8 +26,8 @@ from sim.files import write_whole
 
 from . import paths
 
-CONNECT_S = 3.0
-"""Longest wait for a viewer's answer; on this machine or its network it answers sooner."""
+CONNECT_S = 10.0
+"""Longest wait for a viewer's answer; on a machine that is not busy it answers at once."""
 FLUSH_S = 10.0
 """Longest wait until a viewer has received the data; after that it counts as gone."""
 MAX_PARTS = 64
