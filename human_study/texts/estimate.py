@@ -86,6 +86,6 @@ def announced_minutes(config: StudyConfig, plan: StudyPlan | None = None) -> int
 
 def _mean_look_s(config: StudyConfig, task: TaskKind) -> float:
     """Seconds of looking before a trial, averaged over the conditions of the task."""
-    looks = [terms_of(config, condition).look for condition in config.conditions(task)]
+    looks = [terms_of(config, condition, task=task).look for condition in config.conditions(task)]
     seconds = [0.0 if look is None else max(look.min_s, min(LOOK_S, look.max_s or LOOK_S)) for look in looks]
     return sum(seconds) / len(seconds)

@@ -218,7 +218,7 @@ def _stated(config: StudyConfig, plan: StudyPlan | None, told: Catalogue) -> dic
 
 def _time_limit(config: StudyConfig, task: TaskKind, told: Catalogue) -> str:
     """The time limit of a trial of the task, in words; '' = there is none."""
-    seconds = terms_of(config, config.conditions(task)[0]).task_max_s
+    seconds = terms_of(config, config.conditions(task)[0], task=task).task_max_s
     return told.duration(seconds) if seconds is not None else ""
 
 

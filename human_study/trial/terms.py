@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from sim.types import TaskKind
+
 from ..design.study import Condition, HomeView, StudyConfig
 from .events import Event, MapKind, MapOff, MapOn, Moment
 from .views import LookView
@@ -43,24 +45,43 @@ class TrialTerms:
     look: Look | None = None
     """The look before the task; None = there is none."""
     task_max_s: float | None = None
-    """Longest walk, from the first picture, or longest answer, from the texts; None = no limit."""
+    """Longest walk, from the first picture, or longest answer, from the texts; in a home sequence each search has this
+    limit; None = no limit."""
     resume_within_s: float = RESUME_WITHIN_S
     """A longer absence ends the trial as `abandoned`."""
     asks_confidence: bool = False
     """Whether participants rate their confidence after an answer (STOP, a confirmed mark)."""
 
+    @property
+    def has_history(self) -> bool:
+        """In home sequences: whether the messages of earlier searches can be read again."""
+        return self.condition != "history_hidden"
 
-def terms_of(config: StudyConfig, condition: Condition, *, home_view: HomeView | None = None) -> TrialTerms:
-    """The terms of a study's trials in one condition; `home_view` says where 3-D homes are drawn, if they are shown."""
-    is_pan = condition in ("none", "topdown", "glb")
+
+def terms_of(
+    config: StudyConfig, condition: Condition, *, task: TaskKind | None = None, home_view: HomeView | None = None
+) -> TrialTerms:
+    """The terms of a study's trials in one condition.
+
+    Args:
+        config: The study.
+        condition: The condition.
+        task: The task; needed in studies of home sequences, whose conditions are the same for both.
+        home_view: Where 3-D homes are drawn, if they are shown.
+    """
+    view = condition
+    if config.sequences is not None:
+        assert task is not None, "a study of home sequences"
+        view = config.view_in(task, condition)
+    is_pan = view in ("none", "topdown", "glb")
     look = None
-    if condition == "topdown" or condition == "glb":
-        look = Look(condition, config.memory.min_s, config.memory.max_s)
-    elif condition == "map_first":
+    if view == "topdown" or view == "glb":
+        look = Look(view, config.memory.min_s, config.memory.max_s)
+    elif view == "map_first":
         look = Look("home", config.pog.look_min_s, config.pog.look_max_s)
     return TrialTerms(
         condition=condition,
-        home_view=home_view if condition in SHOWS_HOME else None,
+        home_view=home_view if view in SHOWS_HOME else None,
         look=look,
         task_max_s=config.pan_max_s if is_pan else config.pog.answer_max_s,
         resume_within_s=config.resume_within_s,
