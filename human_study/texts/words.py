@@ -22,7 +22,7 @@ from sim.tasks.rules import AUTHORS_DISTANCE, HABITAT_DISTANCE, RELAXED_RADIUS, 
 from sim.types import FORWARD_STEP, TURN_STEP, SuccessRule, TaskKind
 
 from ..design.plan import StudyPlan
-from ..design.study import Condition, PanCondition, PogCondition, StudyConfig
+from ..design.study import Condition, HistoryCondition, PanCondition, PogCondition, StudyConfig
 from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S, terms_of
 from .catalogue import LANGUAGES, Catalogue, catalogue_of
 from .estimate import announced_minutes
@@ -87,14 +87,16 @@ def words_of(
     }
     tasks = config.task if task is None else (task,)
     met = conditions if conditions is not None else [name for each in tasks for name in config.conditions(each)]
-    met = [name for name in (*get_args(PanCondition), *get_args(PogCondition)) if name in met]
+    shown = {name if config.sequences is None else config.view_in(each, name) for each in tasks for name in met}
+    views = [name for name in (*get_args(PanCondition), *get_args(PogCondition)) if name in shown]
     values |= {
         "catalogue": told,
         "study": config,
         "rule": config.success,
         "task": task,
         "tasks": tasks,
-        "conditions": met,
+        "conditions": [name for name in (*views, *get_args(HistoryCondition)) if name in met],
+        "views": views,
         "actions": [action.name.lower() for action in config.action_set],
         "limits": [told.length(limit) for limit in limits_m(config, "pan")],
         "point_limit": told.length(SUCCESS_RADIUS),
@@ -106,7 +108,7 @@ def words_of(
         "gap": told.duration(config.breaks.sitting_gap_s),
         "pan_limit": _time_limit(config, "pan", told),
         "pog_limit": _time_limit(config, "pog", told),
-        "looks": {name: _look_limit(config, name, told) for name in met},
+        "looks": {name: _look_limit(config, name, told) for name in views},
         "is_longer_than_a_sitting": _is_longer_than_a_sitting(config),
         "has_platform_code": hashes_platform_ids(config),
         "survey_topics": [question.about for question in questions_of(config, told).values()],
@@ -224,7 +226,8 @@ def _time_limit(config: StudyConfig, task: TaskKind, told: Catalogue) -> str:
 
 def _look_limit(config: StudyConfig, condition: Condition, told: Catalogue) -> str:
     """The time limit of the look before a trial of the condition, as the end of a sentence; '' = there is none."""
-    look = terms_of(config, condition).look
+    task: TaskKind = "pan" if condition in get_args(PanCondition) else "pog"
+    look = terms_of(config, condition, task=task).look
     if look is None:
         return ""
     least = told.duration(look.min_s) if look.min_s > 0 else None

@@ -130,7 +130,7 @@ class Seat:
             if due is None:
                 break
             self._warm_next(person)
-            if self._page.has_lost_picture and due.condition in IN_3D:
+            if self._page.has_lost_picture and config.view_in(due.task, due.condition) in IN_3D:
                 self._page.choose(problem_card("lost_picture", self._page.words))
                 self._page.reload()
                 self._until_gone()
