@@ -11,8 +11,10 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from sim import files
 from sim.episodes.schema import Episode
+from sim.episodes.sequence_files import HomeSequence
 from sim.errors import StudyError, line_from_validation_error
 from sim.homes.storey_names import StoreyNaming
+from sim.sequences.searches import sequence_task
 from sim.types import (
     CAMERA_HEIGHT,
     MAX_STEPS,
@@ -528,6 +530,11 @@ class StudyConfig(BaseModel):
             )
         task = episode.task(kind, query_index=self.query_index, actions=self.action_set)
         return dataclasses.replace(task, max_steps=self.steps)
+
+    def sequence_task_for(self, sequence: HomeSequence, kind: TaskKind) -> Task:
+        """The part of a sequence that a participant may see before its first search."""
+        told = {"query_index": self.query_index, "max_steps": self.steps, "actions": self.action_set}
+        return dataclasses.replace(sequence_task(sequence, **told), kind=kind)
 
 
 def save_study(folder: Path, config: StudyConfig) -> Path:

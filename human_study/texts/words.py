@@ -23,7 +23,7 @@ from sim.types import FORWARD_STEP, TURN_STEP, SuccessRule, TaskKind
 
 from ..design.plan import StudyPlan
 from ..design.study import Condition, HistoryCondition, PanCondition, PogCondition, StudyConfig
-from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S, terms_of
+from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S, look_of, terms_of
 from .catalogue import LANGUAGES, Catalogue, catalogue_of
 from .estimate import announced_minutes
 from .survey import questions_of
@@ -86,9 +86,10 @@ def words_of(
         for field, value in _stated(config, plan, told).items()
     }
     tasks = config.task if task is None else (task,)
-    met = conditions if conditions is not None else [name for each in tasks for name in config.conditions(each)]
-    shown = {name if config.sequences is None else config.view_in(each, name) for each in tasks for name in met}
-    views = [name for name in (*get_args(PanCondition), *get_args(PogCondition)) if name in shown]
+    of_task = {each: config.conditions(each) if conditions is None else conditions for each in tasks}
+    met = {name for names in of_task.values() for name in names}
+    seen = {config.view_in(each, name) for each, names in of_task.items() for name in names}
+    views = [name for name in (*get_args(PanCondition), *get_args(PogCondition)) if name in seen]
     values |= {
         "catalogue": told,
         "study": config,
@@ -226,8 +227,7 @@ def _time_limit(config: StudyConfig, task: TaskKind, told: Catalogue) -> str:
 
 def _look_limit(config: StudyConfig, condition: Condition, told: Catalogue) -> str:
     """The time limit of the look before a trial of the condition, as the end of a sentence; '' = there is none."""
-    task: TaskKind = "pan" if condition in get_args(PanCondition) else "pog"
-    look = terms_of(config, condition, task=task).look
+    look = look_of(config, condition)
     if look is None:
         return ""
     least = told.duration(look.min_s) if look.min_s > 0 else None

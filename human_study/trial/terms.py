@@ -19,6 +19,8 @@ GIVE_UP_WITHIN_S = 5.0
 """The second press of giving up counts up to this long after the first."""
 RESUME_WITHIN_S = 600.0
 """Default of StudyConfig.resume_within_s."""
+HIDDEN: Condition = "history_hidden"
+"""The condition of home sequences in which only the messages of the present search can be read."""
 SHOWS_HOME: tuple[Condition, ...] = ("glb", "map_first", "map_open")
 """Conditions in which participants look around in a 3-D home."""
 
@@ -55,7 +57,7 @@ class TrialTerms:
     @property
     def has_history(self) -> bool:
         """In home sequences: whether the messages of earlier searches can be read again."""
-        return self.condition != "history_hidden"
+        return self.condition != HIDDEN
 
 
 def terms_of(
@@ -74,19 +76,23 @@ def terms_of(
         assert task is not None, "a study of home sequences"
         view = config.view_in(task, condition)
     is_pan = view in ("none", "topdown", "glb")
-    look = None
-    if view == "topdown" or view == "glb":
-        look = Look(view, config.memory.min_s, config.memory.max_s)
-    elif view == "map_first":
-        look = Look("home", config.pog.look_min_s, config.pog.look_max_s)
     return TrialTerms(
         condition=condition,
         home_view=home_view if view in SHOWS_HOME else None,
-        look=look,
+        look=look_of(config, view),
         task_max_s=config.pan_max_s if is_pan else config.pog.answer_max_s,
         resume_within_s=config.resume_within_s,
         asks_confidence=config.confidence,
     )
+
+
+def look_of(config: StudyConfig, view: Condition) -> Look | None:
+    """The look at a home before the task that belongs to a view of it; None = there is none."""
+    if view == "topdown" or view == "glb":
+        return Look(view, config.memory.min_s, config.memory.max_s)
+    if view == "map_first":
+        return Look("home", config.pog.look_min_s, config.pog.look_max_s)
+    return None
 
 
 class LookPhase:
