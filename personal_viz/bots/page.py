@@ -22,7 +22,7 @@ _IMAGE_HEAD = 1200
 """Number of characters of an element's HTML that may hold the step; the picture's bytes come after them."""
 _END_LOOK, _CONFIRM = "look.home_begin", "pog.confirm"
 """Words of the buttons that only the look screen and the POG screen have."""
-_MARKS = ("/mark", "/mark/dot")
+_MARKS = ("/mark0/ball", "/mark0/dot")
 """Names of the node at the participant's mark, in the 3-D home and on its map."""
 _SURFACES = ("/home", "/map")
 """Names of the nodes at which people point."""

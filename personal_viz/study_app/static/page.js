@@ -9,7 +9,7 @@
   const FREE_MS = 55, AFTER_CLICK_MS = 90, MAX_PENDING = 200, MAX_AT_ONCE = 40;
   const DEFAULT = {
     forward: ['KeyW', 'ArrowUp'], left: ['KeyA', 'ArrowLeft'], right: ['KeyD', 'ArrowRight'],
-    look_up: ['KeyR'], look_down: ['KeyF'], stop: ['Enter', 'NumpadEnter'],
+    look_up: ['KeyR'], look_down: ['KeyF'], stop: ['Enter', 'NumpadEnter'], found: ['Enter', 'NumpadEnter'],
   };
   const VISER = { ArrowUp: 'ArrowUp', ArrowLeft: 'ArrowLeft', ArrowRight: 'ArrowRight', ArrowDown: 'ArrowDown',
     Enter: 'Enter', NumpadEnter: 'Enter', Space: ' ', PageUp: 'PageUp', PageDown: 'PageDown' };
@@ -120,7 +120,7 @@
   const actionOf = (code) => {
     for (const [action, own] of Object.entries(state.own)) if (own === code) return action;
     for (const [action, codes] of Object.entries(DEFAULT))
-      if (!state.own[action] && codes.includes(code)) return action;
+      if (state.actions.includes(action) && !state.own[action] && codes.includes(code)) return action;
     return null;
   };
   const keyOfCode = (code) => {
@@ -332,6 +332,10 @@
       const heading = document.querySelector('.personal-page h1');
       if (heading && document.activeElement !== heading) { heading.tabIndex = -1; heading.focus({ preventScroll: true }); }
       const view = document.querySelector('.mantine-ScrollArea-viewport:has(.personal-page)');
+      if (view) view.scrollTop = 0;
+    },
+    begun: () => {  // a new search: what it tells stands at the top
+      const view = document.querySelector('.mantine-ScrollArea-viewport:has(.personal-description)');
       if (view) view.scrollTop = 0;
     },
     refresh: () => setLarge(document.documentElement.classList.contains('personal-large')),  // the tools are drawn anew
