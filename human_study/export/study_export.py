@@ -24,7 +24,8 @@ from .data_dictionary import dictionary_text
 from .formats import table_bytes
 from .manifest import MANIFEST_FILE, LeftOutTrial, Manifest, exported_file, read_manifest, strangers
 from .rows import OPTIONAL_TABLES, EventRow, ExclusionRow, ParticipantRow, VerificationRow
-from .runs import run_files
+from .runs import run_files, sequence_files
+from .search_table import MEANING, SEARCHES, SearchRow
 from .trial_table import TrialRow
 
 DICTIONARY_FILE = "data_dictionary.md"
@@ -55,10 +56,13 @@ def export_study(folder: Path, out: Path) -> list[Path]:
         _require_replaceable(out, reader.study_version)
         found = collect(reader)
         asked = {"survey": reader.config.survey.questions, "comments": reader.config.comments}
-        tables = TABLES | {name: table for name, table in OPTIONAL_TABLES.items() if asked[name]}
+        tables = TABLES | ({} if reader.config.sequences is None else {SEARCHES: (MEANING, SearchRow)})
+        tables |= {name: table for name, table in OPTIONAL_TABLES.items() if asked[name]}
         files = _table_files(found, tables) | _study_files(reader, folder)
         for _, run in sorted(found.runs.items()):
             files |= run_files(run)
+        for _, (info, walks) in sorted(found.sequences.items()):
+            files |= sequence_files(info, walks)
         manifest = _manifest(reader, found, files)
     _write_folder(out, {name: content for name, (content, _) in files.items()}, manifest)
     return [out / name.removesuffix("/run.json") for name in sorted(files) if name.endswith("/run.json")]

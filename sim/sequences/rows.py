@@ -69,7 +69,7 @@ def _row(found: Sequence[tuple[RunInfo, tuple[SequenceRun, ...]]], rule: Success
     seen: dict[tuple[EpisodeKey, int | str], str] = {}
     for one, runs in found:
         for run in runs:
-            trial = (run.key, one.run_id if one.seed is None else one.seed)
+            trial = (run.key, one.run_id if one.seed is None or one.who_kind == "human" else one.seed)
             if trial in seen:
                 raise RunFileError(
                     f"{one.run_id}: found {run.key} a second time (first in {seen[trial]}); expected each sequence "

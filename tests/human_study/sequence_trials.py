@@ -5,9 +5,10 @@ from pathlib import Path
 
 from human_study.design.study import StudyConfig
 from human_study.export.verify import TrialHome
+from human_study.store.store import StudyStore
 from human_study.trial.commands import Click, Command, Confirm, GiveUp, Move, PressStop, Start
 from human_study.trial.events import Event
-from human_study.trial.searches import SearchTexts
+from human_study.trial.searches import SearchTexts, sequence_outcome
 from human_study.trial.session import PanSession, PogSession
 from human_study.trial.terms import terms_of
 from sim.episodes.dataset import PersonalDataset
@@ -122,3 +123,18 @@ def driven(session: PanSession | PogSession, commands: Sequence[Command], *, eve
     """Starts the session and gives it all commands; returns its events."""
     in_order = [Start(), *commands]
     return [event for number, one in enumerate(in_order) for event in session.handle(one, every_s * number).events]
+
+
+def do_sequence(
+    store: StudyStore, code: str, order_no: int, sequence: HomeSequence, home: TrialHome, commands: Sequence[Command]
+) -> str:
+    """One participant's whole trial, stored and finished; returns its id."""
+    trial = store.open_trial(code, order_no)
+    session = new_session(store.config, home, sequence, trial.task, trial.condition)
+    store.append_many(trial.trial_id, trial.epoch, driven(session, commands))
+    events = [stored.event for stored in store.events(trial.trial_id)]
+    names = {"navigation": home.navigation, "storeys": home.storeys, "participant": code}
+    run = sequence_outcome(events, sequence, **names)
+    assert run is not None
+    store.finish_trial(trial.trial_id, run.end)
+    return trial.trial_id

@@ -1,0 +1,147 @@
+"""A study of home sequences by bots, from its plan to its report: four people do one sequence in the home Small.
+
+p01 walks and p02 points with the history in view, and hear everything; p03 and p04 have no history and hear nothing.
+"""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from human_study.design.plan import StudyScene
+from human_study.design.planning import make_plan
+from human_study.design.sampling import sample_episodes
+from human_study.design.study import StudyConfig
+from human_study.export.import_check import import_check
+from human_study.export.manifest import MANIFEST_FILE, Manifest, exported_file
+from human_study.export.study_export import export_study
+from human_study.export.verify import TrialHome, verify_trial
+from human_study.store.records import read_study
+from human_study.trial.events import SearchBegun
+from sim.episodes.sequence_files import HomeSequence
+from sim.errors import StudyError
+from sim.sequences.rows import sequence_rows
+from sim.sequences.runs import read_sequence_runs
+from sim.sequences.searches import sequence_key
+from sim.types import EpisodeKey
+from tests.sim.home_story import MESSAGES, SCENE, SUBTASKS, told_in
+
+from .finished import table_of
+from .sequence_trials import clicks, do_sequence, home_of, oracle_run, presses, sequence_study
+from .stores import open_planned
+
+CONFIG = sequence_study(sequences={"sha256": "5" * 64, "history": "both"})
+
+
+@pytest.fixture(scope="module")
+def told(small_home_root: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, HomeSequence]:
+    """Folder of the set, and its sequence."""
+    out = tmp_path_factory.mktemp("set")
+    return out, told_in(small_home_root, out, messages=MESSAGES, subtasks=SUBTASKS)
+
+
+@pytest.fixture(scope="module")
+def home(small_home_root: Path, told: tuple[Path, HomeSequence]) -> TrialHome:
+    return home_of(small_home_root, [told[1]])
+
+
+@pytest.fixture(scope="module")
+def finished(
+    small_home_root: Path, told: tuple[Path, HomeSequence], home: TrialHome, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """A folder with the `study` and its export `out`; nobody writes to it."""
+    folder, (root, story) = tmp_path_factory.mktemp("finished"), told
+    plan = make_plan(CONFIG, [StudyScene(name=SCENE, kind="invented")], [sequence_key(story)], is_pilot=True)
+    with open_planned(folder / "study", CONFIG, plan) as store:
+        for person in plan.participants:
+            (trial,) = person.trials
+            is_deaf = trial.condition == "history_hidden"
+            commands = list(clicks(story, home, is_deaf=is_deaf))
+            if person.task == "pan":
+                commands = list(presses(oracle_run(small_home_root, root, story, is_deaf=is_deaf)))
+            do_sequence(store, person.code, trial.order_no, story, home, commands)
+    export_study(folder / "study", folder / "out")
+    return folder
+
+
+def test_people_and_histories_are_dealt_as_memory_arms_are(finished: Path) -> None:
+    with read_study(finished / "study") as reader:
+        people = reader.plan.participants
+    assert [(one.task, one.arm, one.trials[0].condition) for one in people] == [
+        ("pan", 0, "history_visible"),
+        ("pog", 0, "history_visible"),
+        ("pan", 1, "history_hidden"),
+        ("pog", 1, "history_hidden"),
+    ]
+
+
+def test_every_trial_is_done_again_and_agrees(finished: Path, home: TrialHome) -> None:
+    with read_study(finished / "study") as reader:
+        for code in reader.codes():
+            (trial,) = reader.trials(code)
+            assert trial.trial_id is not None
+            assert trial.outcome is not None
+            events = [stored.event for stored in reader.events(trial.trial_id)]
+            names = {"home": home, "participant": code}
+            done = verify_trial(events, trial.outcome, trial.key, **names)
+            assert (done.status, done.detail) == ("verified", "")
+            searches = [search.model_copy(update={"is_after_news": True}) for search in trial.outcome.searches]
+            other = trial.outcome.model_copy(update={"searches": tuple(searches)})
+            assert "searches[0].is_after_news" in verify_trial(events, other, trial.key, **names).detail
+            told = [
+                event.model_copy(update={"notes": ()}) if isinstance(event, SearchBegun) else event for event in events
+            ]
+            assert verify_trial(told, trial.outcome, trial.key, **names).status == "failed"
+
+
+def test_an_export_holds_runs_as_agents_have_and_a_row_for_each_search(finished: Path, home: TrialHome) -> None:
+    out = finished / "out"
+    folders = sorted(path.parent for path in out.glob("*/run.json"))
+    runs = [run for folder in folders for run in read_sequence_runs(folder)]
+    assert sorted((run.start.task, run.start.participant) for run in runs) == [
+        ("pan", run.start.participant) for run in runs if run.start.task == "pan"
+    ] + [("pog", run.start.participant) for run in runs if run.start.task == "pog"]
+    rows = {(row.task, row.condition): row.sequence_measures for row in sequence_rows(folders)}
+    for (_, condition), figures in rows.items():
+        wrong = 0 if condition == "history_hidden" else 1
+        assert (figures.sr_fresh, figures.sr_revisit, figures.sr_changed, figures.sr_stale) == (1, 1, wrong, wrong)
+        assert figures.stale == 1 - wrong
+    assert len(rows) == 4
+    lines = table_of(out, "searches")
+    assert len(lines) == 4 * 6
+    hidden = {line["participant"] for line in table_of(out, "trials") if line["condition"] == "history_hidden"}
+    shown = [line for line in lines if line["participant"] in hidden]
+    assert {(line["search"], tuple(line["notes"]), line["is_told"]) for line in shown} == {
+        (0, ("0",), True), (1, (), False), (2, ("1",), True), (3, ("2",), True), (4, (), False), (5, (), False),
+    }  # fmt: skip
+    assert "## searches" in (out / "data_dictionary.md").read_text()
+    assert import_check(out, lambda _: home).agrees
+
+
+def test_a_changed_row_of_a_search_is_found(finished: Path, home: TrialHome, tmp_path: Path) -> None:
+    import shutil
+
+    out = Path(shutil.copytree(finished / "out", tmp_path / "out"))
+    text = (out / "searches.jsonl").read_text().replace('"is_told":true', '"is_told":false', 1)
+    (out / "searches.jsonl").write_text(text)
+    manifest = Manifest.model_validate_json((out / MANIFEST_FILE).read_bytes())
+    entry = manifest.files["searches.jsonl"]
+    files = {**manifest.files, "searches.jsonl": exported_file(text.encode(), entry.num_rows)}
+    (out / MANIFEST_FILE).write_text(manifest.model_copy(update={"files": files}).model_dump_json())
+    (problem,) = import_check(out, lambda _: home).problems
+    assert "is_told is stored as False, recomputed as True" in problem
+
+
+def test_sequences_are_drawn_evenly_over_homes_whatever_their_split() -> None:
+    pool = [EpisodeKey(split, home, str(n)) for home in "ABC" for split in ("easy", "hard") for n in range(4)]
+    drawn = sample_episodes(sequence_study(sequences={"sha256": "0", "number": 7}), pool)
+    assert sorted(sum(key.scene == home for key in drawn) for home in "ABC") == [2, 2, 3]
+    everything = sequence_study(sequences={"sha256": "0"}, dataset={"sha256": "0", "max_per_scene": None})
+    assert sample_episodes(everything, pool) == tuple(sorted(pool))
+    with pytest.raises(StudyError, match=r"sequences\.number asks for 24, the set with at most 5 of one home gives 15"):
+        sample_episodes(sequence_study(), pool)
+
+
+def test_a_study_without_the_block_has_its_old_hash() -> None:
+    without = StudyConfig.model_validate(json.loads(CONFIG.model_dump_json()) | {"sequences": None})
+    assert "sequences" not in json.loads(without.canonical_json())
