@@ -162,14 +162,15 @@ def when_shown(call: Literal["shown", "begun", "refresh", "reload", "goOn"]) -> 
     return _runs(_call(f"{call}()"))
 
 
-def sign_html(text: str, number: int) -> str:
+def sign_html(text: str, number: int, *, is_news: bool = False) -> str:
     """HTML that makes the script show a line over the picture; an empty text removes the line.
 
     Args:
         text: Plain text.
         number: A different number makes the same text be shown and read aloud again.
+        is_news: Whether the line tells of something new and asks for nothing.
     """
-    return _runs(_call(f"sign({json.dumps(text)},{number})"))
+    return _runs(_call(f"sign({json.dumps(text)},{number},{json.dumps(is_news)})"))
 
 
 @functools.cache

@@ -233,16 +233,17 @@ class Page:
         """Adds a sheet over the 3-D canvas, which then gets no mouse; returns it so that its content can change."""
         return self.add(self.client.gui.add_html(overlay_html(content)))
 
-    def sign(self, text: str, number: int = 0) -> None:
+    def sign(self, text: str, number: int = 0, *, is_news: bool = False) -> None:
         """Shows a line over the picture or the home and has it read aloud; nothing on the page moves.
 
         Args:
             text: The line; an empty text removes it.
             number: A different number shows the same text once more.
+            is_news: Whether the line tells of something new, such as a search that begins, and asks for nothing.
         """
         if (text, number) != self._signed:
             self._signed = text, number
-            self._sign.content = sign_html(text, number)
+            self._sign.content = sign_html(text, number, is_news=is_news)
 
     def card(self, card: Card, chosen: Callable[[str], Awaitable[None]] | None = None) -> None:
         """Shows a card over the whole page.

@@ -105,11 +105,11 @@ class PanScreen:
             armed = words(_armed_key(view), keys=keys_of(_answer(view), words, self._page.own_keys))
             self._page.sign(armed if view.is_armed else words("give_up.armed"))
         elif view.is_just_marked:
-            self._page.sign(words("pan.marked"), view.step)
+            self._page.sign(words("pan.marked"), view.step, is_news=True)
         elif view.is_blocked:
             self._page.sign(words("pan.blocked"), view.step)
         else:
-            self._page.sign("" if view.step or view.is_over else news_of(view, words))
+            self._page.sign("" if view.step or view.is_over else news_of(view, words), is_news=True)
 
     def _label(self, action: Action, view: PanView) -> str:
         is_last = action is Action.FOUND and view.is_just_marked

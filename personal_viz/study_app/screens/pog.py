@@ -180,7 +180,7 @@ class PogScreen:
             f'<div class="personal-text personal-line"><b>{roomy_html(advice, *advices)}</b>{left}</div>'
         )
         news = "" if view.marks or view.is_over else news_of(view, words)
-        self._page.sign(words("give_up.armed") if view.is_giving_up else news)
+        self._page.sign(words("give_up.armed") if view.is_giving_up else news, is_news=not view.is_giving_up)
         show_giving_up(self._give_up, words, is_giving_up=view.is_giving_up)
         self._page.client.flush()
 

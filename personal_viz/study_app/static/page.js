@@ -262,9 +262,10 @@
   sign.setAttribute('aria-live', 'assertive');
   document.body.append(banner, sign, dialog);
   let signing = 0;
-  const showSign = (text) => {
+  const showSign = (text, number, isNews) => {
     clearTimeout(signing);
     sign.textContent = '';
+    sign.classList.toggle('personal-sign-news', Boolean(isNews));
     if (text) signing = setTimeout(() => { sign.textContent = text; }, 40);  // a text that comes again is new again
   };
   let asking = '';
