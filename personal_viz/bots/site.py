@@ -25,6 +25,7 @@ from sim.episodes.dataset import PersonalDataset
 from sim.types import SPLITS, Split, TaskKind
 
 from ..study_app.operator.served import Person
+from ..study_app.study_files import PLACES_FILE, note_places, places_of, plan_study
 
 HOME = "BotHome"
 
@@ -55,6 +56,7 @@ def make_pilot(
     participants: int,
     evidence: tuple[Path, ...] = (),
     scenes_dir: Path | None = None,
+    sequences: Path | None = None,
     splits: dict[Split, int | Literal["all"]] | None = None,
     seed: int = 0,
     **choices: Any,
@@ -67,12 +69,11 @@ def make_pilot(
         participants: Number for each task, and in POG for each condition.
         evidence: Folders of the dataset's evidence.
         scenes_dir: Folder of licensed scans.
+        sequences: Set of home sequences that are done instead of episodes; `choices` name it too.
         splits: Number of episodes of each split; None = all.
         seed: Seed of the plan.
         choices: Fields of StudyConfig; by default the task is PAN.
     """
-    from personal_viz.study_app.study_files import plan_study
-
     usual = {
         "study": "bots",
         "task": ("pan",),
@@ -92,7 +93,7 @@ def make_pilot(
     }
     config = StudyConfig(**(usual | choices))
     save_study(folder, config)
-    plan_study(folder, dataset, scenes_dir, evidence=evidence, pilot=True)
+    plan_study(folder, dataset, scenes_dir, evidence=evidence, sequences=sequences, pilot=True)
     return config
 
 
@@ -129,6 +130,9 @@ def copy_plan(study: Path, folder: Path) -> None:
     for name in (PRACTICE_FOLDER, TOLD_FOLDER):
         if (study / name).is_dir():
             shutil.copytree(study / name, folder / name)
+    if (study / PLACES_FILE).is_file():
+        places = places_of(study)
+        note_places(folder, places.dataset, places.evidence, places.scenes_dir, sequences=places.sequences)
 
 
 def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str, *, evidence: tuple[Path, ...] = ()) -> Site:

@@ -71,7 +71,8 @@ def query_html(view: PanView | PogView, words: Catalogue) -> str:
     if view.is_for_all:
         count = view.num_marks if isinstance(view, PanView) else len(view.marks)
         line += " \N{MIDDLE DOT} " + words("search.one_mark" if count == 1 else "search.marks", count=count)
-    return f'<p class="personal-search" role="status" aria-live="polite">{html.escape(line)}</p>{query}'
+    shown = f'<p class="personal-search" data-search="{view.search}" role="status" aria-live="polite">'
+    return f"{shown}{html.escape(line)}</p>{query}"
 
 
 def search_name(view: SearchView, words: Catalogue) -> str:
