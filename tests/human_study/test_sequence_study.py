@@ -7,11 +7,12 @@ import json
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 
 from human_study.design.plan import StudyScene
 from human_study.design.planning import make_plan
 from human_study.design.sampling import sample_episodes
-from human_study.design.study import StudyConfig
+from human_study.design.study import StudyConfig, load_study, save_study
 from human_study.export.import_check import import_check
 from human_study.export.manifest import MANIFEST_FILE, Manifest, exported_file
 from human_study.export.study_export import export_study
@@ -142,6 +143,24 @@ def test_sequences_are_drawn_evenly_over_homes_whatever_their_split() -> None:
         sample_episodes(sequence_study(), pool)
 
 
-def test_a_study_without_the_block_has_its_old_hash() -> None:
+def test_a_study_without_the_block_is_as_before(tmp_path: Path) -> None:
     without = StudyConfig.model_validate(json.loads(CONFIG.model_dump_json()) | {"sequences": None})
     assert "sequences" not in json.loads(without.canonical_json())
+    assert "\nsequences:" not in (save_study(tmp_path / "old", without)).read_text()
+    assert load_study(tmp_path / "old") == without
+    assert "\nsequences:\n" in (save_study(tmp_path / "new", CONFIG)).read_text()
+    assert load_study(tmp_path / "new") == CONFIG
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"memory": {"arms": ("none", "topdown")}}, "one of memory.arms beside sequences"),
+        ({"pog": {"conditions": ("map_open", "map_2d")}}, "one of pog.conditions beside sequences"),
+        ({"confidence": True}, "confidence: false beside sequences"),
+        ({"primary": ("human_minus_agent_SR",)}, "no primary beside sequences"),
+    ],
+)
+def test_choices_that_do_not_go_with_sequences_are_refused(changes: dict, problem: str) -> None:
+    with pytest.raises(ValidationError, match=problem):
+        sequence_study(**changes)
