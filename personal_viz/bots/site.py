@@ -17,11 +17,13 @@ from human_study.design.study import (
     StudyDataset,
     StudyDesign,
     StudyPractice,
+    StudySequences,
     load_study,
     save_study,
 )
 from human_study.texts.participants import TEXT_FILES, TOLD_FOLDER
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.sequence_files import SequenceSet
 from sim.types import SPLITS, Split, TaskKind
 
 from ..study_app.operator.served import Person
@@ -56,7 +58,7 @@ def make_pilot(
     participants: int,
     evidence: tuple[Path, ...] = (),
     scenes_dir: Path | None = None,
-    sequences: Path | None = None,
+    sequence_set: Path | None = None,
     splits: dict[Split, int | Literal["all"]] | None = None,
     seed: int = 0,
     **choices: Any,
@@ -69,7 +71,7 @@ def make_pilot(
         participants: Number for each task, and in POG for each condition.
         evidence: Folders of the dataset's evidence.
         scenes_dir: Folder of licensed scans.
-        sequences: Set of home sequences that are done instead of episodes; `choices` name it too.
+        sequence_set: Set of home sequences that are done instead of episodes.
         splits: Number of episodes of each split; None = all.
         seed: Seed of the plan.
         choices: Fields of StudyConfig; by default the task is PAN.
@@ -90,10 +92,13 @@ def make_pilot(
         "breaks": StudyBreaks(every=None, sitting_max=None),
         "storey_names": "texts",  # as `study init` writes
         "aggregate": StudyAggregate(intervals="homes"),
+        "sequences": None
+        if sequence_set is None
+        else StudySequences(sha256=SequenceSet(sequence_set).digest(), history="visible"),
     }
     config = StudyConfig(**(usual | choices))
     save_study(folder, config)
-    plan_study(folder, dataset, scenes_dir, evidence=evidence, sequences=sequences, pilot=True)
+    plan_study(folder, dataset, scenes_dir, evidence=evidence, sequences=sequence_set, pilot=True)
     return config
 
 

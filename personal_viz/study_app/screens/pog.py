@@ -87,8 +87,13 @@ class PogScreen:
         self._names = NamesButton(page, surface, send, is_there=shown.has_names_on_demand)
         add_camera_buttons(page, is_map=surface.is_map)
         self._add_nudges()
-        self._of_all = self._add_marks() if view.num_searches is not None else ()
+        self._of_all: list[viser.GuiButtonHandle] = []
+        if view.num_searches is not None:
+            one_more = partial(send, Nudge(0.0, 0.0, is_new=True))
+            self._of_all.append(page.button(page.words("pog.one_more"), one_more))
         with page.always_visible("bottom"):
+            if view.num_searches is not None:
+                self._of_all.append(page.button(page.words("pog.unmark"), self._unmark))
             self._confirm = page.button(page.words("pog.confirm"), partial(send, Confirm()), color="green")
             self._give_up = page.button(page.words("give_up.button"), partial(send, GiveUp()), color="gray")
         page.client.scene.on_click()(self._on_click)  # type: ignore[arg-type]  # viser awaits it
@@ -122,12 +127,6 @@ class PogScreen:
         add_group(page, page.words("pog.move"), order, self._nudge, hint=page.words("pog.move_keys"))
         for name in order:
             page.hotkey(f"arrow{name}", f"move the mark {name}", partial(self._nudge, name))
-
-    def _add_marks(self) -> tuple[viser.GuiButtonHandle, ...]:
-        """Adds the buttons of a search for all: one more mark for people without a mouse, and the last one back."""
-        page = self._page
-        one_more = page.button(page.words("pog.one_more"), partial(self._send, Nudge(0.0, 0.0, is_new=True)))
-        return one_more, page.button(page.words("pog.unmark"), self._unmark)
 
     async def _unmark(self) -> None:
         await self._send(Unmark(len(self._shown.marks) - 1))
