@@ -133,6 +133,29 @@ def memory_gain(runs: Iterable[tuple[SequenceRun, SequenceRun]], *, rule: Sequen
     )
 
 
+def difference_over_homes(
+    one: Sequence[tuple[float, str]], other: Sequence[tuple[float, str]]
+) -> tuple[float, tuple[float, float] | None]:
+    """Difference of two means, with its interval as of `interval_over_homes`; a home's values in both go together.
+
+    Args:
+        one: (value, home) of each value.
+        other: The same of the mean that is taken away.
+    """
+    sums: dict[str, float] = defaultdict(float)
+    means = []
+    for values, sign in ((one, 1), (other, -1)):
+        means.append(float(np.mean([value for value, _ in values])))
+        for value, home in values:
+            sums[home] += sign * (value - means[-1]) / len(values)
+    difference, count = means[0] - means[1], len(sums)
+    if count < 2:
+        return difference, None
+    error = (count / (count - 1) * sum(found**2 for found in sums.values())) ** 0.5
+    half = float(stats.t.ppf(0.975, count - 1)) * error
+    return difference, (difference - half, difference + half)
+
+
 def search_spl(search: SearchEnd, rule: SequenceRule) -> float:
     """SPL of one search, by the shortest walk from where it began; to all right objects where they are wanted."""
     if search.measures is None or not search.succeeds(rule):

@@ -17,6 +17,8 @@ from human_study.export.import_check import import_check
 from human_study.export.manifest import MANIFEST_FILE, Manifest, exported_file
 from human_study.export.study_export import export_study
 from human_study.export.verify import TrialHome, verify_trial
+from human_study.report.sequence_text import sequence_csv, sequence_html, sequence_markdown
+from human_study.report.sequences import read_sequences, sequence_report
 from human_study.store.records import read_study
 from human_study.trial.events import SearchBegun
 from sim.episodes.sequence_files import HomeSequence
@@ -24,6 +26,8 @@ from sim.errors import StudyError
 from sim.sequences.rows import sequence_rows
 from sim.sequences.runs import read_sequence_runs
 from sim.sequences.searches import sequence_key
+from sim.sequences.writer import SequenceWriter
+from sim.tasks.provenance import make_run_info
 from sim.types import EpisodeKey
 from tests.sim.home_story import MESSAGES, SCENE, SUBTASKS, told_in
 
@@ -117,6 +121,73 @@ def test_an_export_holds_runs_as_agents_have_and_a_row_for_each_search(finished:
     }  # fmt: skip
     assert "## searches" in (out / "data_dictionary.md").read_text()
     assert import_check(out, lambda _: home).agrees
+
+
+def test_the_report_has_the_measures_of_agents_by_history(
+    finished: Path, told: tuple[Path, HomeSequence], small_home_root: Path, tmp_path: Path
+) -> None:
+    agents = tmp_path / "agents"
+    for name, digest in (("oracle", "5" * 64), ("elsewhere", "6" * 64)):
+        info = make_run_info(
+            name,
+            who="shortest-path",
+            who_kind="agent",
+            scene_kind="invented",
+            dataset_digest=CONFIG.dataset.sha256,
+            seed=0,
+            config={"sequences": digest},
+        )
+        SequenceWriter(agents / name, info).add_sequence(oracle_run(small_home_root, told[0], told[1], is_deaf=False))
+    reports = []
+    for folder in (finished / "study", finished / "out"):
+        source = read_sequences([folder, agents])
+        assert source is not None
+        reports.append(sequence_report(source))
+    report = reports[0]
+    assert report == reports[1]
+    rows = {(one.row.task, one.row.who, one.row.condition): one for one in report.rows}
+    assert list(rows) == [
+        ("pan", "human", "history_visible"),
+        ("pan", "human", "history_hidden"),
+        ("pan", "shortest-path", "none"),
+        ("pog", "human", "history_visible"),
+        ("pog", "human", "history_hidden"),
+    ]
+    for (_, who, condition), one in rows.items():
+        right = 0 if condition == "history_hidden" else 1
+        found = one.row.sequence_measures
+        assert (found.sr_fresh, found.sr_changed, found.sr_stale, found.stale) == (1, right, right, 1 - right)
+        assert (one.num_people, one.num_sequences, one.num_homes) == (int(who == "human"), 1, 1)
+    points = {(row.first, row.second, row.kind): row.value for row in report.differences if row.task == "pan"}
+    visible, hidden = "human (history visible)", "human (history hidden)"
+    assert points[visible, hidden, "changed"] == 1
+    assert points[visible, "shortest-path", "all"] == 0
+    assert points[hidden, "shortest-path", "stale"] == -1
+    shown = {(row.condition, row.kind): row for row in report.exposure if row.task == "pog"}
+    changed = shown["history_hidden", "changed"]
+    assert (changed.n, changed.num_told, changed.right_told, changed.right_untold) == (2, 1, 0, 0)
+    assert shown["history_visible", "all"].num_told == shown["history_visible", "all"].n == 6
+    assert [(left.run, left.reason) for left in report.left_out_runs] == [
+        ("elsewhere", "is on other sequences (666666666666) than people (555555555555)")
+    ]
+    text = sequence_markdown(report)
+    assert "| Human (history hidden) | 1 | 1 | 1 | 50.0 | 100.0 | 100.0 | 0.0 | 0.0 | 100.0 |" in text
+    assert report.scene_labels[0] in text
+    assert report.not_shown in text
+    assert text in sequence_html(report) or "<h2" in sequence_html(report)
+    assert "pan,invented," in sequence_csv(report)
+
+
+def test_the_command_writes_the_report(finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from personal_viz.cli.study.report import StudyReportVerb
+
+    assert StudyReportVerb((finished / "out",), out=tmp_path / "report").run() == 0
+    assert "PAN: Human (history visible)" in capsys.readouterr().out
+    assert {path.name for path in (tmp_path / "report").iterdir()} == {
+        "report.md", "report.html", "report.csv", "report.json",
+    }  # fmt: skip
+    with pytest.raises(StudyError, match="expected neither"):
+        StudyReportVerb((finished / "out",), overlays=True).run()
 
 
 def test_a_changed_row_of_a_search_is_found(finished: Path, home: TrialHome, tmp_path: Path) -> None:
