@@ -144,29 +144,32 @@ class PogScreen:
         """Draws the marks of the shown storey; while another is shown, the buttons of their storeys tell of them."""
         view = self._shown
         self._storeys.show(view.storey, {mark.storey for mark in view.marks})
-        shown = [(mark, self._label(mark)) for mark in view.marks if mark.storey == view.storey]
+        numbered = list(enumerate(view.marks, start=1))
+        shown = [(mark, self._label(mark, number)) for number, mark in numbered if mark.storey == view.storey]
         self._surface.show_marks(shown)
 
-    def _label(self, mark: Mark) -> str:
+    def _label(self, mark: Mark, number: int) -> str:
         words = self._page.words
-        name = words("pog.your_mark")
-        if self._shown.is_for_all:
-            name = words("pog.mark_number", number=self._shown.marks.index(mark) + 1)
+        name = words("pog.mark_number", number=number) if self._shown.is_for_all else words("pog.your_mark")
         return name if mark.item is None else words("pog.mark_on", mark=name, thing=mark.item.category)
 
     def _draw_status(self) -> None:
         view = self._shown
         words, mark = self._page.words, view.mark
         around = words("pog.map_advice" if self._surface.is_map else "pog.home_advice")
-        of_all = "_all" if view.is_for_all else ""
-        unmarked = words(f"pog.unmarked{of_all}_snap" if self._snaps else f"pog.unmarked{of_all}", advice=around)
-        marked, longest = words(f"pog.marked{of_all}"), words("pog.marked_item", thing=self._longest_thing)
+        if view.is_for_all:
+            unmarked = words("pog.unmarked_all_snap" if self._snaps else "pog.unmarked_all", advice=around)
+            marked = words("pog.marked_all")
+        else:
+            unmarked = words("pog.unmarked_snap" if self._snaps else "pog.unmarked", advice=around)
+            marked = words("pog.marked")
+        longest = words("pog.marked_item", thing=self._longest_thing)
         advice = unmarked if mark is None else marked
         if mark is not None and mark.item is not None and not view.is_for_all:
             advice = words("pog.marked_item", thing=mark.item.category)
         # `longest` is longer than `marked` in every language
         advices = unmarked, longest if self._snaps and not view.is_for_all else marked
-        relabel(self._confirm, words(f"pog.confirm{of_all}"))
+        relabel(self._confirm, words("pog.confirm_all" if view.is_for_all else "pog.confirm"))
         for button in self._of_all:
             if button.visible != view.is_for_all:
                 button.visible = view.is_for_all
