@@ -26,12 +26,12 @@ from sim.sequences.searches import sequence_key
 from tests.sim.home_story import MESSAGES, SCENE, SUBTASKS, told_in
 
 from ..human_study.small_world import study
-from .flow_steps import HOLD_MS
+from .flow_steps import HOLD_MS, resting_camera
 from .program import personal_viz
 from .stage import staged
 
 pytestmark = pytest.mark.browser
-CHOICES = {"sequences": {"sha256": "0" * 64}, "pog": {"conditions": ["map_2d"]}}
+CHOICES = {"sequences": {"sha256": "0" * 64}, "pog": {"conditions": ["map_open"]}}
 QUERIES = [told["query"][0] for told in SUBTASKS]
 TEXTS = [told["text"] for told in MESSAGES]
 
@@ -163,7 +163,7 @@ def test_somebody_who_points_marks_all_objects_and_reads_the_history(home: Home,
             page.get_by_role("button", name="Confirm the mark"),
         )
         see_search(page, 0)
-        page.wait_for_timeout(1000)
+        resting_camera(page, stage.link.events)
         page.keyboard.press("ArrowUp", delay=HOLD_MS)  # a mark without a mouse
         expect(page.get_by_text("Click again to move your mark")).to_be_visible()
         expect(page.get_by_role("button", name="Take back the last mark")).to_have_count(0)

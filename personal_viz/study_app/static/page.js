@@ -128,7 +128,7 @@
     if (/^(Digit|Numpad)[0-9]$/.test(code)) return code.slice(-1);
     return VISER[code] || null;
   };
-  const isOwned = (code) => Object.values(DEFAULT).some((codes) => codes.includes(code));
+  const isOwned = (code) => state.actions.some((action) => DEFAULT[action].includes(code));
   const viserCode = (code) => {  // the key that viser's hotkeys know for this place on the keyboard
     const action = actionOf(code);
     if (action) return DEFAULT[action].includes(code) ? code : DEFAULT[action][0];
