@@ -86,7 +86,9 @@ def words_of(
         for field, value in _stated(config, plan, told).items()
     }
     tasks = config.task if task is None else (task,)
-    of_task = {each: config.conditions(each) if conditions is None else conditions for each in tasks}
+    of_task: dict[TaskKind, Sequence[Condition]] = {
+        each: config.conditions(each) if conditions is None else conditions for each in tasks
+    }
     seen = {config.view_in(each, name) for each, names in of_task.items() for name in names}
     met = [name for name in (*get_args(PanCondition), *get_args(PogCondition)) if name in seen]
     values |= {

@@ -57,7 +57,8 @@ def open_planned(
         scenes_dir: The folder of scans now; None = with `dataset`, there are none, otherwise as planned.
 
     Raises:
-        StudyError: There is no plan, it is of home sequences, nobody does the task, or the dataset or a home is another one or cannot be found.
+        StudyError: There is no plan, it is of home sequences, nobody does the task, or the dataset or a home is another
+            one or cannot be found.
     """
     config = load_study(folder)
     plan = load_plan(folder, config)

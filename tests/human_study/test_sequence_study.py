@@ -33,6 +33,7 @@ from tests.sim.home_story import MESSAGES, SCENE, SUBTASKS, told_in
 
 from .finished import table_of
 from .sequence_trials import clicks, do_sequence, home_of, oracle_run, presses, sequence_study
+from .small_world import study
 from .stores import open_planned
 
 CONFIG = sequence_study(sequences={"sha256": "5" * 64, "history": "both"})
@@ -221,6 +222,9 @@ def test_a_study_without_the_block_is_as_before(tmp_path: Path) -> None:
     assert load_study(tmp_path / "old") == without
     assert "\nsequences:\n" in (save_study(tmp_path / "new", CONFIG)).read_text()
     assert load_study(tmp_path / "new") == CONFIG
+    with open_planned(tmp_path / "store", study()), read_study(tmp_path / "store") as reader:
+        (stored,) = reader.rows("SELECT config FROM study")
+    assert "sequences" not in json.loads(stored[0])
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ class StudyInit:
             storey_names="texts",
             aggregate=StudyAggregate(intervals="homes"),
             sequences=None if self.sequences is None else StudySequences(sha256=SequenceSet(self.sequences).digest()),
-            **({} if self.sequences is None else {"breaks": StudyBreaks(every=2, sitting_max=6)}),
+            breaks=StudyBreaks() if self.sequences is None else StudyBreaks(every=2, sitting_max=6),
         )
         if self.wizard:
             config = asked(config)
