@@ -32,8 +32,8 @@ from ..trial.outcome import (
 )
 from ..trial.searches import sequence_env, sequence_outcome
 
-Result = EpisodeRun | Answer | SequenceRun | EpisodeEnd
-"""A result as run files hold it; `EpisodeEnd` and an answer without measures are unscored sequences."""
+Result = EpisodeRun | SequenceRun | Outcome
+"""A result as run files hold it, or the outcome alone of an unscored sequence."""
 POSITION_TOLERANCE = 1e-4
 """Largest error in metres; the same program on the same scene agrees to the last bit, other builds of numpy almost."""
 ANGLE_TOLERANCE = 1e-6

@@ -86,7 +86,9 @@ def words_of(
         for field, value in _stated(config, plan, told).items()
     }
     tasks = config.task if task is None else (task,)
-    of_task = {each: config.conditions(each) if conditions is None else conditions for each in tasks}
+    of_task: dict[TaskKind, Sequence[Condition]] = {
+        each: config.conditions(each) if conditions is None else conditions for each in tasks
+    }
     met = {name for names in of_task.values() for name in names}
     seen = {config.view_in(each, name) for each, names in of_task.items() for name in names}
     views = [name for name in (*get_args(PanCondition), *get_args(PogCondition)) if name in seen]

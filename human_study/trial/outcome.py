@@ -77,6 +77,8 @@ def search_ends(events: Sequence[Event]) -> tuple[tuple[Event, EndReason], ...]:
 
 def left_searches(events: Sequence[Event]) -> tuple[tuple[int, EndReason], ...]:
     """The searches of a home sequence that ended without a step: the number of steps before that, and the reason."""
+    if not any(isinstance(event, SearchBegun) for event in events):
+        return ()
     ends = {id(event): reason for event, reason in search_ends(events) if reason in ("giveup", "timeout")}
     num_steps, found = 0, []
     for event in events:

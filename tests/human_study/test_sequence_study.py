@@ -33,6 +33,7 @@ from tests.sim.home_story import MESSAGES, SCENE, SUBTASKS, told_in
 
 from .finished import table_of
 from .sequence_trials import clicks, do_sequence, home_of, oracle_run, presses, sequence_study
+from .small_world import study
 from .stores import open_planned
 
 CONFIG = sequence_study(sequences={"sha256": "5" * 64, "history": "both"})
@@ -182,7 +183,7 @@ def test_the_command_writes_the_report(finished: Path, tmp_path: Path, capsys: p
     from personal_viz.cli.study.report import StudyReportVerb
 
     assert StudyReportVerb((finished / "out",), out=tmp_path / "report").run() == 0
-    assert "PAN: Human (history visible)" in capsys.readouterr().out
+    assert "PAN: Human (history" in capsys.readouterr().out
     assert {path.name for path in (tmp_path / "report").iterdir()} == {
         "report.md", "report.html", "report.csv", "report.json",
     }  # fmt: skip
@@ -221,6 +222,9 @@ def test_a_study_without_the_block_is_as_before(tmp_path: Path) -> None:
     assert load_study(tmp_path / "old") == without
     assert "\nsequences:\n" in (save_study(tmp_path / "new", CONFIG)).read_text()
     assert load_study(tmp_path / "new") == CONFIG
+    with open_planned(tmp_path / "store", study()), read_study(tmp_path / "store") as reader:
+        (stored,) = reader.rows("SELECT config FROM study")
+    assert "sequences" not in json.loads(stored[0])
 
 
 @pytest.mark.parametrize(

@@ -4,16 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from human_study.export.verify import TrialHome
+from human_study.export.verify import TrialHome, verify_trial
 from human_study.trial.commands import Confirm, GiveUp, Move, PressStop, Resume, Start, Unmark
-from human_study.trial.events import SearchBegun, event_from_json, event_to_json
-from human_study.trial.outcome import end_reason
+from human_study.trial.events import Abandoned, Error, Event, SearchBegun, event_from_json, event_to_json
+from human_study.trial.outcome import end_reason, unscored_outcome
 from human_study.trial.searches import sequence_outcome
 from human_study.trial.views import PanView, PogView
 from sim.episodes.sequence_files import HomeSequence
 from sim.errors import StudyError
 from sim.sequences.figures import sequence_figures
-from sim.types import Action, TaskKind
+from sim.sequences.searches import sequence_key
+from sim.types import Action, EndReason, TaskKind
 from tests.sim.home_story import MESSAGES, SUBTASKS, told_in
 
 from .sequence_trials import click_on, clicks, driven, home_of, new_session, oracle_run, presses, sequence_study
@@ -151,3 +152,38 @@ def test_a_rebuilt_walk_goes_on_in_its_search(story: HomeSequence, home: TrialHo
     assert [event.kind for event in late.events][:3] == ["timeout", "search", "shown"]
     assert isinstance(late.view, PanView)
     assert (late.view.search, late.view.left_s, rebuilt.end_reason) == (2, 60, None)
+
+
+@pytest.mark.parametrize(
+    ("end", "reason"),
+    [
+        (Abandoned(away_s=9e4), "abandoned"),
+        (Abandoned(t_s=9.0, away_s=9e4), "abandoned"),
+        (Error(t_s=9.0, message="renderer died", is_fatal=True), "technical"),
+    ],
+)
+@pytest.mark.parametrize("task", ["pan", "pog"])
+def test_a_sequence_that_was_left_or_failed_has_no_figures(
+    task: TaskKind, end: Event, reason: EndReason, story: HomeSequence, home: TrialHome
+) -> None:
+    events = [*driven(new_session(CONFIG, home, story, task), [GiveUp(), GiveUp(), GiveUp()]), end]
+    assert end_reason(events) == reason
+    assert outcome(events, story, home) is None
+    stored = unscored_outcome(sequence_key(story), task, reason=reason, participant="p01")
+    assert verify_trial(events, stored, sequence_key(story), home=home, participant="p01").status == "verified"
+
+
+@pytest.mark.parametrize("task", ["pan", "pog"])
+def test_nothing_of_a_later_search_is_in_a_view_or_an_event(
+    task: TaskKind, story: HomeSequence, home: TrialHome
+) -> None:
+    session = new_session(CONFIG, home, story, task)
+    update = session.handle(Start(), 0.0)
+    names = {goal.object_name for goals in story.targets for goal in goals}
+    for index, search in enumerate(SUBTASKS):
+        told = repr(update.view) + "".join(map(event_to_json, update.events))
+        later = [message["text"] for message in MESSAGES if message["before"] > index]
+        later += [query for one in SUBTASKS[index + 1 :] for query in one["query"] if query not in search["query"]]
+        assert not [text for text in (*later, *names) if text in told]
+        session.handle(GiveUp(), 10.0 * index + 1)
+        update = session.handle(GiveUp(), 10.0 * index + 3)

@@ -74,7 +74,7 @@ class StudyInit:
             storey_names="texts",
             aggregate=StudyAggregate(intervals="homes"),
             sequences=None if self.sequences is None else StudySequences(sha256=SequenceSet(self.sequences).digest()),
-            **({} if self.sequences is None else {"breaks": StudyBreaks(every=2, sitting_max=6)}),
+            breaks=StudyBreaks() if self.sequences is None else StudyBreaks(every=2, sitting_max=6),
         )
         if self.wizard:
             config = asked(config)
@@ -85,7 +85,8 @@ class StudyInit:
         left = [field for field in empty_fields(config) if field != "ethics.duration_min"]  # the plan estimates it
         if left:
             print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
-        print(f"Next: personal-viz study plan {self.study} {dataset_options(self.dataset, self.evidence)}")
+        told = "" if self.sequences is None else f" --sequences {self.sequences}"
+        print(f"Next: personal-viz study plan {self.study} {dataset_options(self.dataset, self.evidence)}{told}")
         return 0
 
 
