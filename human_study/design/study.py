@@ -459,9 +459,7 @@ class StudyConfig(BaseModel):
             return self
         for field, views in (("memory.arms", self.memory.arms), ("pog.conditions", self.pog.conditions)):
             if len(views) > 1:
-                raise ValueError(
-                    f"one of {field} beside sequences, whose conditions are histories, found {list(views)}"
-                )
+                raise ValueError(f"one of {field} beside sequences, found {list(views)}")
         if self.confidence:
             raise ValueError("confidence: false beside sequences, whose trials have several answers")
         if self.primary:
@@ -500,8 +498,7 @@ class StudyConfig(BaseModel):
         """The view of the home in one of a task's conditions; of home sequences it is the same in each."""
         if self.sequences is not None:
             return self._views(task)[0]
-        assert condition != "history_visible", condition
-        assert condition != "history_hidden", condition
+        assert condition != "history_visible" and condition != "history_hidden", condition  # noqa: PT018 - for types
         return condition
 
     def _views(self, task: TaskKind) -> tuple[PanCondition | PogCondition, ...]:

@@ -17,8 +17,8 @@ from human_study.export.import_check import import_check
 from human_study.export.manifest import MANIFEST_FILE, Manifest, exported_file
 from human_study.export.study_export import export_study
 from human_study.export.verify import TrialHome, verify_trial
-from human_study.report.sequence_text import sequence_csv, sequence_html, sequence_markdown
-from human_study.report.sequences import read_sequences, sequence_report
+from human_study.sequence_report.measures import read_sequences, sequence_report
+from human_study.sequence_report.text import sequence_csv, sequence_html, sequence_markdown
 from human_study.store.records import read_study
 from human_study.trial.events import SearchBegun
 from sim.episodes.sequence_files import HomeSequence

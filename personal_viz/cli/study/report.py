@@ -18,10 +18,10 @@ from human_study.report.overlays import floors_needed, overlay_keys, overlay_nam
 from human_study.report.page import label_lines
 from human_study.report.render import csv_text, html_text, latex, markdown, summary
 from human_study.report.report import ReportGroups, StudyReport, report_groups, report_of
-from human_study.report.sequence_text import sequence_csv, sequence_html, sequence_markdown, summary_lines
-from human_study.report.sequences import KINDS, SequenceSource, read_sequences, sequence_report
 from human_study.report.source import ReportSource, read_source
 from human_study.report.ways import ShortestPaths, ways_csv
+from human_study.sequence_report.measures import KINDS, SequenceSource, read_sequences, sequence_report
+from human_study.sequence_report.text import sequence_csv, sequence_html, sequence_markdown, summary_lines
 from personal_viz.printed import Console
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError

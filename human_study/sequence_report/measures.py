@@ -21,9 +21,7 @@ from sim.types import EpisodeKey, SuccessRule, TaskKind, WhoKind
 from ..design.study import STUDY_FILE, load_study
 from ..export.search_table import SearchRow
 from ..export.trial_table import NOT_A_RESULT
-from ..store.records import DATABASE_FILE, read_study
-from ..trial.terms import HIDDEN
-from .counts import (
+from ..report.counts import (
     AttentionCount,
     ExclusionCount,
     FlowCount,
@@ -35,8 +33,10 @@ from .counts import (
     hidden_count,
     verification_counts,
 )
-from .source import StudyRecords, no_trial, records_folder, runs_and_records
-from .trials import LeftOutRun, ReportValue
+from ..report.source import StudyRecords, no_trial, records_folder, runs_and_records
+from ..report.trials import LeftOutRun, ReportValue
+from ..store.records import DATABASE_FILE, read_study
+from ..trial.terms import HIDDEN
 
 NOT_SHOWN = (
     "Sequences have no part about primary hypotheses, spread, order, earlier visits, sensitivity, agreement, chosen "

@@ -8,9 +8,9 @@ from sim.types import RULE_NOTES
 
 from ..design.analysis import LEVEL
 from ..export.text_tables import csv_lines
-from .page import filled, html_page, label_lines
-from .sequences import KINDS, DifferenceRow, SequenceReportRow, SequenceStudyReport, share_of
-from .trials import row_label
+from ..report.page import filled, html_page, label_lines
+from ..report.trials import row_label
+from .measures import KINDS, DifferenceRow, SequenceReportRow, SequenceStudyReport, share_of
 
 _WHOLE = {
     "progress": "progress",
