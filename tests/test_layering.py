@@ -37,7 +37,7 @@ ROOMS = {
         paths traces read scene maps episode insight divergence texts layers memory blueprints
         viewer sinks live_episode observer explorations replay sequences habitat_writer habitat_golden
     """,
-    "human_study": "private_files design trial journey store texts export report",
+    "human_study": "private_files design trial journey store texts export report sequence_report",
     "personal_viz": """
         printed progress browser
         study_app study_app.home study_app.gateway study_app.screens study_app.operator study_app.server

@@ -1,8 +1,9 @@
-"""Draws a study's episodes from the dataset by the study's seed, as evenly over the homes as the study wants."""
+"""Draws a study's episodes or home sequences by the study's seed, as evenly over the homes as the study wants."""
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -15,7 +16,7 @@ from .study import StudyConfig
 
 
 def sample_episodes(config: StudyConfig, pool: Sequence[EpisodeKey]) -> tuple[EpisodeKey, ...]:
-    """The study's episodes, sorted; the order of the pool does not matter.
+    """The study's episodes, or its home sequences, sorted; the order of the pool does not matter.
 
     Raises:
         StudyError: The pool has too few episodes or a repeated one, or the limit per home leaves too few.
@@ -27,6 +28,8 @@ def sample_episodes(config: StudyConfig, pool: Sequence[EpisodeKey]) -> tuple[Ep
         found = f"no episode of {sorted(missing)}" if missing else "episodes that are named twice"
         raise StudyError(f"study {config.study}: found {found}; expected each home and each episode once. See stats.")
     rng = np.random.default_rng(config.dataset.seed)
+    if config.sequences is not None:
+        return _sequences(config, left, config.sequences.number, rng)
     groups: dict[tuple[Split, str], list[EpisodeKey]] = defaultdict(list)
     for key in left:
         groups[key.split, key.scene].append(key)
@@ -35,6 +38,28 @@ def sample_episodes(config: StudyConfig, pool: Sequence[EpisodeKey]) -> tuple[Ep
     for group, count in counts.items():
         drawn += [groups[group][place] for place in rng.permutation(len(groups[group]))[:count]]
     return tuple(sorted(drawn))
+
+
+def _sequences(
+    config: StudyConfig, pool: Sequence[EpisodeKey], number: int | Literal["all"], rng: np.random.Generator
+) -> tuple[EpisodeKey, ...]:
+    """So many sequences of any split, in turns from each home; raises StudyError where there are fewer."""
+    places: Counter[str] = Counter()
+    found: list[tuple[int, EpisodeKey]] = []
+    for key in (pool[place] for place in rng.permutation(len(pool))):
+        places[key.scene] += 1
+        found.append((places[key.scene], key))
+    cap = config.dataset.max_per_scene or len(pool)
+    allowed = [(place, key) for place, key in found if place <= cap]
+    wanted = len(pool) if number == "all" else number
+    if len(allowed) < wanted:
+        raise StudyError(
+            f"study {config.study}: sequences.number asks for {wanted}, the set with at most {cap} of one home gives "
+            f"{len(allowed)}; expected enough sequences. Ask for fewer or raise dataset.max_per_scene."
+        )
+    if config.dataset.stratify == "scene":
+        allowed.sort(key=lambda one: one[0])
+    return tuple(sorted(key for _, key in allowed[:wanted]))
 
 
 def _counts(

@@ -11,8 +11,10 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from sim import files
 from sim.episodes.schema import Episode
+from sim.episodes.sequence_files import HomeSequence
 from sim.errors import StudyError, line_from_validation_error
 from sim.homes.storey_names import StoreyNaming
+from sim.sequences.searches import sequence_task
 from sim.types import (
     CAMERA_HEIGHT,
     MAX_STEPS,
@@ -49,10 +51,12 @@ Seconds = Annotated[float, Field(ge=0)]
 Count = Annotated[int, Field(ge=0)]
 PanCondition = Literal["none", "topdown", "glb"]
 PogCondition = Literal["map_first", "map_open", "map_2d"]
-Condition = PanCondition | PogCondition
+HistoryCondition = Literal["history_visible", "history_hidden"]
+Condition = PanCondition | PogCondition | HistoryCondition
 """A participant's view of the home besides the task itself. PAN: `none`, or before walking its `topdown` map or its 3-D
 model (`glb`). POG: pointing after a look at the home (`map_first`), with text and home side by side (`map_open`), or on
-the agents' own top-down map (`map_2d`)."""
+the agents' own top-down map (`map_2d`). In studies of home sequences: whether earlier messages can be read again
+(`history_visible`) or only those of the present search (`history_hidden`); the view of the home is then one for all."""
 NamesShown = Literal["off", "on", "demand"]
 """Names in a home: not at all, always, or as long as the participant wants them (a button)."""
 Pointing = Literal["free", "snap"]
@@ -171,6 +175,25 @@ class StudyPog(BaseModel):
     def _can_be_left(self) -> "StudyPog":
         _require_order(self.look_min_s, self.look_max_s, "look_min_s", "look_max_s")
         return self
+
+
+class StudySequences(BaseModel):
+    """Home sequences in place of episodes: each trial is one sequence (docs/home-sequences.md)."""
+
+    model_config = _MODEL
+    sha256: str = Field(min_length=1)
+    """Digest of the set of sequences (`SequenceSet.digest`)."""
+    number: Annotated[int, Field(ge=1)] | Literal["all"] = "all"
+    """Number of sequences, drawn as evenly over the homes as `dataset` asks; its `splits` do not count."""
+    history: Literal["visible", "hidden", "both"] = "both"
+    """Messages that can be read: all so far (`visible`), or only those told before the present search (`hidden`).
+    `both`: homes are split into two groups, and the groups' histories are counterbalanced over people."""
+
+    @property
+    def conditions(self) -> tuple[HistoryCondition, ...]:
+        """The conditions of the trials."""
+        both: tuple[HistoryCondition, ...] = ("history_visible", "history_hidden")
+        return tuple(name for name in both if self.history in ("both", name.removeprefix("history_")))
 
 
 class StudyPractice(BaseModel):
@@ -355,6 +378,8 @@ class StudyConfig(BaseModel):
     """Most actions of a PAN trial; then it ends as `steps`."""
     pan_max_s: Annotated[float, Field(gt=0)] | None = None
     """Longest PAN trial, seconds; then it ends as `timeout`; None = no limit."""
+    sequences: StudySequences | None = None
+    """Home sequences in place of episodes; then `steps` and the limits of time hold for each search of a sequence."""
     language: Language = "en"
     """Language of every text for participants besides the episodes' own."""
     query_index: Count = 0
@@ -428,6 +453,19 @@ class StudyConfig(BaseModel):
             raise ValueError(f"survey.{asked[0]} only with consent in flow, found flow {list(self.flow)}")
         return self
 
+    @model_validator(mode="after")
+    def _suits_sequences(self) -> "StudyConfig":
+        if self.sequences is None:
+            return self
+        for field, views in (("memory.arms", self.memory.arms), ("pog.conditions", self.pog.conditions)):
+            if len(views) > 1:
+                raise ValueError(f"one of {field} beside sequences, found {list(views)}")
+        if self.confidence:
+            raise ValueError("confidence: false beside sequences, whose trials have several answers")
+        if self.primary:
+            raise ValueError("no primary beside sequences, whose report has no hypotheses")
+        return self
+
     @property
     def study_version(self) -> str:
         """sha256 of the canonical JSON: 64 hex digits."""
@@ -435,8 +473,11 @@ class StudyConfig(BaseModel):
 
     @property
     def action_set(self) -> tuple[Action, ...]:
-        """The actions that people have in PAN."""
-        return PAPER4 if self.actions == "paper4" else PAPER6
+        """The actions that people have in PAN; in home sequences FOUND in place of STOP."""
+        actions = PAPER4 if self.actions == "paper4" else PAPER6
+        if self.sequences is None:
+            return actions
+        return tuple(Action.FOUND if action is Action.STOP else action for action in actions)
 
     @property
     def robot_camera(self) -> Camera:
@@ -451,6 +492,16 @@ class StudyConfig(BaseModel):
 
     def conditions(self, task: TaskKind) -> tuple[Condition, ...]:
         """The conditions of a task."""
+        return self._views(task) if self.sequences is None else self.sequences.conditions
+
+    def view_in(self, task: TaskKind, condition: Condition) -> PanCondition | PogCondition:
+        """The view of the home in one of a task's conditions; of home sequences it is the same in each."""
+        if self.sequences is not None:
+            return self._views(task)[0]
+        assert condition != "history_visible" and condition != "history_hidden", condition  # noqa: PT018 - for types
+        return condition
+
+    def _views(self, task: TaskKind) -> tuple[PanCondition | PogCondition, ...]:
         return self.memory.arms if task == "pan" else self.pog.conditions
 
     def canonical_json(self) -> str:
@@ -476,6 +527,11 @@ class StudyConfig(BaseModel):
             )
         task = episode.task(kind, query_index=self.query_index, actions=self.action_set)
         return dataclasses.replace(task, max_steps=self.steps)
+
+    def sequence_task_for(self, sequence: HomeSequence, kind: TaskKind) -> Task:
+        """The part of a sequence that a participant may see before its first search."""
+        told = {"query_index": self.query_index, "max_steps": self.steps, "actions": self.action_set}
+        return dataclasses.replace(sequence_task(sequence, **told), kind=kind)
 
 
 def save_study(folder: Path, config: StudyConfig) -> Path:

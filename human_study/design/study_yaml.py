@@ -63,7 +63,7 @@ def field_told(schema: Mapping[str, Any], place: str) -> tuple[str, str]:
     """The meaning and the allowed values of a field such as `design.kind`, both in words."""
     defs, field = schema.get("$defs", {}), schema
     for name in place.split("."):
-        field = _resolved(field, defs)["properties"][name]
+        field = _resolved(_block(field), defs)["properties"][name]
     return field.get("description", ""), _allowed(field, defs)
 
 
@@ -92,8 +92,10 @@ def _in_yaml_words(text: str) -> str:
 def _lines(schema: Mapping[str, Any], values: Mapping[str, Any], defs: Mapping[str, Any]) -> Iterator[str]:
     """Lines of an object's fields, in the order of the schema."""
     for name, field in schema["properties"].items():
-        inner = _resolved(field, defs)
+        inner = _resolved(_block(field), defs)
         meaning = field.get("description") or inner.get("description", "")
+        if "properties" in inner and values[name] is None:
+            continue  # a block that is left out
         if "properties" in inner:
             yield ""
             yield from _comment(meaning)
@@ -105,6 +107,12 @@ def _lines(schema: Mapping[str, Any], values: Mapping[str, Any], defs: Mapping[s
         default = f"; default {_written(field['default'])}" if "default" in field else ""
         yield from _comment(f"{_allowed(field, defs)}{default}", mark="#   ")
         yield f"{name}: {_written(values[name])}"
+
+
+def _block(field: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The schema of a block that may be left out; other schemas are returned as they are."""
+    parts = [part for part in field.get("anyOf", ()) if part.get("type") != "null"]
+    return parts[0] if len(parts) == 1 and "$ref" in parts[0] else field
 
 
 def _comment(text: str, *, mark: str = "# ") -> list[str]:

@@ -13,6 +13,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from sim.homes.kind import scene_label
+from sim.sequences.runs import SequenceRun
 from sim.tasks.run_files import Answer, EpisodeRun, Run, RunInfo
 
 from ..design.plan import StudyPlan
@@ -23,6 +24,7 @@ from ..store.records import StoredEvent, StoredTrial, StudyReader
 from ..trial.events import Event, event_to_json
 from .rows import CommentRow, EventRow, ExclusionRow, ParticipantRow, StageRow, VerificationRow
 from .runs import created_utc, result_of, trial_run_info
+from .search_table import SearchRow, search_rows
 from .survey import SurveyRow, survey_rows
 from .trial_table import AttemptName, TrialRow, is_long_hidden, trial_figures
 
@@ -47,6 +49,10 @@ class Collected:
     survey: list[SurveyRow] = field(default_factory=list)
     runs: dict[str, Run] = field(default_factory=dict)
     """Runs of counted trials with a result, by run id; each run holds its trials in order."""
+    sequences: dict[str, tuple[RunInfo, list[SequenceRun]]] = field(default_factory=dict)
+    """The same of home sequences."""
+    searches: list[SearchRow] = field(default_factory=list)
+    """The searches of home sequences."""
     num_deleted: int = 0
     """People who withdrew and whose records were deleted."""
 
@@ -92,9 +98,10 @@ def collect(reader: StudyReader) -> Collected:
             row = names[trial_id] = _trial_row(trial, events, config, told)
             found.trials.append(row)
             found.events.append((row, stored))
+            found.searches += search_rows(row, events, trial.outcome, rule=config.success)
             if row.left_out is None and trial.outcome is not None:
                 info = trial_run_info(config, home, exported, trial.task, condition=trial.condition, **run_facts)
-                _add(result_of(events, trial.outcome, code=exported), info, found.runs)
+                _add(result_of(events, trial.outcome, code=exported), info, found)
     found.exclusions += _exclusion_rows(config, reader, names, kept)
     comments = reader.answers("comment")
     found.comments += [CommentRow(participant=kept[code], comment=comments[code]) for code in kept if code in comments]
@@ -151,8 +158,12 @@ def _run_facts(reader: StudyReader, plan: StudyPlan) -> dict[str, Any]:
     }
 
 
-def _add(result: EpisodeRun | Answer, info: RunInfo, runs: dict[str, Run]) -> None:
+def _add(result: EpisodeRun | Answer | SequenceRun, info: RunInfo, found: Collected) -> None:
     """Adds a result to its run."""
+    if isinstance(result, SequenceRun):
+        found.sequences.setdefault(info.run_id, (info, []))[1].append(result)
+        return
+    runs = found.runs
     run = runs.get(info.run_id, Run(info=info))
     if isinstance(result, EpisodeRun):
         runs[info.run_id] = run.model_copy(update={"episodes": (*run.episodes, result)})

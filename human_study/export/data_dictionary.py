@@ -1,7 +1,7 @@
 """The meaning of every exported column, from the rows' models: its type, its unit and the line under its field."""
 
 import types
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -40,12 +40,15 @@ def columns_of(model: type[BaseModel]) -> tuple[Column, ...]:
     return tuple(_column(name, field) for name, field in model.model_fields.items())
 
 
-def dictionary_text(title: str, tables: Mapping[str, tuple[str, type[BaseModel]]]) -> str:
+def dictionary_text(
+    title: str, tables: Mapping[str, tuple[str, type[BaseModel]]], *, without: Collection[str] = ()
+) -> str:
     """The text of `data_dictionary.md`.
 
     Args:
         title: First line.
         tables: (meaning of one row, row model) by table name.
+        without: Possible values of columns that these tables cannot have.
     """
     parts = [
         f"# {title}",
@@ -54,14 +57,15 @@ def dictionary_text(title: str, tables: Mapping[str, tuple[str, type[BaseModel]]
         "CSV. `participant`, `order_no` and `attempt` together name an attempt in every table.",
     ]
     for name, (meaning, model) in tables.items():
-        parts.append(f"## {name}\n\n{meaning}\n\n" + _table(columns_of(model)))
+        parts.append(f"## {name}\n\n{meaning}\n\n" + _table(columns_of(model), without))
     return "\n\n".join(parts) + "\n"
 
 
-def _table(columns: tuple[Column, ...]) -> str:
+def _table(columns: tuple[Column, ...], without: Collection[str]) -> str:
     lines = []
     for column in columns:
-        choices = f" One of: {', '.join(f'`{choice}`' for choice in column.choices)}." if column.choices else ""
+        possible = ", ".join(f"`{choice}`" for choice in column.choices if choice not in without)
+        choices = f" One of: {possible}." if possible else ""
         optional = "yes" if column.is_optional else "no"
         lines.append(
             (f"`{column.name}`", column.type, column.unit or "-", optional, one_cell(column.meaning + choices))

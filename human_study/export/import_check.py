@@ -7,6 +7,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict
 
 from sim.errors import StudyError, TaskStateError
+from sim.sequences.runs import SequenceRun, read_sequence_runs
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, read_run
 from sim.types import EpisodeKey
 
@@ -18,6 +19,7 @@ from .formats import Row, rows_from_jsonl
 from .manifest import Manifest, read_manifest, require_unchanged
 from .rows import EventRow
 from .runs import run_condition
+from .search_table import SEARCHES, SearchRow, search_rows
 from .trial_table import TrialFigures, TrialRow, is_long_hidden, trial_figures
 from .verify import TrialHome, first_difference, recompute, run_as_known
 
@@ -65,6 +67,9 @@ def import_check(folder: Path, open_home: OpenHome) -> ImportReport:
     config = load_study(folder)
     rows = [row for row in _rows(contents, folder, manifest, "trials", TrialRow) if row.end_reason is not None]
     events = _events(_rows(contents, folder, manifest, "events", EventRow))
+    searches = defaultdict[str, list[SearchRow]](list)
+    for line in _rows(contents, folder, manifest, SEARCHES, SearchRow) if config.sequences is not None else ():
+        searches[line.attempt_name].append(line)
     counted = _counted(folder, manifest)
     problems: list[str] = []
     num_agreeing = num_unsupported = 0
@@ -79,7 +84,7 @@ def import_check(folder: Path, open_home: OpenHome) -> ImportReport:
         if isinstance(first, Open) and first.scene_digest != home.scene_digest:
             num_unsupported += 1
             continue
-        problem = _difference(row, found, home, config, in_runs)
+        problem = _difference(row, found, home, config, in_runs, searches[row.attempt_name])
         problems += [f"{row.attempt_name}: {problem}"] if problem else []
         num_agreeing += problem is None
     problems += [f"run of {who} ({name}) {key}: is of no row in trials.jsonl" for who, name, key in counted]
@@ -98,9 +103,13 @@ def _difference(
     events: Sequence[Event],
     home: TrialHome,
     config: StudyConfig,
-    in_runs: EpisodeRun | Answer | None,
+    in_runs: EpisodeRun | Answer | SequenceRun | None,
+    searches: Sequence[SearchRow],
 ) -> str | None:
-    """The first disagreement about one attempt, None if all agrees; `in_runs` is its result in the run folders."""
+    """The first disagreement about one attempt, None if all agrees.
+
+    `in_runs` is its result in the run folders, `searches` are the rows of its searches.
+    """
     if row.left_out is None and in_runs is None:
         return "is in no run folder, though nothing leaves it out"
     # only the record knows whether a failure of ours ended the trial
@@ -108,12 +117,14 @@ def _difference(
     if row.end_reason == "technical" and not has_begun(events):  # it failed before anything was shown
         return _other_figures(row, events, stored, config)
     try:
-        episode = home.episode(row.key)
-        result = recompute(events, stored, episode, home=home, participant=row.participant)
+        result = recompute(events, stored, home.trial(row.key), home=home, participant=row.participant)
     except (StudyError, TaskStateError) as problem:
         return str(problem)
-    outcome = result.end if isinstance(result, EpisodeRun) else result
+    outcome = result.end if isinstance(result, EpisodeRun | SequenceRun) else result
     difference = _other_figures(row, events, outcome, config)
+    if difference is None:
+        lines = [line.model_dump(mode="json") for line in search_rows(row, events, outcome, rule=config.success)]
+        difference = first_difference([line.model_dump(mode="json") for line in searches], lines, "searches")
     if isinstance(result, EpisodeRun) and isinstance(in_runs, EpisodeRun):
         result = run_as_known(result, in_runs)
     if difference is None and in_runs is not None:
@@ -144,14 +155,14 @@ def _with_homes(
         yield from ((row, home) for row in found)
 
 
-def _counted(folder: Path, manifest: Manifest) -> dict[_Counted, EpisodeRun | Answer]:
-    """Every result in the run folders, by participant, condition and episode."""
-    found: dict[_Counted, EpisodeRun | Answer] = {}
+def _counted(folder: Path, manifest: Manifest) -> dict[_Counted, EpisodeRun | Answer | SequenceRun]:
+    """Every result in the run folders, by participant, condition and episode or sequence."""
+    found: dict[_Counted, EpisodeRun | Answer | SequenceRun] = {}
     for name in manifest.files:
         if name.endswith("/run.json"):
-            run = read_run((folder / name).parent)
-            for item in (*run.episodes, *run.answers):
-                who = item.start.participant if isinstance(item, EpisodeRun) else item.participant
+            run, sequences = read_run((folder / name).parent), read_sequence_runs((folder / name).parent)
+            for item in (*run.episodes, *run.answers, *sequences):
+                who = item.participant if isinstance(item, Answer) else item.start.participant
                 found[who or "", run.info.condition, item.key] = item
     return found
 

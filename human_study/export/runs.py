@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
+from sim.sequences.runs import SEQUENCES_FILE, SequenceEnd, SequenceRun
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, Run, RunInfo, run_texts
 from sim.types import TaskKind
 
@@ -10,6 +11,7 @@ from ..design.plan import StudyScene
 from ..design.study import Condition, StudyConfig
 from ..trial.events import Event
 from ..trial.outcome import Outcome, episode_run
+from ..trial.searches import sequence_run
 
 _RUN_CONDITIONS: dict[Condition, str] = {"topdown": "memory_topdown", "glb": "memory_glb"}
 """Names in run files where they differ from the study file's."""
@@ -82,6 +84,7 @@ def trial_run_info(
             "clutter": home.clutter,
             "information": ",".join(config.information),
             "pilot": is_pilot,
+            **({} if config.sequences is None else {"sequences": config.sequences.sha256}),
         },
         versions={"personal-viz": app_version},
         created_utc=created_utc,
@@ -95,11 +98,21 @@ def created_utc(created_ns: int) -> str:
     return datetime.fromtimestamp(created_ns / 1e9, UTC).isoformat(timespec="seconds")
 
 
-def result_of(events: Sequence[Event], outcome: Outcome, *, code: str) -> EpisodeRun | Answer:
-    """The result of a finished trial as run files hold it, under an exported code; only PAN needs its events."""
+def result_of(events: Sequence[Event], outcome: Outcome, *, code: str) -> EpisodeRun | Answer | SequenceRun:
+    """The result of a finished trial as run files hold it, under an exported code; POG's answers need no events."""
+    if isinstance(outcome, SequenceEnd):
+        return sequence_run(events, outcome, participant=code)
     if isinstance(outcome, EpisodeEnd):
         return episode_run(events, end=outcome, participant=code)
     return outcome.model_copy(update={"participant": code})
+
+
+def sequence_files(info: RunInfo, runs: Sequence[SequenceRun]) -> dict[str, tuple[bytes, int]]:
+    """Content and number of results of each file of a run folder of home sequences, by path."""
+    lines = [line for run in runs for line in (run.start, *run.steps, run.end)]
+    texts = {"run.json": info.model_dump_json(indent=2) + "\n"}
+    texts[SEQUENCES_FILE] = "".join(f"{line.model_dump_json()}\n" for line in lines)
+    return {f"{info.run_id}/{name}": (text.encode(), len(runs)) for name, text in texts.items()}
 
 
 def run_files(run: Run) -> dict[str, tuple[bytes, int]]:

@@ -6,8 +6,9 @@ bytes.
 
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from typing import get_args
 
 import yaml
 from pydantic import BaseModel
@@ -17,14 +18,15 @@ from sim.files import write_whole
 from sim.homes.kind import scene_labels, scene_terms
 
 from ..design.plan import PRACTICE_FOLDER
-from ..design.study import STUDY_FILE
+from ..design.study import STUDY_FILE, HistoryCondition
 from ..store.records import StudyReader, read_study
 from .collect import Collected, collect, event_rows
 from .data_dictionary import dictionary_text
 from .formats import table_bytes
 from .manifest import MANIFEST_FILE, LeftOutTrial, Manifest, exported_file, read_manifest, strangers
 from .rows import OPTIONAL_TABLES, EventRow, ExclusionRow, ParticipantRow, VerificationRow
-from .runs import run_files
+from .runs import run_files, sequence_files
+from .search_table import MEANING, SEARCHES, SearchRow
 from .trial_table import TrialRow
 
 DICTIONARY_FILE = "data_dictionary.md"
@@ -55,19 +57,26 @@ def export_study(folder: Path, out: Path) -> list[Path]:
         _require_replaceable(out, reader.study_version)
         found = collect(reader)
         asked = {"survey": reader.config.survey.questions, "comments": reader.config.comments}
-        tables = TABLES | {name: table for name, table in OPTIONAL_TABLES.items() if asked[name]}
-        files = _table_files(found, tables) | _study_files(reader, folder)
+        tables = TABLES | ({} if reader.config.sequences is None else {SEARCHES: (MEANING, SearchRow)})
+        tables |= {name: table for name, table in OPTIONAL_TABLES.items() if asked[name]}
+        unused = get_args(HistoryCondition) if reader.config.sequences is None else ()
+        files = _table_files(found, tables, unused=unused) | _study_files(reader, folder)
         for _, run in sorted(found.runs.items()):
             files |= run_files(run)
+        for _, (info, walks) in sorted(found.sequences.items()):
+            files |= sequence_files(info, walks)
         manifest = _manifest(reader, found, files)
     _write_folder(out, {name: content for name, (content, _) in files.items()}, manifest)
     return [out / name.removesuffix("/run.json") for name in sorted(files) if name.endswith("/run.json")]
 
 
 def _table_files(
-    found: Collected, tables: Mapping[str, tuple[str, type[BaseModel]]]
+    found: Collected, tables: Mapping[str, tuple[str, type[BaseModel]]], *, unused: Collection[str]
 ) -> dict[str, tuple[bytes, int | None]]:
-    """Content and number of rows of each table in each format, and of the data dictionary."""
+    """Content and number of rows of each table in each format, and of the data dictionary.
+
+    `unused` are possible values of columns that this study cannot have.
+    """
     files: dict[str, tuple[bytes, int | None]] = {}
     events = [line for row, stored in found.events for line in event_rows(row, stored)]
     rows_of = {"events": events, **{name: getattr(found, name) for name in tables if name != "events"}}
@@ -75,7 +84,7 @@ def _table_files(
         rows = rows_of[name]
         for ending, content in table_bytes(model, rows).items():
             files[f"{name}.{ending}"] = (content, len(rows))
-    files[DICTIONARY_FILE] = (dictionary_text("Data dictionary", tables).encode(), None)
+    files[DICTIONARY_FILE] = (dictionary_text("Data dictionary", tables, without=unused).encode(), None)
     return files
 
 

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict
 
+from sim.sequences.runs import SequenceEnd
 from sim.tasks.run_files import EpisodeEnd
 from sim.types import EndReason, EpisodeKey, SceneKind, Split, SuccessRule, TaskKind
 
@@ -182,6 +183,10 @@ def trial_figures(events: Sequence[Event], outcome: Outcome | None, *, rule: Suc
 
 def measured(outcome: Outcome | None, rule: SuccessRule) -> dict[str, float | None]:
     """The figures that come from the outcome's measures; {} if it has none."""
+    if isinstance(outcome, SequenceEnd):
+        walks = [search.measures.path_m for search in outcome.searches if search.measures is not None]
+        right = all(search.succeeds(rule) for search in outcome.searches)
+        return {"success": right} | ({"path_m": sum(walks)} if walks else {})
     if outcome is None or outcome.measures is None:
         return {}
     if not isinstance(outcome, EpisodeEnd):

@@ -5,11 +5,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from sim.episodes.schema import Episode
+from sim.episodes.sequence_files import HomeSequence
 from sim.errors import StudyError, TaskStateError
 from sim.frames import wrap_angle
+from sim.sequences.runs import SequenceRun
 from sim.tasks.pan import PanEnv
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun
-from sim.types import EpisodeKey
+from sim.types import EndReason, EpisodeKey
 from sim.walk.navigation_map import NavigationMap
 
 from ..store.records import VerificationStatus
@@ -22,12 +24,16 @@ from ..trial.outcome import (
     episode_run,
     has_begun,
     largest_click_error,
+    left_searches,
     opening,
     pan_outcome,
     pog_outcome,
     unscored_outcome,
 )
+from ..trial.searches import sequence_env, sequence_outcome
 
+Result = EpisodeRun | SequenceRun | Outcome
+"""A result as run files hold it, or the outcome alone of an unscored sequence."""
 POSITION_TOLERANCE = 1e-4
 """Largest error in metres; the same program on the same scene agrees to the last bit, other builds of numpy almost."""
 ANGLE_TOLERANCE = 1e-6
@@ -50,6 +56,12 @@ class TrialHome:
     """Where a click meets the home; None = rays are not cast again, and the stored points are believed."""
     object_at: ObjectAt | None = None
     """The object that a click meets; None = the stored names of objects are believed."""
+    sequence: Callable[[EpisodeKey], HomeSequence] | None = None
+    """A sequence of this home, in a study of home sequences; raises DatasetError for an unknown one."""
+
+    def trial(self, key: EpisodeKey) -> Episode | HomeSequence:
+        """What is done in a trial of this name; raises DatasetError for an unknown one."""
+        return self.episode(key) if self.sequence is None else self.sequence(key)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +75,7 @@ class Verification:
     """Largest distance in metres between a stored and a simulated pose, or between the points of a click."""
     first_bad_step: int | None
     """First step that leads elsewhere, from 1, 0 = the start pose; None if there is none."""
-    recomputed: EpisodeRun | Answer | None
+    recomputed: Result | None
     """The result that the events give; None if they give none."""
     detail: str
     """One sentence about what differs; empty when verified."""
@@ -77,7 +89,7 @@ def verify_trial(
     Raises:
         DatasetError: The home has no such episode.
     """
-    episode = home.episode(key)
+    trial = home.trial(key)
     if outcome.reason == "technical" and not has_begun(events):  # it failed before anything was shown
         return Verification("verified", 0.0, None, None, "")
     try:
@@ -85,11 +97,10 @@ def verify_trial(
         if opened.scene_digest != home.scene_digest:
             text = f"done on scene {opened.scene_digest[:12]}, compared with {home.scene_digest[:12]}"
             return Verification("unsupported", 0.0, None, None, text)
-        result = recompute(events, outcome, episode, home=home, participant=participant)
+        result = recompute(events, outcome, trial, home=home, participant=participant)
         error, bad_step = 0.0, None
-        if isinstance(result, EpisodeRun):
-            env = PanEnv(episode.start, home.navigation, renderer=None, max_steps=opened.max_steps)
-            error, bad_step = replayed(events, env)
+        if opened.task == "pan":
+            error, bad_step = replayed(events, _env_of(trial, home, opened.max_steps))
         elif home.cast is not None:
             error = min(largest_click_error(events, home.cast, home.object_at), FAR_OFF)
     except (StudyError, TaskStateError) as problem:
@@ -102,23 +113,45 @@ def verify_trial(
 
 
 def recompute(
-    events: Sequence[Event], outcome: Outcome, episode: Episode, *, home: TrialHome, participant: str
-) -> EpisodeRun | Answer:
+    events: Sequence[Event], outcome: Outcome, trial: Episode | HomeSequence, *, home: TrialHome, participant: str
+) -> Result:
     """The result that all events of a finished trial give.
 
     The stored outcome is used only to tell a technical failure, which has no measures.
 
     Raises:
-        StudyError: The events are not those of a finished trial of this episode.
+        StudyError: The events are not those of a finished trial of this episode or sequence.
     """
+    opened, reason = opening(events), end_reason(events)
+    is_failure = reason is None or any(isinstance(event, Error) and event.is_fatal for event in events)
+    is_failure = is_failure and outcome.reason == "technical"
+    if isinstance(trial, HomeSequence):
+        storeys, names = home.storeys, {"navigation": home.navigation, "participant": participant}
+        run = None if is_failure else sequence_outcome(events, trial, storeys=storeys, **names)
+        why = "technical" if is_failure or reason is None else reason
+        return run or unscored_outcome(opened.key, opened.task, reason=why, participant=participant)
+    return _episode_result(events, trial, home=home, participant=participant, is_failure=is_failure)
+
+
+def _episode_result(
+    events: Sequence[Event], episode: Episode, *, home: TrialHome, participant: str, is_failure: bool
+) -> EpisodeRun | Answer:
     task = opening(events).task
-    is_failure = end_reason(events) is None or any(isinstance(event, Error) and event.is_fatal for event in events)
-    if outcome.reason == "technical" and is_failure:
+    if is_failure:
         end = unscored_outcome(episode.key, task, reason="technical", participant=participant)
-        return end if isinstance(end, Answer) else episode_run(events, end=end, participant=participant)
+        if isinstance(end, EpisodeEnd):
+            return episode_run(events, end=end, participant=participant)
+        assert isinstance(end, Answer)
+        return end
     if task == "pog":
         return pog_outcome(events, episode, storeys=home.storeys, participant=participant)
     return pan_outcome(events, episode, navigation=home.navigation, participant=participant)
+
+
+def _env_of(trial: Episode | HomeSequence, home: TrialHome, max_steps: int) -> PanEnv:
+    if isinstance(trial, HomeSequence):
+        return sequence_env(trial, home.navigation, max_steps=max_steps)
+    return PanEnv(trial.start, home.navigation, renderer=None, max_steps=max_steps)
 
 
 def replayed(events: Sequence[Event], env: PanEnv) -> tuple[float, int | None]:
@@ -131,7 +164,12 @@ def replayed(events: Sequence[Event], env: PanEnv) -> tuple[float, int | None]:
     start = opening(events).start
     errors = [math.inf if start is None else math.dist(start.position, env.pose.position)]
     bad = None if start is not None and errors[0] <= POSITION_TOLERANCE else 0
+    left = dict[int, list[EndReason]]()
+    for num_steps, reason in left_searches(events):
+        left.setdefault(num_steps, []).append(reason)
     for number, act in enumerate((event for event in events if isinstance(event, Act)), start=1):
+        for reason in left.get(number - 1, ()):
+            env.end_search(reason)
         env.step(act.action)
         step = env.steps[-1]
         errors.append(math.dist(step.position, act.position))
@@ -141,9 +179,9 @@ def replayed(events: Sequence[Event], env: PanEnv) -> tuple[float, int | None]:
     return max(errors), bad
 
 
-def _compared(recomputed: EpisodeRun | Answer, stored: Outcome, max_position_error: float) -> Verification:
+def _compared(recomputed: Result, stored: Outcome, max_position_error: float) -> Verification:
     """`verified` when the stored outcome is the recomputed one, else `failed` with the first field that differs."""
-    result = recomputed.end if isinstance(recomputed, EpisodeRun) else recomputed
+    result = recomputed.end if isinstance(recomputed, EpisodeRun | SequenceRun) else recomputed
     if isinstance(result, EpisodeEnd) and isinstance(stored, EpisodeEnd):
         result = end_as_known(result, stored)
     difference = first_difference(stored.model_dump(mode="json"), result.model_dump(mode="json"), "outcome")

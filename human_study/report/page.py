@@ -2,7 +2,7 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from html import escape
 from pathlib import Path
@@ -60,6 +60,16 @@ def filled(template: str, *, folder: Path = _TEMPLATES, **words: Any) -> str:
     """A template of the folder, filled with these words; sections are one empty line apart."""
     paragraphs = _environment(folder).get_template(template).render(words).split("\n\n")
     return "\n\n".join(text for part in paragraphs if (text := part.strip("\n"))) + "\n"
+
+
+def label_lines(scene_labels: Iterable[str], *, is_pilot: bool, num_open: int) -> list[str]:
+    """The sentences without which no number of a study may be read."""
+    labels = []
+    if is_pilot:
+        labels.append("Pilot: served without an ethics id. These figures are for planning only.")
+    if num_open:
+        labels.append(f"Interim: {num_open} counted trials are not done. Do not let these figures decide when to stop.")
+    return [*labels, *(f"{label}." for label in scene_labels)]
 
 
 def interval_text(row: Any, digits: int = 1, otherwise: str = NOBODY) -> str:

@@ -15,7 +15,7 @@ from ..export.text_tables import csv_lines, tex, tex_table
 from .agreement import SUSPECT_SHARE
 from .hypotheses import HypothesisRow
 from .measures import MEASURES, WITHIN
-from .page import NOBODY, count_text, filled, html_page, interval_text, p_text
+from .page import NOBODY, count_text, filled, html_page, interval_text, label_lines, p_text
 from .power import PowerReport
 from .report import StudyReport
 from .rows import TOTAL, ReportRow
@@ -72,14 +72,8 @@ class Summary(NamedTuple):
 
 def summary(report: StudyReport) -> Summary:
     """The totals, the primary hypotheses, and what is left out."""
-    labels = []
-    if report.is_pilot:
-        labels.append("Pilot: served without an ethics id. These figures are for planning only.")
-    if report.num_open:
-        labels.append(
-            f"Interim: {report.num_open} counted trials are not done. Do not let these figures decide when to stop."
-        )
-    labels += [*(f"{label}." for label in report.scene_labels), *report.warnings]
+    labels = label_lines(report.scene_labels, is_pilot=report.is_pilot, num_open=report.num_open)
+    labels += report.warnings
     rows = []
     for task, kind in _table_kinds(report):
         of_task = _of_homes([row for row in report.rows if row.measure == "sr"], task, kind)

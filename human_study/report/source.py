@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sim.errors import RunFileError, StudyError
+from sim.sequences.rows import RunOfSequences
+from sim.sequences.runs import read_sequence_runs
 from sim.tasks.metrics import metric_rows, require_comparable
 from sim.tasks.run_files import Run, read_run_info
 from sim.tasks.run_folders import control_of, read_runs, run_folders
@@ -18,6 +20,7 @@ from ..export.collect import collect
 from ..export.formats import Row, rows_from_jsonl
 from ..export.manifest import MANIFEST_FILE, read_manifest
 from ..export.rows import ExclusionRow, ParticipantRow
+from ..export.search_table import SEARCHES, SearchRow
 from ..export.survey import SurveyRow
 from ..export.trial_table import TrialRow
 from ..store.records import DATABASE_FILE, StudyDates, read_study
@@ -45,6 +48,10 @@ class StudyRecords:
     """Wishes of the study file that the plan could not fulfil, each with the reason."""
     homes_version: int | None = None
     """`HOMES_VERSION` with which the study was planned."""
+    sequences: tuple[RunOfSequences, ...] = ()
+    """Runs of home sequences, in a study of them."""
+    searches: tuple[SearchRow, ...] = ()
+    """Their searches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +132,24 @@ def read_source(folders: Sequence[Path]) -> ReportSource:
         StudyError: There are records of more than one study, records are damaged, or there is no run of people.
         RunFileError: A folder holds no run, or a run of people is damaged.
     """
+    folder, others = records_folder(folders)
+    people, records = [], None
+    if folder is not None:
+        people, records = runs_and_records(folder)
+        if not people and not others:
+            raise no_trial(folder)
+    runs, unread = _each_read(others, agents_only=records is not None)
+    source = source_of([*people, *runs], records)
+    left_out = sorted((*source.left_out, *unread), key=lambda left: left.run)
+    return replace(source, left_out=tuple(left_out))
+
+
+def records_folder(folders: Sequence[Path]) -> tuple[Path | None, list[Path]]:
+    """The study folder or export among these folders, if there is one, and all folders of other runs.
+
+    Raises:
+        StudyError: There are records of more than one study.
+    """
     studies = [folder for folder in folders if (folder / DATABASE_FILE).is_file()]
     exports = [folder for folder in folders if folder not in studies and (folder / TRIALS_FILE).is_file()]
     if len(studies) + len(exports) > 1:
@@ -135,15 +160,16 @@ def read_source(folders: Sequence[Path]) -> ReportSource:
         )
     others = [folder for folder in folders if folder not in (*studies, *exports)]
     others += [found for study in studies if (found := own_agents(study, others)) is not None]
-    people, records = [], None
-    if studies or exports:
-        people, records = _of_study(studies[0]) if studies else _of_export(exports[0])
-        if not people and not others:
-            raise _no_trial(folders[0])
-    runs, unread = _each_read(others, agents_only=records is not None)
-    source = source_of([*people, *runs], records)
-    left_out = sorted((*source.left_out, *unread), key=lambda left: left.run)
-    return replace(source, left_out=tuple(left_out))
+    return next(iter((*studies, *exports)), None), others
+
+
+def runs_and_records(folder: Path) -> tuple[list[Run], StudyRecords]:
+    """People's runs and the records in a study folder or an export.
+
+    Raises:
+        StudyError: Records are damaged.
+    """
+    return _of_study(folder) if (folder / DATABASE_FILE).is_file() else _of_export(folder)
 
 
 def _each_read(folders: Sequence[Path], *, agents_only: bool) -> tuple[list[Run], list[LeftOutRun]]:
@@ -187,11 +213,11 @@ def people_of_study(folder: Path) -> list[Run]:
     """
     people, _ = _of_study(folder)
     if not people:
-        raise _no_trial(folder)
+        raise no_trial(folder)
     return people
 
 
-def _no_trial(folder: Path) -> StudyError:
+def no_trial(folder: Path) -> StudyError:
     return StudyError(
         f"{folder}: holds no counted trial with a result; expected at least one. Wait for participants to "
         "finish some; personal-viz study status shows how far they are."
@@ -214,13 +240,19 @@ def _of_study(folder: Path) -> tuple[list[Run], StudyRecords]:
             is_pilot=reader.is_pilot,
             plan_changes=reader.plan.changes,
             homes_version=reader.plan.homes_version,
+            sequences=tuple((info, tuple(runs)) for _, (info, runs) in sorted(found.sequences.items())),
+            searches=tuple(found.searches),
         )
     return [run for _, run in sorted(found.runs.items())], records
 
 
 def _of_export(folder: Path) -> tuple[list[Run], StudyRecords]:
-    has_runs = any(folder.glob("*/run.json"))
-    return read_runs([folder]) if has_runs else [], read_records(folder)
+    records, has_runs = read_records(folder), any(folder.glob("*/run.json"))
+    if records.config is not None and records.config.sequences is not None:
+        found = [(read_run_info(path.parent), read_sequence_runs(path.parent)) for path in folder.glob("*/run.json")]
+        found.sort(key=lambda run: run[0].run_id)
+        return [], replace(records, sequences=tuple(found))
+    return read_runs([folder]) if has_runs else [], records
 
 
 def read_records(folder: Path) -> StudyRecords:
@@ -243,6 +275,7 @@ def read_records(folder: Path) -> StudyRecords:
         is_pilot=manifest.is_pilot if manifest else False,
         plan_changes=manifest.plan_changes if manifest else (),
         homes_version=manifest.homes_version if manifest else None,
+        searches=_lines(folder / f"{SEARCHES}.jsonl", SearchRow),
     )
 
 

@@ -35,6 +35,8 @@ PEOPLE = {
     "map_first": "Human (home first, then text)",
     "map_open": "Human (home and text together)",
     "map_2d": "Human (agents' top-down map)",
+    "history_visible": "Human (history visible)",
+    "history_hidden": "Human (history hidden)",
 }
 
 

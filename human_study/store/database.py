@@ -190,9 +190,10 @@ def _require_same_study(database: sqlite3.Connection, path: Path, config: StudyC
     row = database.execute("SELECT study_version, plan FROM study").fetchone()
     if row is None:
         version, at_ns = package_version("personal-viz"), time.time_ns()
+        left_out = {"sequences"} if config.sequences is None else set[str]()  # as versions without them wrote it
         database.execute(
             "INSERT INTO study(study_version, config, app_version, created_ns, plan) VALUES (?, ?, ?, ?, ?)",
-            (config.study_version, config.model_dump_json(), version, at_ns, plan.canonical_json()),
+            (config.study_version, config.model_dump_json(exclude=left_out), version, at_ns, plan.canonical_json()),
         )
         return
     for name, found, expected, file in (

@@ -15,6 +15,7 @@ from typing import Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from sim.errors import StudyError, did_you_mean, line_from_validation_error
+from sim.sequences.runs import SequenceEnd
 from sim.tasks.run_files import Answer, EpisodeEnd
 from sim.types import EpisodeKey, TaskKind
 
@@ -142,7 +143,7 @@ class ExclusionEntry:
 
 class _OutcomeLine(BaseModel):
     model_config = ConfigDict(frozen=True)
-    outcome: EpisodeEnd | Answer = Field(discriminator="kind")
+    outcome: EpisodeEnd | Answer | SequenceEnd = Field(discriminator="kind")
 
 
 class StudyReader:

@@ -87,8 +87,9 @@ def _facts(config: StudyConfig, plan: StudyPlan, task: TaskKind) -> list[_Fact]:
     stated = f"{config.ethics.pay} {config.ethics.pay_if_leaving} {config.ethics.insurance}"
     pay = [_value(number) for number in re.findall(r"\d+(?:[.,]\d+)?", stated)]
     retention = config.privacy.retention
+    unit = "searches" if config.sequences is None else "homes"
     facts = [
-        _Fact("the study's number of searches", seldom, (rf"\b{_N} (?:searches|trials|tasks)\b",)),
+        _Fact(f"the study's number of {unit}", seldom, (rf"\b{_N} (?:{unit}|trials|tasks)\b",)),
         _Fact(
             "the announced time in seconds (ethics.duration_min)",
             {60.0 * minutes} if minutes is not None else set(),

@@ -115,7 +115,7 @@ def board_words(config: StudyConfig, plan: StudyPlan | None, sample: Sample | No
     return words | {
         "is_planned": plan is not None,
         "plan_version": f"`{plan.plan_version}`" if plan is not None else open_place("plan.json"),
-        "participants": " ".join([people_text(sample), *(f"Other than asked: {change}." for change in changes)]),
+        "participants": " ".join((people_text(config, sample), *(f"Other than asked: {each}." for each in changes))),
         "spare": f"{sample.num_spare} more may be invited, who do the trials that others leave."
         if sample is not None and sample.num_spare
         else "",
@@ -158,8 +158,9 @@ def sample_of(config: StudyConfig, plan: StudyPlan) -> Sample:
     )
 
 
-def people_text(sample: Sample | None) -> str:
+def people_text(config: StudyConfig, sample: Sample | None) -> str:
     """The numbers of people, trials, episodes and homes, as sentences."""
+    unit = "episodes" if config.sequences is None else "sequences"
     if sample is None:
         return f"The number of participants is {open_place('plan.json')}."
     kinds = " and ".join(f"{count} {kind}" for kind, count in sample.by_kind.items())
@@ -171,7 +172,7 @@ def people_text(sample: Sample | None) -> str:
     homes, visits = sum(sample.by_kind.values()), sample.most_visits
     return (
         f"The study has places for {_people(sample.num_people)} ({each}), {sample.num_trials} trials in all, with "
-        f"{sample.num_episodes} episodes ({splits}) in {how_many(homes, 'home')} ({kinds}). Nobody meets "
+        f"{sample.num_episodes} {unit} ({splits}) in {how_many(homes, 'home')} ({kinds}). Nobody meets "
         f"one home more than {'once' if visits == 1 else f'{visits} times'} in counted trials."
     )
 
@@ -195,7 +196,9 @@ def _times(sample: Sample | None) -> dict[str, Any]:
 def _analysis(config: StudyConfig) -> dict[str, Any]:
     """The analysis of the records that the report will make."""
     hypotheses = [f"{at}. {hypothesis_sentence(name)}" for at, name in enumerate(config.primary, start=1)] or [
-        f"No primary hypothesis is named ({open_place('primary')}); then everything in the report is exploratory."
+        "The report of home sequences tests no hypothesis: everything in it is exploratory."
+        if config.sequences is not None
+        else f"No primary hypothesis is named ({open_place('primary')}); then everything in the report is exploratory."
     ]
     return {
         "hypotheses": "\n".join(hypotheses),

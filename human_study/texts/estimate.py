@@ -11,6 +11,8 @@ from ..trial.terms import terms_of
 
 TRIAL_S: dict[TaskKind, float] = {"pan": 120.0, "pog": 60.0}
 """Seconds from the text to the answer, assumed before the pilot; the pilot's own times replace them."""
+SEARCHES = {"main": 7, "practice": 3}
+"""Searches of a home sequence: the mean of those that `personal-viz generate` makes, and those of practice."""
 LOOK_S = 30.0
 """Seconds of looking at a map or home before a trial, unless the study file sets a lower limit."""
 READING_S = 480.0
@@ -51,7 +53,10 @@ class TimeEstimate:
 
 def estimate_time(config: StudyConfig, *, num_trials: int, task: TaskKind) -> TimeEstimate:
     """The estimate for one participant with this many counted trials of a task."""
-    per_trial = TRIAL_S[task] + _mean_look_s(config, task)
+    look_s, is_one = _mean_look_s(config, task), config.sequences is None
+    per_trial, per_practice = (
+        TRIAL_S[task] * (1 if is_one else SEARCHES[phase]) + look_s for phase in ("main", "practice")
+    )
     num_checks = num_trials // config.checks.every if config.checks.every is not None else 0
     num_breaks = max(0, (num_trials - 1) // config.breaks.every) if config.breaks.every is not None else 0
     num_practice = config.practice.pan if task == "pan" else config.practice.pog
@@ -61,7 +66,7 @@ def estimate_time(config: StudyConfig, *, num_trials: int, task: TaskKind) -> Ti
         num_checks=num_checks,
         num_breaks=num_breaks,
         trials_s=(num_trials + num_checks) * per_trial,
-        practice_s=num_practice * per_trial,
+        practice_s=num_practice * per_practice,
         reading_s=(READING_S if config.flow else 0.0) + SURVEY_S * len(config.survey.questions),
         breaks_s=num_breaks * BREAK_S,
     )
@@ -86,6 +91,6 @@ def announced_minutes(config: StudyConfig, plan: StudyPlan | None = None) -> int
 
 def _mean_look_s(config: StudyConfig, task: TaskKind) -> float:
     """Seconds of looking before a trial, averaged over the conditions of the task."""
-    looks = [terms_of(config, condition).look for condition in config.conditions(task)]
+    looks = [terms_of(config, condition, task=task).look for condition in config.conditions(task)]
     seconds = [0.0 if look is None else max(look.min_s, min(LOOK_S, look.max_s or LOOK_S)) for look in looks]
     return sum(seconds) / len(seconds)

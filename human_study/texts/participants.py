@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import get_args
 
 from sim.errors import StudyError
+from sim.sequences.runs import SequenceRun
 from sim.tasks.run_files import Answer, EpisodeRun
 from sim.types import TaskKind
 
@@ -119,8 +120,12 @@ def leave_text(config: StudyConfig) -> str:
     return words_of(config)["on_leave"]
 
 
-def practice_text(config: StudyConfig, task: TaskKind, result: EpisodeRun | Answer | None) -> str:
+def practice_text(config: StudyConfig, task: TaskKind, result: EpisodeRun | Answer | SequenceRun | None) -> str:
     """Feedback on a practice trial by the study's rule; people get no feedback on other trials."""
+    if isinstance(result, SequenceRun):
+        found = [search.succeeds(config.success) is True for search in result.end.searches]
+        counts = {"num_right": sum(found), "num_searches": len(found), "is_right": all(found)}
+        return filled("practice.md", words_of(config, task=task) | counts)
     is_right = None
     if isinstance(result, EpisodeRun) and result.end.measures is not None:
         rule = result.end.measures.rules.get(config.success)
@@ -148,7 +153,7 @@ def trial_name(config: StudyConfig, person: Person, trial: AssignedTrial) -> str
     is_practice = trial.phase == "practice"
     alike = [other for other in person.kept if (other.phase == "practice") == is_practice]
     number = 1 + sum(other.order_no < trial.order_no for other in alike)
-    key = "trial.practice" if is_practice else "trial.search"
+    key = "trial.practice" if is_practice else "trial.search" if config.sequences is None else "homes.number"
     return catalogue_of(config.language)(key, number=number, all=len(alike))
 
 

@@ -22,8 +22,8 @@ from sim.tasks.rules import AUTHORS_DISTANCE, HABITAT_DISTANCE, RELAXED_RADIUS, 
 from sim.types import FORWARD_STEP, TURN_STEP, SuccessRule, TaskKind
 
 from ..design.plan import StudyPlan
-from ..design.study import Condition, PanCondition, PogCondition, StudyConfig
-from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S, terms_of
+from ..design.study import Condition, HistoryCondition, PanCondition, PogCondition, StudyConfig
+from ..trial.terms import GIVE_UP_WITHIN_S, STOP_WITHIN_S, look_of, terms_of
 from .catalogue import LANGUAGES, Catalogue, catalogue_of
 from .estimate import announced_minutes
 from .survey import questions_of
@@ -86,15 +86,20 @@ def words_of(
         for field, value in _stated(config, plan, told).items()
     }
     tasks = config.task if task is None else (task,)
-    met = conditions if conditions is not None else [name for each in tasks for name in config.conditions(each)]
-    met = [name for name in (*get_args(PanCondition), *get_args(PogCondition)) if name in met]
+    of_task: dict[TaskKind, Sequence[Condition]] = {
+        each: config.conditions(each) if conditions is None else conditions for each in tasks
+    }
+    met = {name for names in of_task.values() for name in names}
+    seen = {config.view_in(each, name) for each, names in of_task.items() for name in names}
+    views = [name for name in (*get_args(PanCondition), *get_args(PogCondition)) if name in seen]
     values |= {
         "catalogue": told,
         "study": config,
         "rule": config.success,
         "task": task,
         "tasks": tasks,
-        "conditions": met,
+        "conditions": [name for name in (*views, *get_args(HistoryCondition)) if name in met],
+        "views": views,
         "actions": [action.name.lower() for action in config.action_set],
         "limits": [told.length(limit) for limit in limits_m(config, "pan")],
         "point_limit": told.length(SUCCESS_RADIUS),
@@ -106,7 +111,7 @@ def words_of(
         "gap": told.duration(config.breaks.sitting_gap_s),
         "pan_limit": _time_limit(config, "pan", told),
         "pog_limit": _time_limit(config, "pog", told),
-        "looks": {name: _look_limit(config, name, told) for name in met},
+        "looks": {name: _look_limit(config, name, told) for name in views},
         "is_longer_than_a_sitting": _is_longer_than_a_sitting(config),
         "has_platform_code": hashes_platform_ids(config),
         "survey_topics": [question.about for question in questions_of(config, told).values()],
@@ -218,13 +223,13 @@ def _stated(config: StudyConfig, plan: StudyPlan | None, told: Catalogue) -> dic
 
 def _time_limit(config: StudyConfig, task: TaskKind, told: Catalogue) -> str:
     """The time limit of a trial of the task, in words; '' = there is none."""
-    seconds = terms_of(config, config.conditions(task)[0]).task_max_s
+    seconds = terms_of(config, config.conditions(task)[0], task=task).task_max_s
     return told.duration(seconds) if seconds is not None else ""
 
 
 def _look_limit(config: StudyConfig, condition: Condition, told: Catalogue) -> str:
     """The time limit of the look before a trial of the condition, as the end of a sentence; '' = there is none."""
-    look = terms_of(config, condition).look
+    look = look_of(config, condition)
     if look is None:
         return ""
     least = told.duration(look.min_s) if look.min_s > 0 else None

@@ -50,7 +50,10 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class PressStop:
-    """Press Enter or the STOP button; the second press within STOP_WITHIN_S ends the trial."""
+    """Press Enter or the STOP button; the second press within STOP_WITHIN_S ends the trial.
+
+    In a home sequence it is FOUND: it ends the search, or marks an object in a search for all, and again ends that.
+    """
 
     code: str = "Enter"
     repeat: bool = False
@@ -59,7 +62,10 @@ class PressStop:
 
 @dataclass(frozen=True, slots=True)
 class GiveUp:
-    """End the trial without an answer; only a second press within GIVE_UP_WITHIN_S ends it."""
+    """End the trial, or the present search of a home sequence, without an answer.
+
+    Only a second press within GIVE_UP_WITHIN_S ends it.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,8 +115,16 @@ class Click:
 
 
 @dataclass(frozen=True, slots=True)
+class Unmark:
+    """Take a mark away; in searches of a home sequence for all, whose clicks add marks."""
+
+    index: int
+    """Index into `PogView.marks`."""
+
+
+@dataclass(frozen=True, slots=True)
 class Confirm:
-    """Make the marked point the answer."""
+    """Make the marked point, or all marked points of a search for all, the answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,5 +167,5 @@ PageCommand = PageChanged | Resize | Measure
 TrialCommand = Start | Resume | Tick | CloseMap | ShowStorey | ShowNames | LookFrom | GiveUp | Fail | Rate | PageCommand
 """Commands that every trial takes."""
 PanCommand = TrialCommand | Move | PressStop
-PogCommand = TrialCommand | Click | Confirm
+PogCommand = TrialCommand | Click | Unmark | Confirm
 Command = PanCommand | PogCommand

@@ -79,7 +79,8 @@ class Moment(TrialEvent):
         | Literal["names_on", "names_off"]
         | PageChange
     )
-    """`stop_armed`, `stop`: first press of STOP, and the second one in time: the trial is over. `confirm`: the marked
+    """In a home sequence, the search is over where this says that the trial is.
+    `stop_armed`, `stop`: first press of STOP, and the second one in time: the trial is over. `confirm`: the marked
     point is the answer: the trial is over. `giveup_armed`, `giveup`: first press of giving up, and the second one: the
     trial is over. `looking`: the map is still shown; repeated now and then, so that an interrupted look keeps its time.
     `names_on`, `names_off`: names in the home were asked for, and taken away.
@@ -204,8 +205,28 @@ class Clicked(TrialEvent):
         return object_ray(self.ray, self.hit, self.pixel)
 
 
+class SearchBegun(TrialEvent):
+    """A search of a home sequence is shown, for the first time or again after an absence."""
+
+    kind: Literal["search"] = "search"
+    search: int = Field(ge=0)
+    """Its index."""
+    num_searches: int = Field(ge=1)
+    is_for_all: bool
+    notes: tuple[int, ...]
+    """Indices of the messages that can be read from now until the next such event; 0 = the intro."""
+
+
+class Unmarked(TrialEvent):
+    """A POG participant took a mark away in a search for all."""
+
+    kind: Literal["unmark"] = "unmark"
+    index: int = Field(ge=0)
+    """Place among the marks of the search, in order of their clicks."""
+
+
 class TimedOut(TrialEvent):
-    """Walking or answering took as long as the study allows: the trial is over."""
+    """Walking or answering took as long as the study allows: the trial, or the search of a home sequence, is over."""
 
     kind: Literal["timeout"] = "timeout"
     limit_s: Finite
@@ -291,6 +312,8 @@ Event = (
     | Cam
     | ShownStorey
     | Clicked
+    | SearchBegun
+    | Unmarked
     | TimedOut
     | MapOn
     | MapOff

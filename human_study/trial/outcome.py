@@ -5,19 +5,21 @@ call the same functions: there is one way from events to a result.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from sim.episodes.schema import Episode
 from sim.errors import StudyError
+from sim.sequences.runs import SequenceEnd
 from sim.tasks.rules import score_answer, score_run
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun, EpisodeStart, Step, Vector3
 from sim.types import Action, EndReason, EpisodeKey, TaskKind
 from sim.walk.navigation_map import NavigationMap
 
-from .events import Abandoned, Act, Clicked, Error, Event, MapOff, Moment, Open, Shown, TimedOut
+from .events import Abandoned, Act, Clicked, Error, Event, MapOff, Moment, Open, SearchBegun, Shown, TimedOut
 
-Outcome = EpisodeEnd | Answer
-"""The outcome that the store keeps: a PAN run's end (its steps are the events), or a whole POG answer."""
+Outcome = EpisodeEnd | Answer | SequenceEnd
+"""The outcome that the store keeps: a PAN run's end (its steps are the events), a whole POG answer, or the end of a
+sequence. An unscored sequence has that of an episode."""
 HIT_TOLERANCE = 1e-6
 """Largest distance between a stored point on a map and its pixel's point, metres: only rounding."""
 
@@ -56,18 +58,55 @@ def trial_end(events: Sequence[Event]) -> tuple[Event, EndReason] | None:
     Raises:
         StudyError: The trial does not begin with `open`.
     """
-    opened = opening(events)
-    num_steps = 0
+    return next(((event, reason) for event, reason, is_last in _each_end(events) if is_last), None)
+
+
+def search_ends(events: Sequence[Event]) -> tuple[tuple[Event, EndReason], ...]:
+    """The same for each search of a home sequence that is over, in order; an episode is one search.
+
+    Raises:
+        StudyError: The trial does not begin with `open`.
+    """
+    found = []
+    for event, reason, is_last in _each_end(events):
+        found.append((event, reason))
+        if is_last:
+            break
+    return tuple(found)
+
+
+def left_searches(events: Sequence[Event]) -> tuple[tuple[int, EndReason], ...]:
+    """The searches of a home sequence that ended without a step: the number of steps before that, and the reason."""
+    if not any(isinstance(event, SearchBegun) for event in events):
+        return ()
+    ends = {id(event): reason for event, reason in search_ends(events) if reason in ("giveup", "timeout")}
+    num_steps, found = 0, []
     for event in events:
         num_steps += isinstance(event, Act)
-        reason = _ends(event, is_last_step=num_steps >= opened.max_steps)
+        if id(event) in ends:
+            found.append((num_steps, ends[id(event)]))
+    return tuple(found)
+
+
+def _each_end(events: Sequence[Event]) -> Iterator[tuple[Event, EndReason, bool]]:
+    """Each event that ends a search or the trial, the reason, and whether it ends the trial."""
+    opened = opening(events)
+    num_steps, search, was_found = 0, None, False
+    for event in events:
+        if isinstance(event, SearchBegun) and (search is None or event.search != search.search):
+            num_steps, search, was_found = 0, event, False
+        num_steps += isinstance(event, Act)
+        is_found = isinstance(event, Act) and event.action is Action.FOUND
+        marks = is_found and search is not None and search.is_for_all and not was_found
+        reason = _ends(event, is_last_step=num_steps >= opened.max_steps, is_found=is_found and not marks)
+        was_found = is_found if isinstance(event, Act) else was_found
         if reason is not None:
-            return event, reason
-    return None
+            is_more = search is not None and search.search + 1 < search.num_searches
+            yield event, reason, not is_more or reason in ("technical", "abandoned")
 
 
-def _ends(event: Event, *, is_last_step: bool) -> EndReason | None:
-    """The reason why this event ends its trial; None when it does not."""
+def _ends(event: Event, *, is_last_step: bool, is_found: bool) -> EndReason | None:
+    """The reason why this event ends its trial or search; None when it does not."""
     match event:
         case Moment(kind="giveup"):
             return "giveup"
@@ -80,6 +119,8 @@ def _ends(event: Event, *, is_last_step: bool) -> EndReason | None:
         case Error(is_fatal=True):
             return "technical"
         case Act(action=Action.STOP):
+            return "stop"
+        case Act() if is_found:
             return "stop"
         case Act():
             return "steps" if is_last_step else None
@@ -95,7 +136,7 @@ def pan_outcome(
     Raises:
         StudyError: The trial is not over, is a POG trial, or has another episode.
     """
-    opened, reason = _finished(events, "pan", episode)
+    opened, reason = finished(events, episode.key, "pan")
     run = episode_run(events, end=EpisodeEnd(reason=reason), participant=participant)
     if _is_unscored(events):
         return run
@@ -121,10 +162,8 @@ def pog_outcome(
     Raises:
         StudyError: The trial is not over, is a PAN trial, or has another episode, or a map point is not its pixel's.
     """
-    opened, reason = _finished(events, "pog", episode)
-    for event in events:
-        if isinstance(event, Clicked):
-            _require_own_point(event, opened)
+    opened, reason = finished(events, episode.key, "pog")
+    require_own_points(events)
     if _is_unscored(events):
         outcome = unscored_outcome(episode.key, "pog", reason=reason, participant=participant)
         assert isinstance(outcome, Answer)
@@ -240,24 +279,30 @@ def last_marked(events: Sequence[Event]) -> Clicked | None:
     return next((event for event in reversed(events) if isinstance(event, Clicked) and event.hit is not None), None)
 
 
-def _require_own_point(event: Clicked, opened: Open) -> None:
+def require_own_points(events: Sequence[Event]) -> None:
     """Raises StudyError when a point on the map is not its pixel's point."""
-    if event.pixel is None:
-        return
-    found = event.pixel.point(event.ray.storey_y)
-    if event.hit is None or math.dist(found, event.hit) > HIT_TOLERANCE:
-        raise StudyError(
-            f"trial of pog {opened.key}: a click's point is {event.hit}; expected {found}, the place of its pixel "
-            f"{event.pixel.uv}. Run personal-viz study check-db."
-        )
+    for event in events:
+        if not isinstance(event, Clicked) or event.pixel is None:
+            continue
+        found = event.pixel.point(event.ray.storey_y)
+        if event.hit is None or math.dist(found, event.hit) > HIT_TOLERANCE:
+            raise StudyError(
+                f"trial of pog {opening(events).key}: a click's point is {event.hit}; expected {found}, the place of "
+                f"its pixel {event.pixel.uv}. Run personal-viz study check-db."
+            )
 
 
-def _finished(events: Sequence[Event], task: TaskKind, episode: Episode) -> tuple[Open, EndReason]:
-    """The opening and the end of a trial of this task and episode; raises StudyError when it is not one."""
+def finished(events: Sequence[Event], key: EpisodeKey, task: TaskKind | None = None) -> tuple[Open, EndReason]:
+    """The opening and the end of a trial of this episode or sequence; `task` = the trial's own.
+
+    Raises:
+        StudyError: It is not such a trial, or is not over.
+    """
     opened, reason = opening(events), end_reason(events)
-    if opened.task != task or opened.key != episode.key:
+    task = task or opened.task
+    if opened.task != task or opened.key != key:
         raise StudyError(
-            f"trial of {opened.task} {opened.key}: asked for the outcome of {task} {episode.key}; expected its own. "
+            f"trial of {opened.task} {opened.key}: asked for the outcome of {task} {key}; expected its own. "
             "Give the trial's own task and episode."
         )
     if reason is None:

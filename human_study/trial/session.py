@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sim.tasks.pan import PanEnv
-from sim.types import Action, EpisodeKey, Observation, Pose, Task
+from sim.types import Action, EndReason, EpisodeKey, Observation, Pose, Task
 
-from .commands import Click, Command, Confirm, Move, PressStop, Resume
-from .events import Act, Clicked, Dropped, DropReason, Event, Key, Moment, Open, Shown, ShownStorey
-from .outcome import last_marked, walked_steps
+from .commands import Click, Command, Confirm, Move, PressStop, Resume, Unmark
+from .events import Act, Clicked, Dropped, DropReason, Event, Key, Moment, Open, Shown, ShownStorey, Unmarked
+from .outcome import last_marked, left_searches, walked_steps
+from .searches import SearchTexts, search_parts
 from .terms import STOP_WITHIN_S, TrialTerms
 from .trial_session import JUST_AFTER_S, TrialSession
 from .views import Mark, MarkedObject, PanView, PogView, SessionUpdate
@@ -32,17 +33,20 @@ class PanSession(TrialSession[PanView]):
         storeys: tuple[float, ...] = (),
         terms: TrialTerms = _NO_TERMS,
         looks_later: bool = False,
+        searches: SearchTexts | None = None,
     ) -> None:
         """Takes over the environment; nothing is rendered or shown before `Start`.
 
         Args:
-            env: The episode's environment; the session owns it from now on. Its `max_steps` must be the task's.
+            env: The environment of the episode or sequence; the session owns it from now on. Its `max_steps` must be
+                the task's.
             storeys: As for TrialSession; used only where `terms` has a look.
             looks_later: Whether a step's events come without its picture, so that they can be stored while it is
                 rendered; `look` gives the picture after that.
+            searches: The texts of a home sequence; the environment has the same prompts.
         """
         assert env.max_steps == task.max_steps, (env.max_steps, task.max_steps)
-        super().__init__(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms)
+        super().__init__(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms, searches=searches)
         self._env, self._looks_later = env, looks_later
         self._armed_s = -math.inf
         self._observation: Observation | None = None
@@ -92,16 +96,31 @@ class PanSession(TrialSession[PanView]):
         return (Shown(t_s=t_s, step=len(self._env.steps), frame_hash=digest, blocked=self._was_blocked),)
 
     def _task_view(self, t_s: float) -> PanView:
+        begin = (0, *self._env.search_ends)[self._search]
+        of_search = [step.action for step in self._env.steps[begin:]]
+        is_for_all = self._searches is not None and self._searches.prompts[self._search].is_for_all
         return PanView(
-            task=self._task,
+            task=self._present_task,
             rgb=self._observation.rgb if self._observation is not None else None,
-            step=len(self._env.steps),
+            step=len(of_search),
             is_armed=t_s - self._armed_s <= STOP_WITHIN_S and not self.is_over,
             is_over=self.is_over,
             is_giving_up=self._is_giving_up(t_s),
             left_s=self._left_s(t_s),
             is_blocked=self._was_blocked and self._observation is not None and not self.is_over,
+            num_marks=of_search.count(Action.FOUND) if is_for_all else 0,
+            is_just_marked=is_for_all and of_search[-1:] == [Action.FOUND] and not self.is_over,
+            **self._search_view,
         )
+
+    def _begin_search(self, t_s: float) -> None:
+        super()._begin_search(t_s)
+        self._armed_s = -math.inf
+
+    def _end(self, reason: EndReason, event: Event) -> tuple[Event, ...]:
+        if self._searches is not None and reason in ("giveup", "timeout"):
+            self._env.end_search(reason)
+        return super()._end(reason, event)
 
     def _moments(self, t_s: float) -> list[float]:
         moments = super()._moments(t_s)
@@ -110,20 +129,21 @@ class PanSession(TrialSession[PanView]):
     def _on_task(self, command: Command, t_s: float, *, busy: bool) -> tuple[Event, ...]:
         if not isinstance(command, Move | PressStop):
             return (Dropped(t_s=t_s, reason="phase"),)
-        action = command.action if isinstance(command, Move) else Action.STOP
+        answer = Action.STOP if self._searches is None else Action.FOUND
+        action = command.action if isinstance(command, Move) else answer
         key = Key(t_s=t_s, t_cli_ms=command.t_cli_ms, code=command.code[:32], action=action, repeat=command.repeat)
         reason = self._drop_reason(action, t_s, repeat=command.repeat, busy=busy)
         if reason is not None:
             return (key, Dropped(t_s=t_s, reason=reason))
         self._clock.accept(t_s)
-        if action is not Action.STOP:
-            self._armed_s = -math.inf
-            act = self._act(action, t_s)
-            return (key, act, *(() if self.is_over or self._looks_later else self._show_task(t_s)))
-        if t_s - self._armed_s <= STOP_WITHIN_S:
-            return (key, self._act(action, t_s), Moment(kind="stop", t_s=t_s))
-        self._armed_s = t_s
-        return (key, Moment(kind="stop_armed", t_s=t_s))
+        if action is answer and t_s - self._armed_s > STOP_WITHIN_S:
+            self._armed_s = t_s
+            return (key, Moment(kind="stop_armed", t_s=t_s))
+        self._armed_s = -math.inf
+        acted = self._act(action, t_s)
+        if action is Action.STOP:
+            return (key, *acted, Moment(kind="stop", t_s=t_s))
+        return (key, *acted, *(() if self.is_over or self._looks_later else self._show_task(t_s)))
 
     def _drop_reason(self, action: Action, t_s: float, *, repeat: bool, busy: bool) -> DropReason | None:
         if self.phase != "task":
@@ -136,20 +156,19 @@ class PanSession(TrialSession[PanView]):
             return "rate"
         return None if action in self._task.actions else "action"
 
-    def _act(self, action: Action, t_s: float) -> Act:
-        began_s = self._task_began_s or 0.0
+    def _act(self, action: Action, t_s: float) -> tuple[Event, ...]:
+        began_s, num_ended = self._task_began_s or 0.0, len(self._env.search_ends)
         self._env.move(action, t_s=t_s - began_s)
         self._observation = None if self._looks_later else self._env.observe()
         step = self._env.steps[-1]
         self._was_blocked = step.collided
         act = Act(t_s=t_s, action=action, position=step.position, yaw=step.yaw, tilt=step.tilt, collided=step.collided)
-        if self._env.end_reason is not None:
-            self._end(self._env.end_reason, act)
-        return act
+        reasons = self._env.search_reasons
+        return self._end(reasons[-1], act) if len(reasons) > num_ended else (act,)
 
     def _rebuild(self, events: Sequence[Event]) -> None:
         super()._rebuild(events)
-        self._observation = self._env.restore(walked_steps(events))
+        self._observation = self._env.restore(walked_steps(events), left=left_searches(events))
 
 
 class PogSession(TrialSession[PogView]):
@@ -164,6 +183,7 @@ class PogSession(TrialSession[PogView]):
         scene_digest: str,
         terms: TrialTerms = _NO_TERMS,
         objects: Mapping[str, MarkedObject] | None = None,
+        searches: SearchTexts | None = None,
     ) -> None:
         """Shows nothing before `Start`; the other arguments are those of TrialSession.
 
@@ -171,13 +191,16 @@ class PogSession(TrialSession[PogView]):
             objects: The home's objects by name; None = clicks do not tell which object they met, and marks stay where
                 people click.
         """
-        super().__init__(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms)
+        super().__init__(key=key, task=task, storeys=storeys, scene_digest=scene_digest, terms=terms, searches=searches)
         self._objects = objects
-        self._marked: Clicked | None = None
-        """The click that set the present mark."""
+        self._marked: list[Clicked] = []
+        """The clicks that set the present marks."""
 
     def _open_event(self, t_s: float) -> Open:
-        return self._opened().model_copy(update={"t_s": t_s, "knows_objects": self._objects is not None})
+        opened = {"t_s": t_s, "knows_objects": self._objects is not None}
+        if self._searches is not None:
+            opened |= {"position": self._searches.start.position, "yaw": self._searches.start.yaw}
+        return self._opened().model_copy(update=opened)
 
     def _show_task(self, t_s: float, *, again: bool = False) -> tuple[Event, ...]:
         if not again:
@@ -185,20 +208,30 @@ class PogSession(TrialSession[PogView]):
         return (ShownStorey(t_s=t_s, storey_y=self._storeys[self._storey]),)
 
     def _task_view(self, t_s: float) -> PogView:
+        marks = tuple(mark for mark in map(self._mark, self._marked) if mark is not None)
         return PogView(
-            task=self._task,
+            task=self._present_task,
             storeys=self._storeys,
             storey=self._storey,
-            mark=self._mark(),
+            mark=marks[-1] if marks else None,
             is_over=self.is_over,
             is_giving_up=self._is_giving_up(t_s),
             left_s=self._left_s(t_s),
             has_names=self._has_names,
+            marks=marks,
+            **self._search_view,
         )
 
-    def _mark(self) -> Mark | None:
-        marked = self._marked
-        if marked is None or marked.hit is None or marked.mark is None:
+    def _begin_search(self, t_s: float) -> None:
+        super()._begin_search(t_s)
+        self._marked = []
+
+    @property
+    def _is_for_all(self) -> bool:
+        return self._searches is not None and self._searches.prompts[self._search].is_for_all
+
+    def _mark(self, marked: Clicked) -> Mark | None:
+        if marked.hit is None or marked.mark is None:
             return None
         item = (self._objects or {}).get(marked.object_name or "") if marked.snapped is not None else None
         return Mark(marked.mark, marked.hit, self._storeys.index(marked.ray.storey_y), item)
@@ -209,10 +242,14 @@ class PogSession(TrialSession[PogView]):
         match command:
             case Click():
                 return self._click(command, t_s)
-            case Confirm() if self._marked is None:
+            case Unmark(index=index) if self._is_for_all and 0 <= index < len(self._marked):
+                del self._marked[index]
+                return (Unmarked(t_s=t_s, index=index),)
+            case Confirm() | Unmark() if not self._marked:
                 return (Dropped(t_s=t_s, reason="nothing_marked"),)
             case Confirm():
-                return self._end("click", Moment(kind="confirm", t_s=t_s))
+                ended = self._end("click", Moment(kind="confirm", t_s=t_s))
+                return ended if self.is_over else (*ended, *self._show_task(t_s))
             case _:
                 return (Dropped(t_s=t_s, reason="phase"),)
 
@@ -229,9 +266,11 @@ class PogSession(TrialSession[PogView]):
             object_name=command.object_name if self._objects is not None else None,
             snapped=command.snapped if self._objects is not None else None,
         )
-        self._marked = clicked if clicked.hit is not None else self._marked
+        if clicked.hit is not None:
+            self._marked = [*self._marked, clicked] if self._is_for_all else [clicked]
         return (clicked,)
 
     def _rebuild(self, events: Sequence[Event]) -> None:
         super()._rebuild(events)
-        self._marked = last_marked(events)
+        marked, parts = last_marked(events), search_parts(events)
+        self._marked = [marked] if marked is not None and not parts else list(parts[-1].marks) if parts else []

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from sim.types import TaskKind
+
 from ..design.study import Condition, HomeView, StudyConfig
 from .events import Event, MapKind, MapOff, MapOn, Moment
 from .views import LookView
@@ -17,6 +19,8 @@ GIVE_UP_WITHIN_S = 5.0
 """The second press of giving up counts up to this long after the first."""
 RESUME_WITHIN_S = 600.0
 """Default of StudyConfig.resume_within_s."""
+HIDDEN: Condition = "history_hidden"
+"""The condition of home sequences in which only the messages of the present search can be read."""
 SHOWS_HOME: tuple[Condition, ...] = ("glb", "map_first", "map_open")
 """Conditions in which participants look around in a 3-D home."""
 
@@ -43,29 +47,52 @@ class TrialTerms:
     look: Look | None = None
     """The look before the task; None = there is none."""
     task_max_s: float | None = None
-    """Longest walk, from the first picture, or longest answer, from the texts; None = no limit."""
+    """Longest walk, from the first picture, or longest answer, from the texts; in a home sequence each search has this
+    limit; None = no limit."""
     resume_within_s: float = RESUME_WITHIN_S
     """A longer absence ends the trial as `abandoned`."""
     asks_confidence: bool = False
     """Whether participants rate their confidence after an answer (STOP, a confirmed mark)."""
 
+    @property
+    def has_history(self) -> bool:
+        """In home sequences: whether the messages of earlier searches can be read again."""
+        return self.condition != HIDDEN
 
-def terms_of(config: StudyConfig, condition: Condition, *, home_view: HomeView | None = None) -> TrialTerms:
-    """The terms of a study's trials in one condition; `home_view` says where 3-D homes are drawn, if they are shown."""
-    is_pan = condition in ("none", "topdown", "glb")
-    look = None
-    if condition == "topdown" or condition == "glb":
-        look = Look(condition, config.memory.min_s, config.memory.max_s)
-    elif condition == "map_first":
-        look = Look("home", config.pog.look_min_s, config.pog.look_max_s)
+
+def terms_of(
+    config: StudyConfig, condition: Condition, *, task: TaskKind | None = None, home_view: HomeView | None = None
+) -> TrialTerms:
+    """The terms of a study's trials in one condition.
+
+    Args:
+        config: The study.
+        condition: The condition.
+        task: The task; needed in studies of home sequences, whose conditions are the same for both.
+        home_view: Where 3-D homes are drawn, if they are shown.
+    """
+    view = condition
+    if config.sequences is not None:
+        assert task is not None, "a study of home sequences"
+        view = config.view_in(task, condition)
+    is_pan = view in ("none", "topdown", "glb")
     return TrialTerms(
         condition=condition,
-        home_view=home_view if condition in SHOWS_HOME else None,
-        look=look,
+        home_view=home_view if view in SHOWS_HOME else None,
+        look=look_of(config, view),
         task_max_s=config.pan_max_s if is_pan else config.pog.answer_max_s,
         resume_within_s=config.resume_within_s,
         asks_confidence=config.confidence,
     )
+
+
+def look_of(config: StudyConfig, view: Condition) -> Look | None:
+    """The look at a home before the task that belongs to a view of it; None = there is none."""
+    if view == "topdown" or view == "glb":
+        return Look(view, config.memory.min_s, config.memory.max_s)
+    if view == "map_first":
+        return Look("home", config.pog.look_min_s, config.pog.look_max_s)
+    return None
 
 
 class LookPhase:

@@ -9,7 +9,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Generic, Literal, Self
+from typing import Any, Generic, Literal, Self
 
 from sim.errors import TaskStateError
 from sim.types import EndReason, EpisodeKey, Task
@@ -50,6 +50,7 @@ from .events import (
     TimedOut,
 )
 from .outcome import opening, task_began_s, trial_end
+from .searches import SearchTexts, search_parts
 from .terms import GIVE_UP_WITHIN_S, LookPhase, TrialTerms
 from .views import LookView, RateView, SessionUpdate, TaskViewT
 
@@ -70,17 +71,27 @@ class TrialSession(ABC, Generic[TaskViewT]):
     """One participant in one trial, from its first screen to the last question."""
 
     def __init__(
-        self, *, key: EpisodeKey, task: Task, storeys: tuple[float, ...], scene_digest: str, terms: TrialTerms
+        self,
+        *,
+        key: EpisodeKey,
+        task: Task,
+        storeys: tuple[float, ...],
+        scene_digest: str,
+        terms: TrialTerms,
+        searches: SearchTexts | None = None,
     ) -> None:
         """Shows nothing before `Start`.
 
         Args:
-            task: The participant's texts, and the allowed actions.
+            task: The participant's texts, and the allowed actions; of a home sequence its first texts.
             storeys: Floor height of each storey, ascending (`NavigationMap.storey_heights`).
             terms: The look before the task, the question after it, and the limits.
+            searches: The texts of a home sequence; None = an episode.
         """
         self._key, self._task, self._storeys, self._scene_digest = key, task, storeys, scene_digest
-        self._terms = terms
+        self._terms, self._searches = terms, searches
+        self._search = 0
+        """Index of the present search of a sequence."""
         self._clock = TrialClock()
         self._look = LookPhase(terms.look) if terms.look is not None else None
         self._task_began_s: float | None = None
@@ -186,6 +197,11 @@ class TrialSession(ABC, Generic[TaskViewT]):
     def _task_view(self, t_s: float) -> TaskViewT:
         """The task's screen."""
 
+    def _begin_search(self, t_s: float) -> None:
+        """Forgets what belongs to the search before."""
+        self._giving_up_s = -math.inf
+        self._begin_limit(t_s)
+
     def _opened(self) -> Open:
         """The fields that the first events of both tasks share."""
         return Open(
@@ -201,8 +217,35 @@ class TrialSession(ABC, Generic[TaskViewT]):
         )
 
     def _end(self, reason: EndReason, event: Event) -> tuple[Event, ...]:
-        self._ended, self._ended_s = reason, event.t_s or 0.0
-        return (event,)
+        """Ends the trial, or the present search of a sequence, after which the next one begins."""
+        t_s = event.t_s or 0.0
+        is_more = self._searches is not None and self._search + 1 < len(self._searches.prompts)
+        if not is_more or reason in ("technical", "abandoned"):
+            self._ended, self._ended_s = reason, t_s
+            return (event,)
+        self._search += 1
+        self._begin_search(t_s)
+        return (event, *self._search_shown(t_s))
+
+    def _search_shown(self, t_s: float) -> tuple[Event, ...]:
+        """The event of showing the present search; () in an episode."""
+        if self._searches is None:
+            return ()
+        return (self._searches.begun(self._search, t_s, has_history=self._terms.has_history),)
+
+    @property
+    def _present_task(self) -> Task:
+        """The texts that can be read now."""
+        if self._searches is None:
+            return self._task
+        return self._searches.task(self._task, self._search, has_history=self._terms.has_history)
+
+    @property
+    def _search_view(self) -> dict[str, Any]:
+        """The fields of a `SearchView`; {} in an episode."""
+        if self._searches is None:
+            return {}
+        return self._searches.shown(self._search, has_history=self._terms.has_history)
 
     def _is_giving_up(self, t_s: float) -> bool:
         return t_s - self._giving_up_s <= GIVE_UP_WITHIN_S and not self.is_over
@@ -234,13 +277,19 @@ class TrialSession(ABC, Generic[TaskViewT]):
         return (opened, self._look.on(t_s)) if self._look is not None else (opened, *self._begin_task(t_s))
 
     def _begin_task(self, t_s: float) -> tuple[Event, ...]:
-        self._set_task_began(t_s)
-        return self._show_task(t_s)
-
-    def _set_task_began(self, t_s: float) -> None:
         self._task_began_s = t_s
+        self._begin_limit(t_s)
+        return (*self._search_shown(t_s), *self._show_task(t_s))
+
+    def _begin_limit(self, t_s: float) -> None:
+        """The time of the task, or of a search, begins."""
         if self._terms.task_max_s is not None:
             self._limit = TimeLimit(t_s, self._terms.task_max_s)
+
+    def _leave_search(self, reason: EndReason, event: Event) -> tuple[Event, ...]:
+        """Ends the trial or the search without an answer; shows the next search."""
+        ended = self._end(reason, event)
+        return ended if self.is_over else (*ended, *self._show_task(event.t_s or 0.0))
 
     def _leave_look(self, reason: Literal["left", "time"], t_s: float) -> tuple[Event, ...]:
         assert self._look is not None
@@ -258,11 +307,11 @@ class TrialSession(ABC, Generic[TaskViewT]):
         taken = (Moment(kind="superseded", t_s=t_s),) if command.took_over else ()
         phase = self.phase
         due = self._due(t_s)
-        if self.phase != phase:
+        if self.phase != phase or due:
             return (*taken, *due)
         if phase == "look" and self._look is not None:
-            return (*taken, *due, self._look.on(t_s))
-        return (*taken, *due, *self._show_task(t_s, again=True))
+            return (*taken, self._look.on(t_s))
+        return (*taken, *self._search_shown(t_s), *self._show_task(t_s, again=True))
 
     def _due(self, t_s: float) -> tuple[Event, ...]:
         """Events that the time alone causes."""
@@ -271,7 +320,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
                 assert self._look is not None
                 return self._leave_look("time", t_s) if self._look.is_up(t_s) else ()
             case "task" if self._limit is not None and self._limit.is_up(t_s):
-                return self._end("timeout", TimedOut(t_s=t_s, limit_s=self._limit.limit_s))
+                return self._leave_search("timeout", TimedOut(t_s=t_s, limit_s=self._limit.limit_s))
             case "rate" if t_s - self._ended_s >= RATE_WITHIN_S:
                 return self._rated(None, t_s)
             case _:
@@ -337,7 +386,7 @@ class TrialSession(ABC, Generic[TaskViewT]):
             is_early = t_s - self._giving_up_s < GIVE_UP_AFTER_S
             if is_early:
                 return (Dropped(t_s=t_s, reason="rate"),)
-            return self._end("giveup", Moment(kind="giveup", t_s=t_s))
+            return self._leave_search("giveup", Moment(kind="giveup", t_s=t_s))
         self._giving_up_s = t_s
         return (Moment(kind="giveup_armed", t_s=t_s),)
 
@@ -371,7 +420,10 @@ class TrialSession(ABC, Generic[TaskViewT]):
         if self._look is not None:
             self._look.rebuild(events)
         if self._look is None or any(isinstance(event, MapOff) for event in events):
-            self._set_task_began(task_began_s(events))
+            self._task_began_s = task_began_s(events)
+            parts = search_parts(events)
+            self._search = max(0, len(parts) - 1)
+            self._begin_limit((parts[-1].begun.t_s or 0.0) if parts else self._task_began_s)
         heights = [event.storey_y for event in events if isinstance(event, ShownStorey)]
         self._storey = self._storeys.index(heights[-1]) if heights else 0
         names = [event.kind for event in events if event.kind in ("names_on", "names_off")]

@@ -14,16 +14,17 @@ from ..study_app.page_script import LABEL
 
 _STEP_SHOWN = re.compile(r'data-step="(\d+)"')
 _SEAT = re.compile(r"personalPage\.begin\((?:&quot;|\")([\w-]+)(?:&quot;|\")")
+_SEARCH = re.compile(r'data-search="(\d+)"')
 _TAGS = re.compile(r"<style>.*?</style>|<[^>]*>", re.DOTALL)
 _GOES_ON = "personalPage.goOn()"
 _HEAD_BYTES = 16
 """Two numbers of 8 bytes come before the compressed part: its size before and after (viser's wire format)."""
 _IMAGE_HEAD = 1200
 """Number of characters of an element's HTML that may hold the step; the picture's bytes come after them."""
-_END_LOOK, _CONFIRM = "look.home_begin", "pog.confirm"
+_END_LOOK, _CONFIRM, _CONFIRM_ALL = "look.home_begin", "pog.confirm", "pog.confirm_all"
 """Words of the buttons that only the look screen and the POG screen have."""
-_MARKS = ("/mark", "/mark/dot")
-"""Names of the node at the participant's mark, in the 3-D home and on its map."""
+_MARK = re.compile(r"/mark\d+/(?:ball|dot)")
+"""Names of the nodes at the participant's marks, in the 3-D home and on its map."""
 _SURFACES = ("/home", "/map")
 """Names of the nodes at which people point."""
 
@@ -62,8 +63,10 @@ class BotPage:
     """Number of actions on the counter."""
     num_frames: int = 0
     """Number of pictures received."""
+    search: int = 0
+    """Index of the present search of a home sequence; 0 in an episode."""
     mark: Vector3 | None = None
-    """Place of the participant's mark, world metres; None without a mark."""
+    """Place of the participant's newest mark, world metres; None without a mark."""
     num_marks: int = 0
     """Number of times that a mark was shown."""
     num_surfaces: int = 0
@@ -91,7 +94,12 @@ class BotPage:
     @property
     def is_pointing(self) -> bool:
         """Whether the POG screen is there, on which clicks set the mark."""
-        return self.has_surface and self.hears_clicks and self.button(_CONFIRM) is not None
+        return self.has_surface and self.hears_clicks and self.confirm_button is not None
+
+    @property
+    def confirm_button(self) -> Element | None:
+        """The button that makes the mark, or all marks, the answer."""
+        return self.button(_CONFIRM) or self.button(_CONFIRM_ALL)
 
     @property
     def goes_on(self) -> bool:
@@ -139,7 +147,7 @@ class BotPage:
         The buttons of storeys are the first ones of the screens on which one sees a home.
         """
         buttons = list(self.of_kind("GuiButtonMessage"))
-        ends = (self.words(_END_LOOK), self.words(_CONFIRM))
+        ends = tuple(self.words(key) for key in (_END_LOOK, _CONFIRM, _CONFIRM_ALL))
         count = next((place for place, button in enumerate(buttons) if button.label in ends), 0)
         return buttons[index] if index < count else None
 
@@ -170,10 +178,10 @@ class BotPage:
 
     def _apply_to_scene(self, kind: str, message: dict[str, Any]) -> None:
         """Applies a message about the home, the mark or clicks."""
-        if kind == "SetPositionMessage" and message["name"] in _MARKS:
+        if kind == "SetPositionMessage" and _MARK.fullmatch(message["name"]):
             x, y, z = (float(value) for value in message["position"])
             self.mark, self.num_marks = (x, y, z), self.num_marks + 1
-        elif kind == "RemoveSceneNodeMessage" and message["name"] in _MARKS:
+        elif kind == "RemoveSceneNodeMessage" and _MARK.fullmatch(message["name"]):
             self.mark = None
         elif kind == "RemoveSceneNodeMessage" and message["name"] in _SURFACES:
             self.has_surface = False
@@ -194,6 +202,8 @@ class BotPage:
             self.num_frames += 1
         elif counted := re.search(self.words.pattern("pan.step"), content):
             self.step_counted = int(counted.group(1))
+        elif search := _SEARCH.search(content):
+            self.search = int(search.group(1))
 
 
 def decoded(data: bytes) -> list[dict[str, Any]]:

@@ -11,20 +11,20 @@ from .page import BotPage
 from .records import Press
 from .walker import BURST, BURST_GAP_S, PRESS_GAP_S, Bot
 
-_KEYS = {action: (key, code) for key, (code, action) in HOTKEYS.items() if len(key) == 1} | {
-    Action.STOP: ("enter", "Enter")
-}
+_KEYS = {action: (key, code) for key, (code, action) in HOTKEYS.items() if len(key) == 1}
+_KEYS |= dict.fromkeys((Action.STOP, Action.FOUND), ("enter", "Enter"))
 """viser's name and the browser's code of the key of each action."""
 _RANDOM_MOVES = (Action.FORWARD, Action.FORWARD, Action.FORWARD, Action.LEFT, Action.RIGHT)
 _STEPS_OF_RANDOM = 80
-"""Number of steps after which a bot that does not know the way stops."""
+"""Number of steps after which a bot that does not know the way stops, in each search."""
 
 
 class PanBot(Bot):
     """Walks the shortest way, or anywhere."""
 
     task = "pan"
-    _planned: Sequence[Action] | None = None
+    _planned: Sequence[Sequence[Action]] | None = None
+    """The actions of each search; an episode is one search."""
     _num_noted = 1
     """Number of connections of which the log says where they began."""
 
@@ -54,8 +54,8 @@ class PanBot(Bot):
             self._num_noted = self.log.num_connections
             self.log.resumed.append((self._page.step_shown or 0, len(self.log.presses)))
         action = await self._next_action()
-        if action is Action.STOP:
-            await self._stop()
+        if action in (Action.STOP, Action.FOUND):
+            await self._stop(action)
             return
         press = await self._send(action, awaited=not self._awaited)
         for _ in range(BURST - 1 if self._kind == "impatient" else 0):
@@ -63,25 +63,39 @@ class PanBot(Bot):
             await self._send(action, awaited=False)
         await self._until_shown(press, next_s)
 
-    async def _stop(self) -> None:
-        """Presses STOP twice, at a person's pace and not before the last picture."""
+    async def _stop(self, action: Action) -> None:
+        """Presses STOP or FOUND twice, at a person's pace and not before the last picture."""
         await self._until(lambda: not self._awaited or not self._page.is_walking)
-        await self._send(Action.STOP, awaited=False)
+        before = (self._page.search, self._page.step_shown)
+        await self._send(action, awaited=False)
         await self._until(lambda: self._page.button("pan.press_again") is not None)
         await asyncio.sleep(PRESS_GAP_S)
-        await self._send(Action.STOP, awaited=False)
-        if not await self._until(lambda: not self._page.is_walking):
+        await self._send(action, awaited=False)
+        if not await self._until(lambda: self._has_gone_on(before)):
             self.log.num_unanswered += self._connection.is_open
-        self._planned = None
+        if not self._page.is_walking:
+            self._planned = None
+
+    def _has_gone_on(self, before: tuple[int, int | None]) -> bool:
+        """Whether the trial has ended, the next search has begun, or an object was marked in a search for all."""
+        search, step = self._page.search, self._page.step_shown
+        if not self._page.is_walking or step is None:
+            return True
+        return step == 0 if search != before[0] else step == (before[1] or 0) + 1
+
+    @property
+    def _answer(self) -> Action:
+        return Action.STOP if self._homes.config.sequences is None else Action.FOUND
 
     async def _next_action(self) -> Action:
         step = self._page.step_shown or 0
         if self._kind == "shortest":
             if self._planned is None:
                 self._planned = await asyncio.to_thread(self._homes.way, self.log.code)
-            return self._planned[step] if step < len(self._planned) else Action.STOP
+            way = self._planned[self._page.search] if self._page.search < len(self._planned) else ()
+            return way[step] if step < len(way) else self._answer
         if step >= _STEPS_OF_RANDOM:
-            return Action.STOP
+            return self._answer
         return _RANDOM_MOVES[int(self._rng.integers(len(_RANDOM_MOVES)))]
 
     async def _send(self, action: Action, *, awaited: bool = True) -> Press:

@@ -27,6 +27,10 @@ class _Plan:
 
     aims: list[Aim] = field(default_factory=list)
     """Places to click, in order."""
+    later: list[list[Aim]] = field(default_factory=list)
+    """Places for the other objects of a search for all."""
+    search: int = 0
+    """The search for which it was made."""
     num_moves: int = 0
     """Number of presses that move the mark."""
 
@@ -43,6 +47,8 @@ class PogBot(Bot):
     """Number of marks of the present page that were handled."""
     _answer: Sent | None = None
     """The answer that was sent, until the page goes on."""
+    _search = 0
+    """Index of the search of the page at which the last answers came."""
 
     @property
     def _is_at_work(self) -> bool:
@@ -63,12 +69,15 @@ class PogBot(Bot):
             snaps = self._homes.config.pog.pointing == "snap"  # then the mark may be far from the clicked place
             if found := next((pointed for pointed in points if snaps or pointed.is_marked_by(page.mark)), None):
                 self._answered(found, now_s)
-        if page.is_pointing:
+        if page.is_pointing and page.search == self._search:
             return
+        self._search = page.search
         if self._answer is not None:
             self._answered(self._answer, now_s)
             self._answer = None
-        elif self._on_way and page.button("saved.next") is not None:  # the time was up between click and mark
+        elif self._on_way and (
+            page.button("saved.next") or page.button("homes.next")
+        ):  # the time was up between click and mark
             self._cut_off()
 
     async def _act_in_the_dark(self) -> None:
@@ -81,9 +90,11 @@ class PogBot(Bot):
         if page.is_looking:
             await self._look(next_s)
             return
-        if self._plan is None:
+        if self._plan is None or self._plan.search != page.search:
             self._plan = await self._planned()
         plan = self._plan
+        if not plan.aims and plan.later:
+            plan.aims = plan.later.pop(0)
         if plan.aims:
             aim = plan.aims[0]
             if await self._shows_storey(aim):
@@ -99,12 +110,14 @@ class PogBot(Bot):
 
     async def _planned(self) -> _Plan:
         """The plan for the present trial."""
+        search = self._page.search
         if self._kind == "shortest":
-            aim = await asyncio.to_thread(self._homes.goal, self.log.code)
-            return _Plan([] if aim is None else [aim, *beside(aim)])
+            goals = await asyncio.to_thread(self._homes.goals, self.log.code, search)
+            return _Plan(later=[[aim, *beside(aim)] for aim in goals], search=search)
         num_clicks = 1 + int(self._rng.integers(_CLICKS))
         found = [await asyncio.to_thread(self._homes.anywhere, self.log.code, self._rng) for _ in range(num_clicks)]
-        return _Plan([aim for aim in found if aim is not None], int(self._rng.integers(2)))
+        aims = [aim for aim in found if aim is not None]
+        return _Plan(aims, num_moves=int(self._rng.integers(2)), search=search)
 
     async def _look(self, next_s: float) -> None:
         """Turns the home for a while, then asks what to find; an impatient bot asks at once, and again."""
@@ -168,7 +181,7 @@ class PogBot(Bot):
         """Confirms the mark, an impatient bot twice, and waits for the page to go on."""
         if self._page.mark is None:
             await self._until(lambda: self._page.mark is not None or not self._page.is_pointing)
-        button = self._page.button("pog.confirm")
+        button, search = self._page.confirm_button, self._page.search
         if button is None or self._page.mark is None:
             return
         if self._answer is None:
@@ -178,5 +191,5 @@ class PogBot(Bot):
         if self._kind == "impatient":
             await asyncio.sleep(BURST_GAP_S)
             await self._connection.set_value(button.uuid, True)
-        await self._until(lambda: not self._page.is_pointing)
+        await self._until(lambda: not self._page.is_pointing or self._page.search != search)
         self._plan = None

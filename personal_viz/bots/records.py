@@ -139,7 +139,7 @@ class BotCount:
     unknown: int = 0
     """Stored, but sent by no bot."""
     answers: int = 0
-    """Trials with a confirmed mark."""
+    """Trials, or searches of home sequences, with a confirmed mark."""
 
     def __add__(self, other: "BotCount") -> "BotCount":
         """The sums of both."""
@@ -204,7 +204,8 @@ def _count(reader: StudyReader, log: BotLog) -> BotCount:
     moves = [point for point in log.points if point.mark is None]
     moved = _only_counted(moves, sum(map(_is_move, clicks)), f"{who}: a move of the mark")
     confirmed = [sum(event.kind == "confirm" for event in trial) for trial in trials]
-    num_answers = sum(count > 0 for count in confirmed)
+    searches = [max(1, sum(event.kind == "search" for event in trial)) for trial in trials]
+    num_answers = sum(map(min, confirmed, searches))
     answered = _only_counted(log.answers, num_answers, f"{who}: an answer of {len(log.answers)}")
     lost = (*(f"{who}: {word} {place + 1} of {len(sent)}" for place in gone), *moved.lost)
     return BotCount(

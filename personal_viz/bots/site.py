@@ -17,14 +17,17 @@ from human_study.design.study import (
     StudyDataset,
     StudyDesign,
     StudyPractice,
+    StudySequences,
     load_study,
     save_study,
 )
 from human_study.texts.participants import TEXT_FILES, TOLD_FOLDER
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.sequence_files import SequenceSet
 from sim.types import SPLITS, Split, TaskKind
 
 from ..study_app.operator.served import Person
+from ..study_app.study_files import PLACES_FILE, note_places, places_of, plan_study
 
 HOME = "BotHome"
 
@@ -55,6 +58,7 @@ def make_pilot(
     participants: int,
     evidence: tuple[Path, ...] = (),
     scenes_dir: Path | None = None,
+    sequence_set: Path | None = None,
     splits: dict[Split, int | Literal["all"]] | None = None,
     seed: int = 0,
     **choices: Any,
@@ -67,12 +71,11 @@ def make_pilot(
         participants: Number for each task, and in POG for each condition.
         evidence: Folders of the dataset's evidence.
         scenes_dir: Folder of licensed scans.
+        sequence_set: Set of home sequences that are done instead of episodes.
         splits: Number of episodes of each split; None = all.
         seed: Seed of the plan.
         choices: Fields of StudyConfig; by default the task is PAN.
     """
-    from personal_viz.study_app.study_files import plan_study
-
     usual = {
         "study": "bots",
         "task": ("pan",),
@@ -89,10 +92,13 @@ def make_pilot(
         "breaks": StudyBreaks(every=None, sitting_max=None),
         "storey_names": "texts",  # as `study init` writes
         "aggregate": StudyAggregate(intervals="homes"),
+        "sequences": None
+        if sequence_set is None
+        else StudySequences(sha256=SequenceSet(sequence_set).digest(), history="visible"),
     }
     config = StudyConfig(**(usual | choices))
     save_study(folder, config)
-    plan_study(folder, dataset, scenes_dir, evidence=evidence, pilot=True)
+    plan_study(folder, dataset, scenes_dir, evidence=evidence, sequences=sequence_set, pilot=True)
     return config
 
 
@@ -129,6 +135,9 @@ def copy_plan(study: Path, folder: Path) -> None:
     for name in (PRACTICE_FOLDER, TOLD_FOLDER):
         if (study / name).is_dir():
             shutil.copytree(study / name, folder / name)
+    if (study / PLACES_FILE).is_file():
+        places = places_of(study)
+        note_places(folder, places.dataset, places.evidence, places.scenes_dir, sequences=places.sequences)
 
 
 def running(folder: Path, dataset: Path, scenes_dir: Path | None, url: str, *, evidence: tuple[Path, ...] = ()) -> Site:

@@ -40,7 +40,7 @@ AWAY_S = (0.2, 1.5)
 PATIENCE_S = 120.0
 """Seconds for which a patient bot tries to come back."""
 _LEADS_ON = (
-    *("practice.start", "counted.start", "saved.next", "page.go_on", "problem.paused.again"),
+    *("practice.start", "counted.start", "saved.next", "homes.next", "page.go_on", "problem.paused.again"),
     *("look.topdown_begin", "look.glb_begin"),
 )
 """Words of the buttons that lead on, on cards and after a look at a home."""

@@ -34,6 +34,7 @@ from human_study.design.study import (
     load_study,
 )
 from sim.authoring.generation import dataset_files, invent_dataset, write_files
+from sim.authoring.sequences.generation import draw_sequences, write_sequences
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.frames import T_world_camera, yaw_towards
@@ -88,19 +89,21 @@ _KEYS = {Action.FORWARD: "w", Action.LEFT: "a", Action.RIGHT: "d"}
 _METHODS = ("center", "qs", "rpg", "phrase", "joint")
 _WORSE, _BETTER = "rpg", "joint"
 """Methods whose answers are replayed."""
+_STATIC_JOBS = {"instructions", "sequences"}
+"""Names of the jobs that change the pages of studies; they run only when they are asked for."""
 _QUALITIES = range(86, 30, -4)
 _WAIT_MS = 120_000
 
 
 def main() -> None:
     """Makes the pictures that were asked for."""
-    names = sys.argv[1:] or [name for name in JOBS if name != "instructions"]
+    names = sys.argv[1:] or [name for name in JOBS if name not in _STATIC_JOBS]
     PICTURES.mkdir(exist_ok=True)
     expect.set_options(timeout=_WAIT_MS)
     for name in names:
         with tempfile.TemporaryDirectory(prefix=f"personal-{name}-") as folder:
             JOBS[name](Path(folder))
-    print(f"Written to {PICTURES}" + (f" and {STATIC}" if "instructions" in names else ""))
+    print(f"Written to {PICTURES}" + (f" and {STATIC}" if _STATIC_JOBS & {*names} else ""))
 
 
 def picture_demo(folder: Path) -> None:
@@ -348,6 +351,35 @@ def picture_instructions(folder: Path) -> None:
                 page.close()
 
 
+def picture_sequences(folder: Path) -> None:
+    """The second search of a home sequence, with its message: a picture of the documentation, and two of `static`."""
+    choices = {"task": ("pan", "pog"), "flow": ("instructions",), "pog": StudyPog(conditions=("map_open",))}
+    with _served_study(folder, num_sequences=1, **choices) as study, open_chromium() as browser:
+        page = browser.new_page()
+        page.goto(study.link("pan"))
+        _press(page, "Start")
+        _walk(page, "aa")
+        for _ in range(2):
+            page.keyboard.press("Enter", delay=60)
+        expect(page.locator("[data-search='1']")).to_be_visible()
+        _walk(page)
+        page.mouse.move(5, 795)
+        page.wait_for_timeout(1000)  # colours of buttons fade
+        picture = page.screenshot(path=PICTURES / "study-sequence.png", timeout=_WAIT_MS)
+        (STATIC / "how-pan-messages.jpg").write_bytes(small_jpeg(picture))
+        page.close()
+        page = browser.new_page()
+        page.goto(study.link("pog"))
+        _press(page, "Start")
+        _point(page)
+        _press(page, "Confirm the mark")
+        expect(page.locator("[data-search='1']")).to_be_visible()
+        _point(page, 0.45, 0.33)
+        page.mouse.move(5, 795)
+        page.wait_for_timeout(1000)
+        (STATIC / "how-pog-messages.jpg").write_bytes(small_jpeg(page.screenshot(timeout=_WAIT_MS)))
+
+
 JOBS: dict[str, Callable[[Path], None]] = {
     "demo": picture_demo,
     "pages": picture_pages,
@@ -362,6 +394,7 @@ JOBS: dict[str, Callable[[Path], None]] = {
     "view": picture_view,
     "annotate": picture_annotate,
     "instructions": picture_instructions,
+    "sequences": picture_sequences,
 }
 """Functions that make pictures; each gets a folder for the files that it needs on the way."""
 
@@ -447,19 +480,24 @@ def _compare(folder: Path, dataset: Path, key: EpisodeKey) -> None:
 
 
 @contextlib.contextmanager
-def _served_study(folder: Path, **choices: Any) -> Iterator[ServedStudy]:
+def _served_study(folder: Path, *, num_sequences: int = 0, **choices: Any) -> Iterator[ServedStudy]:
     """A pilot on one invented home, until the end of the block.
 
     Args:
         folder: For the study and its episodes.
+        num_sequences: Number of home sequences that are done instead of episodes; 0 = episodes.
         choices: Fields of StudyConfig.
     """
     dataset = folder / "dataset"
     invent_dataset(dataset, name="PictureHome", seed=5)
+    if num_sequences:
+        options = {"scenes_dir": None, "count": num_sequences, "seed": 5, "starts": "released"}
+        write_sequences(folder / "set", draw_sequences(dataset, ["PictureHome"], **options))
     make_pilot(
         folder / "study",
         dataset,
         participants=1,
+        sequence_set=folder / "set" if num_sequences else None,
         splits={"easy": 4},
         study="picture-study",
         ethics=StudyEthics(institution="Example University", contact="study@example.org", duration_min=30),

@@ -42,7 +42,7 @@ Number = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 Milliseconds = Annotated[float, msgspec.Meta(ge=0, le=1e12)]
 Pixels = Annotated[int, msgspec.Meta(ge=0, le=100_000)]
 KeyCode = Annotated[str, msgspec.Meta(pattern=KEY_PATTERN)]
-KeyAction = Literal["forward", "left", "right", "look_up", "look_down", "stop"]
+KeyAction = Literal["forward", "left", "right", "look_up", "look_down", "stop", "found"]
 
 
 class _Said(msgspec.Struct, frozen=True, tag_field="kind", forbid_unknown_fields=True):
@@ -157,19 +157,20 @@ def page_html(words: Catalogue) -> str:
     return f"<style>{tokens_css()}{''.join(styles)}</style>{_runs(script)}"
 
 
-def when_shown(call: Literal["shown", "refresh", "reload", "goOn"]) -> str:
+def when_shown(call: Literal["shown", "begun", "refresh", "reload", "goOn"]) -> str:
     """HTML that calls one of the script's functions as soon as it is in the page."""
     return _runs(_call(f"{call}()"))
 
 
-def sign_html(text: str, number: int) -> str:
+def sign_html(text: str, number: int, *, is_news: bool = False) -> str:
     """HTML that makes the script show a line over the picture; an empty text removes the line.
 
     Args:
         text: Plain text.
         number: A different number makes the same text be shown and read aloud again.
+        is_news: Whether the line tells of something new and asks for nothing.
     """
-    return _runs(_call(f"sign({json.dumps(text)},{number})"))
+    return _runs(_call(f"sign({json.dumps(text)},{number},{json.dumps(is_news)})"))
 
 
 @functools.cache

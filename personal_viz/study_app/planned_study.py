@@ -57,10 +57,16 @@ def open_planned(
         scenes_dir: The folder of scans now; None = with `dataset`, there are none, otherwise as planned.
 
     Raises:
-        StudyError: There is no plan, nobody does the task, or the dataset or a home is another one or cannot be found.
+        StudyError: There is no plan, it is of home sequences, nobody does the task, or the dataset or a home is another
+            one or cannot be found.
     """
     config = load_study(folder)
     plan = load_plan(folder, config)
+    if config.sequences is not None:
+        raise StudyError(
+            f"--study {folder}: is a study of home sequences; expected one of episodes. Run agents on its set with "
+            "--sequences, and give study report their runs."
+        )
     if dataset is None:
         places = places_of(folder)
         dataset, evidence, scenes_dir = places.dataset, places.evidence, scenes_dir or places.scenes_dir

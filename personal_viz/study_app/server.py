@@ -19,6 +19,7 @@ from human_study.design.plan import PRACTICE_FOLDER, StudyScene, load_plan
 from human_study.design.study import StudyConfig, load_study
 from human_study.texts.catalogue import catalogue_of
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.sequence_files import SequenceSet
 from sim.errors import PersonalVizError, StudyError
 from sim.homes.open_home import home_plan, open_scene
 from sim.homes.renderers import renderer_of
@@ -34,6 +35,7 @@ from .home.surfaces import StoreyCopies
 from .screens.camera import storey_names
 from .screens.seat import Seat, Study
 from .store_link import StoreLink
+from .study_sequences import PRACTICE_SET, sequences_by_key
 from .watch import Watches
 from .worker_door import WorkerDoor, WorkerTask, make_updates_safe, open_door
 
@@ -70,14 +72,16 @@ def open_study(task: WorkerTask) -> Study:
     plan = load_plan(folder, config)
     counted = PersonalDataset(task.dataset, evidence=task.evidence)
     practice = PersonalDataset(folder / PRACTICE_FOLDER) if plan.practice_scenes else None
-    threads = RenderThreads()
+    told = None if task.sequences is None else SequenceSet(task.sequences)
+    practised = SequenceSet(folder / PRACTICE_SET) if practice is not None and told is not None else None
+    shared = {"threads": RenderThreads(), "public": task.public}
 
     def open_one(name: str) -> Home:
         scene = plan.scene(name)
         if practice is not None and scene in plan.practice_scenes:
-            return open_home(config, scene, practice, None, threads=threads, public=task.public)
+            return open_home(config, scene, practice, None, sequences=practised, **shared)
         watched = {"rerun": task.rerun, "with_pixels": task.with_pixels, "is_pilot": plan.is_pilot}
-        return open_home(config, scene, counted, scenes_dir, threads=threads, public=task.public, **watched)
+        return open_home(config, scene, counted, scenes_dir, sequences=told, **shared, **watched)
 
     return Study(config, plan, HomeLibrary(open_one), time.monotonic())
 
@@ -89,6 +93,7 @@ def open_home(
     scenes_dir: Path | None,
     *,
     threads: RenderThreads,
+    sequences: SequenceSet | None = None,
     public: bool = False,
     rerun: str | None = None,
     with_pixels: bool = False,
@@ -120,6 +125,7 @@ def open_home(
         pog_scene=PogScene(scene, make_renderer=Raycaster),
         copies=copies,
         episodes={episode.key: episode for episode in dataset.episodes(scenes=(name,))},
+        sequences={} if sequences is None else sequences_by_key(sequences, name),
         storeys=scene_storeys(dataset.goals(name).values()),
         storey_labels=labels,
         watches=Watches(observers, make_env=lambda episode: pan_env(episode, scene, renderer, config)),

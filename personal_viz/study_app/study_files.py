@@ -1,6 +1,7 @@
 """The plan and the texts of a study before anybody takes part."""
 
 import hashlib
+import itertools
 import os
 import sys
 from collections.abc import Iterable, Sequence
@@ -25,7 +26,8 @@ from human_study.texts.catalogue import catalogue_of
 from human_study.texts.participants import DEBRIEFING_FILE, TEXT_FILES, freeze_texts, has_other_words
 from human_study.texts.words import open_places
 from sim.episodes.dataset import PersonalDataset
-from sim.episodes.schema import Episode
+from sim.episodes.schema import Goal
+from sim.episodes.sequence_files import SequenceSet
 from sim.errors import StudyError, line_from_validation_error
 from sim.files import bounded_json
 from sim.homes.kind import scene_kind
@@ -34,6 +36,8 @@ from sim.scans.hm3d import find_semantics
 from sim.scans.semantic_txt import read_semantic_txt
 from sim.tasks.provenance import program_release
 from sim.types import EpisodeKey
+
+from .study_sequences import make_practice, sequences_by_key, study_set
 
 PRACTICE_HOME = "PracticeHome"
 PLACES_FILE = "places.json"
@@ -48,6 +52,8 @@ class StudyPlaces(BaseModel):
     dataset: str
     evidence: tuple[str, ...] = ()
     scenes_dir: str | None = None
+    sequences: str | None = None
+    """The set of home sequences."""
 
 
 class FoundPlaces(NamedTuple):
@@ -56,10 +62,17 @@ class FoundPlaces(NamedTuple):
     dataset: Path
     evidence: tuple[Path, ...]
     scenes_dir: Path | None
+    sequences: Path | None
 
 
 def plan_study(
-    folder: Path, dataset: Path, scenes_dir: Path | None, *, evidence: tuple[Path, ...] = (), pilot: bool
+    folder: Path,
+    dataset: Path,
+    scenes_dir: Path | None,
+    *,
+    evidence: tuple[Path, ...] = (),
+    sequences: Path | None = None,
+    pilot: bool,
 ) -> StudyPlan:
     """Makes the plan of a study folder, writes it and returns it.
 
@@ -73,18 +86,26 @@ def plan_study(
             f"{folder / STUDY_FILE}: dataset.sha256 is {config.dataset.sha256[:12]}; expected {digest[:12]}, that of "
             f"{dataset}. Give the dataset that the study is about with its evidence, or correct the field."
         )
-    keys = sample_episodes(config, [episode.key for episode in episodes.episodes()])
+    told = study_set(folder, config, sequences)
+    pool = _pool(episodes, told)
+    keys = sample_episodes(config, list(pool))
     scenes = [study_scene(config, episodes, name, scenes_dir) for name in sorted({key.scene for key in keys})]
-    chosen = set(keys)
-    _require_objects(folder, config, scenes, scenes_dir, [each for each in episodes.episodes() if each.key in chosen])
+    _require_objects(folder, config, scenes, scenes_dir, [(key, pool[key]) for key in keys])
     made = make_plan(config, scenes, keys, practice=_practice(folder, config), is_pilot=pilot)
     made = made.model_copy(update={"texts": freeze_texts(folder, config, made)})
     save_plan(folder, made)
-    note_places(folder, dataset, evidence, scenes_dir)
+    note_places(folder, dataset, evidence, scenes_dir, sequences=sequences)
     return made
 
 
-def note_places(folder: Path, dataset: Path, evidence: Sequence[Path], scenes_dir: Path | None) -> None:
+def note_places(
+    folder: Path,
+    dataset: Path,
+    evidence: Sequence[Path],
+    scenes_dir: Path | None,
+    *,
+    sequences: Path | None = None,
+) -> None:
     """Writes `places.json` of a study folder.
 
     Raises:
@@ -99,8 +120,10 @@ def note_places(folder: Path, dataset: Path, evidence: Sequence[Path], scenes_di
         dataset=seen(dataset),
         evidence=tuple(seen(each) for each in evidence),
         scenes_dir=None if scenes_dir is None else seen(scenes_dir),
+        sequences=None if sequences is None else seen(sequences),
     )
-    write_private(folder / PLACES_FILE, places.model_dump_json(indent=1) + "\n")
+    left_out = {"sequences"} if sequences is None else set[str]()
+    write_private(folder / PLACES_FILE, places.model_dump_json(indent=1, exclude=left_out) + "\n")
 
 
 def places_of(folder: Path) -> FoundPlaces:
@@ -122,6 +145,7 @@ def places_of(folder: Path) -> FoundPlaces:
         (base / places.dataset).resolve(),
         tuple((base / each).resolve() for each in places.evidence),
         None if places.scenes_dir is None else (base / places.scenes_dir).resolve(),
+        None if places.sequences is None else (base / places.sequences).resolve(),
     )
 
 
@@ -221,12 +245,20 @@ def require_texts(folder: Path, config: StudyConfig, made: StudyPlan) -> None:
             )
 
 
+def _pool(episodes: PersonalDataset, told: SequenceSet | None) -> dict[EpisodeKey, tuple[Goal, ...]]:
+    """The targets of each episode, or of each home sequence."""
+    if told is None:
+        return {episode.key: episode.targets for episode in episodes.episodes()}
+    found = sequences_by_key(told)
+    return {key: tuple(itertools.chain(*sequence.targets)) for key, sequence in found.items()}
+
+
 def _require_objects(
     folder: Path,
     config: StudyConfig,
     scenes: Sequence[StudyScene],
     scenes_dir: Path | None,
-    episodes: Sequence[Episode],
+    trials: Sequence[tuple[EpisodeKey, tuple[Goal, ...]]],
 ) -> None:
     """Refuses homes without what `pog` of the study file promises; homes made from a plan have it all.
 
@@ -257,22 +289,22 @@ def _require_objects(
                 "semantics."
             )
         if field == "pog.pointing" and semantics is not None:
-            _require_targets(folder, semantics[1], [each for each in episodes if each.key.scene == scene.name])
+            _require_targets(folder, semantics[1], [each for each in trials if each[0].scene == scene.name])
 
 
-def _require_targets(folder: Path, semantic_txt: Path, episodes: Sequence[Episode]) -> None:
+def _require_targets(folder: Path, semantic_txt: Path, trials: Sequence[tuple[EpisodeKey, tuple[Goal, ...]]]) -> None:
     """Refuses episodes with a target that the scan does not list: a mark could not go to it.
 
     Raises:
         PersonalVizError: There is one, or the text is damaged.
     """
     names = {label.name for label in read_semantic_txt(semantic_txt)}
-    for episode in episodes:
-        missing = next((goal.object_name for goal in episode.targets if goal.object_name not in names), None)
+    for key, targets in trials:
+        missing = next((goal.object_name for goal in targets if goal.object_name not in names), None)
         if missing is not None:
             raise StudyError(
                 f"{folder / STUDY_FILE}: pog.pointing is 'snap', but {semantic_txt} does not list {missing!r}, a "
-                f"target of {episode.key}; expected every target. Take pog.pointing: free, or the semantics of the "
+                f"target of {key}; expected every target. Take pog.pointing: free, or the semantics of the "
                 "release that the episodes are made on."
             )
 
@@ -296,6 +328,9 @@ def _practice(folder: Path, config: StudyConfig) -> Practice | None:
         )
     practice = config.model_copy(update={"clutter": 0})
     scene = study_scene(practice, PersonalDataset(root), PRACTICE_HOME, None)
+    if config.sequences is not None:
+        shown = [PersonalDataset(root).episode(key) for key in plain]
+        return Practice((scene,), *make_practice(folder, PRACTICE_HOME, seed=config.dataset.seed + 1, in_view=shown))
     return Practice((scene,), tuple(key for key, _ in in_view), plain)
 
 

@@ -50,6 +50,8 @@ class WorkerTask(msgspec.Struct, frozen=True):
     """Folder of licensed scans."""
     evidence: tuple[str, ...] = ()
     """Folders of the dataset's evidence."""
+    sequences: str | None = None
+    """Folder of the set of home sequences, in a study of them."""
     rerun: str | None = None
     """A folder or a viewer's address, to which trials are streamed for a researcher."""
     with_pixels: bool = False

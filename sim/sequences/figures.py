@@ -102,9 +102,9 @@ def sequence_figures(runs: Sequence[SequenceRun], *, rule: SequenceRule = "paper
         searches=len(searches),
         **{name: _sr(group, rule) for name, group in groups.items()},
         **{name: _mean(wholes.get(name, [])) for name in _OF_SEQUENCES},
-        spl=_mean([_spl(search, rule) for search in walked if search.succeeds(rule) is not None]),
+        spl=_mean([search_spl(search, rule) for search in walked if search.succeeds(rule) is not None]),
         top3=_mean([float(answer.top3_success) for answer in answers]),
-        dtg=_mean([dtg for search in searches if (dtg := _dtg(search, rule)) is not None]),
+        dtg=_mean([dtg for search in searches if (dtg := search_dtg(search, rule)) is not None]),
         steps=_mean([float(search.measures.num_steps) for search in searches if search.measures is not None]),
         stale=_mean(old),
         interference=None if after is None or before is None else after - before,
@@ -127,10 +127,52 @@ def memory_gain(runs: Iterable[tuple[SequenceRun, SequenceRun]], *, rule: Sequen
     return MemoryGain(
         n=len(revisits),
         sr=_mean([float(_is_right(one, rule)) - float(_is_right(other, rule)) for one, other in revisits]),
-        spl=_mean([_spl(one, rule) - _spl(other, rule) for one, other in revisits]),
+        spl=_mean([search_spl(one, rule) - search_spl(other, rule) for one, other in revisits]),
         steps=_mean(steps),
         sr_all=_mean([float(_is_right(one, rule)) - float(_is_right(other, rule)) for one, other in pairs]),
     )
+
+
+def difference_over_homes(
+    one: Sequence[tuple[float, str]], other: Sequence[tuple[float, str]]
+) -> tuple[float, tuple[float, float] | None]:
+    """Difference of two means, with its interval as of `interval_over_homes`; a home's values in both go together.
+
+    Args:
+        one: (value, home) of each value.
+        other: The same of the mean that is taken away.
+    """
+    sums: dict[str, float] = defaultdict(float)
+    means = []
+    for values, sign in ((one, 1), (other, -1)):
+        means.append(float(np.mean([value for value, _ in values])))
+        for value, home in values:
+            sums[home] += sign * (value - means[-1]) / len(values)
+    difference, count = means[0] - means[1], len(sums)
+    if count < 2:
+        return difference, None
+    error = (count / (count - 1) * sum(found**2 for found in sums.values())) ** 0.5
+    half = float(stats.t.ppf(0.975, count - 1)) * error
+    return difference, (difference - half, difference + half)
+
+
+def search_spl(search: SearchEnd, rule: SequenceRule) -> float:
+    """SPL of one search, by the shortest walk from where it began; to all right objects where they are wanted."""
+    if search.measures is None or not search.succeeds(rule):
+        return 0.0
+    found = search.measures.rules["habitat" if rule == "goat" else rule]
+    best_m = search.all.best_m if search.all is not None else found and found.start_distance
+    if best_m is None:
+        return 0.0
+    return _efficiency(best_m, search.measures.path_m)
+
+
+def search_dtg(search: SearchEnd, rule: SequenceRule) -> float | None:
+    """Metres from where FOUND ended a search to where it succeeds; None without both."""
+    if search.measures is None or search.reason != "found":
+        return None
+    found = search.measures.rules["habitat" if rule == "goat" else rule]
+    return None if found is None else found.dtg
 
 
 def csr(right: Sequence[bool], weights: Sequence[float] | None = None) -> float:
@@ -170,25 +212,6 @@ def _is_right(search: SearchEnd, rule: SequenceRule) -> bool:
 def _sr(searches: Sequence[SearchEnd], rule: SequenceRule) -> float | None:
     known = [right for search in searches if (right := search.succeeds(rule)) is not None]
     return _mean([float(right) for right in known])
-
-
-def _spl(search: SearchEnd, rule: SequenceRule) -> float:
-    """SPL of one search, by the shortest walk from where it began; to all right objects where they are wanted."""
-    if search.measures is None or not search.succeeds(rule):
-        return 0.0
-    found = search.measures.rules["habitat" if rule == "goat" else rule]
-    best_m = search.all.best_m if search.all is not None else found and found.start_distance
-    if best_m is None:
-        return 0.0
-    return _efficiency(best_m, search.measures.path_m)
-
-
-def _dtg(search: SearchEnd, rule: SequenceRule) -> float | None:
-    """Metres from where FOUND ended a search to where it succeeds; None without both."""
-    if search.measures is None or search.reason != "found":
-        return None
-    found = search.measures.rules["habitat" if rule == "goat" else rule]
-    return None if found is None else found.dtg
 
 
 def _efficiency(best_m: float, walked_m: float) -> float:

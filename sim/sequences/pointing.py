@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -72,11 +73,12 @@ class PointSearches:
         ]
         return task_so_far(self._whole, news, self.query, self.index)
 
-    def answer(self, points: Sequence[Vector3]) -> None:
+    def answer(self, points: Sequence[Vector3], *, without: Literal["giveup", "timeout"] = "giveup") -> None:
         """Takes the answer of the present search, which ends it.
 
         Args:
-            points: World points, best first; where all objects are wanted, one for each. () = giving up.
+            points: World points, best first; where all objects are wanted, one for each. () = no answer.
+            without: Why there is none.
         """
         sequence, index = self._sequence, self.index
         subtask, episode = sequence.record.subtasks[index], search_episode(sequence, index)
@@ -85,7 +87,7 @@ class PointSearches:
         self._ends.append(
             SearchEnd(
                 kind=subtask.kind,
-                reason="found" if points else "giveup",
+                reason="found" if points else without,
                 message=subtask.message,
                 is_after_news=is_after_news(sequence, index),
                 leg_m=None,

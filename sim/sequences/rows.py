@@ -18,7 +18,9 @@ MEMORY = "memory"
 """Part of the condition of runs in which agents kept their memory."""
 
 
-_Pooled = dict[tuple[str, str, str, TaskKind], list[tuple[RunInfo, tuple[SequenceRun, ...]]]]
+RunOfSequences = tuple[RunInfo, tuple[SequenceRun, ...]]
+"""A run: who did it and how, and its sequences."""
+_Pooled = dict[tuple[str, str, str, TaskKind], list[RunOfSequences]]
 """Runs by who, condition, kind of homes and task."""
 
 
@@ -53,7 +55,11 @@ def sequence_rows(folders: Sequence[Path], *, rule: SuccessRule = "paper") -> li
         RunFileError: A folder is damaged, a sequence stands twice in one run or seed, or runs are on different sets or
             homes.
     """
-    read = [(read_run_info(folder), read_sequence_runs(folder)) for folder in folders]
+    return rows_of_runs([(read_run_info(folder), read_sequence_runs(folder)) for folder in folders], rule=rule)
+
+
+def rows_of_runs(read: Sequence[RunOfSequences], *, rule: SuccessRule = "paper") -> list[SequenceRow]:
+    """The same of runs that were read already, or of people's."""
     _require_one_set([info for info, _ in read])
     pooled: _Pooled = defaultdict(list)
     for info, runs in read:
@@ -64,12 +70,12 @@ def sequence_rows(folders: Sequence[Path], *, rule: SuccessRule = "paper") -> li
     return [row.model_copy(update={"memory_gain": _gain(row, pooled, rule)}) for row in rows]
 
 
-def _row(found: Sequence[tuple[RunInfo, tuple[SequenceRun, ...]]], rule: SuccessRule) -> SequenceRow:
+def _row(found: Sequence[RunOfSequences], rule: SuccessRule) -> SequenceRow:
     info = found[0][0]
     seen: dict[tuple[EpisodeKey, int | str], str] = {}
     for one, runs in found:
         for run in runs:
-            trial = (run.key, one.run_id if one.seed is None else one.seed)
+            trial = (run.key, one.run_id if one.seed is None or one.who_kind == "human" else one.seed)
             if trial in seen:
                 raise RunFileError(
                     f"{one.run_id}: found {run.key} a second time (first in {seen[trial]}); expected each sequence "

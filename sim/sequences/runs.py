@@ -19,7 +19,7 @@ from sim.types import Action, EndReason, EpisodeKey, Pose, Split, SuccessRule, T
 
 VIEW_DISTANCE = 0.25
 """Metres of walking to a view point below which GOAT-Bench counts FOUND as a success."""
-SearchReason = Literal["found", "steps", "stop", "unreached", "giveup"]
+SearchReason = Literal["found", "steps", "stop", "unreached", "giveup", "timeout"]
 _MODEL = ConfigDict(frozen=True, extra="forbid")
 
 
@@ -57,7 +57,8 @@ class SearchEnd(BaseModel):
     model_config = _MODEL
     kind: SubtaskKind
     reason: SearchReason
-    """`unreached` = STOP came before; in POG `found` = pointed at something, or `giveup`."""
+    """`unreached` = STOP came before; in POG `found` = pointed at something. People give searches up (`giveup`), or run
+    out of time (`timeout`), and go on with the next one."""
     message: int = Field(ge=0)
     """Index of the message that decides the answer."""
     is_after_news: bool

@@ -48,9 +48,17 @@ def score_search(
     sequence: HomeSequence, index: int, env: PanEnv, *, scene_digest: str, navigation: NavigationMap
 ) -> SearchEnd:
     """One search of `env`, scored under every rule; a search that is not over yet counts as unreached."""
-    begin, end = (0, *env.search_ends)[index : index + 2] if index < len(env.search_ends) else (0, 0)
     scored = _Search(sequence, index, navigation)
-    return scored.end(env.poses[begin : end + 1], env.steps[begin:end], scene_digest=scene_digest)
+    if index >= len(env.search_ends):
+        return scored.end((), (), reason="unreached", scene_digest=scene_digest)
+    begin, end = (0, *env.search_ends)[index : index + 2]
+    poses, steps, why = env.poses[begin : end + 1], env.steps[begin:end], env.search_reasons[index]
+    reason: SearchReason
+    if why == "giveup" or why == "timeout":
+        reason = why
+    else:
+        reason = search_reason(steps, is_for_all=sequence.record.subtasks[index].mode == "all")
+    return scored.end(poses, steps, reason=reason, scene_digest=scene_digest)
 
 
 def search_reason(steps: Sequence[Step], *, is_for_all: bool) -> SearchReason:
@@ -76,13 +84,13 @@ class _Search:
         self._subtask, self._targets = sequence.record.subtasks[index], sequence.targets[index]
         self._episode = search_episode(sequence, index)
 
-    def end(self, poses: Sequence[Pose], steps: Sequence[Step], *, scene_digest: str) -> SearchEnd:
-        """What came of it; `poses` are those where it began and after each step. Without steps it never began."""
+    def end(
+        self, poses: Sequence[Pose], steps: Sequence[Step], *, reason: SearchReason, scene_digest: str
+    ) -> SearchEnd:
+        """What came of it; `poses` are those where it began and after each step. Without poses it never began."""
         subtask, index = self._subtask, self._index
-        reason: SearchReason = "unreached"
         measures = found_old = None
-        if steps:
-            reason = search_reason(steps, is_for_all=subtask.mode == "all")
+        if poses:
             measures = score_run(
                 self._episode,
                 poses,
@@ -105,7 +113,7 @@ class _Search:
             leg_m=self._leg_m(),
             measures=measures,
             is_at_old=found_old,
-            all=self._all(poses, marks) if subtask.mode == "all" and steps else None,
+            all=self._all(poses, marks) if subtask.mode == "all" and poses else None,
         )
 
     def _leg_m(self) -> float | None:

@@ -62,8 +62,8 @@ class PanEnv:
         self._steps: list[Step] = []
         self._ends: list[int] = []
         """Number of steps at the end of each search that is over."""
-        self._was_found = False
-        """Whether FOUND ended the last one."""
+        self._reasons: list[EndReason] = []
+        """Why each of these ended; `stop` also where it was FOUND."""
 
     @classmethod
     def in_home(
@@ -112,13 +112,16 @@ class PanEnv:
         return tuple(self._ends)
 
     @property
+    def search_reasons(self) -> tuple[EndReason, ...]:
+        """Why each search that is over ended: `stop` for FOUND too, `steps`, or what `end_search` was told."""
+        return tuple(self._reasons)
+
+    @property
     def end_reason(self) -> EndReason | None:
-        """`stop` or `steps` once the episode is over, None before; `stop` also where FOUND ended the last search."""
+        """`stop` or `steps` once the episode is over, None before; in a sequence, why its last search ended."""
         if self._steps and self._steps[-1].action is Action.STOP:
             return "stop"
-        if len(self._ends) < max(1, len(self._prompts)):
-            return None
-        return "stop" if self._was_found else "steps"
+        return self._reasons[-1] if len(self._ends) >= max(1, len(self._prompts)) else None
 
     @property
     def is_over(self) -> bool:
@@ -127,15 +130,37 @@ class PanEnv:
 
     def reset(self) -> Observation:
         """Puts the robot back at the start."""
-        self._steps, self._ends = [], []
+        self._steps, self._ends, self._reasons = [], [], []
         return self.observe()
 
-    def restore(self, steps: Sequence[Step]) -> Observation:
-        """Restores the state after `steps`, which an equal environment took before."""
-        self._steps, self._ends = [], []
-        for step in steps:
-            self._take(step)
+    def restore(self, steps: Sequence[Step], *, left: Sequence[tuple[int, EndReason]] = ()) -> Observation:
+        """Restores the state after `steps`, which an equal environment took before.
+
+        Args:
+            steps: The steps.
+            left: Each call of `end_search` in between: after how many steps, and its reason.
+        """
+        self._steps, self._ends, self._reasons = [], [], []
+        for number in range(len(steps) + 1):
+            for _, reason in (one for one in left if one[0] == number):
+                self.end_search(reason)
+            if number < len(steps):
+                self._take(steps[number])
         return self.observe()
+
+    def end_search(self, reason: EndReason) -> None:
+        """Ends the present search of a home sequence without a step; the next one begins where the robot stands.
+
+        Raises:
+            TaskStateError: The sequence is over, or it is an episode.
+        """
+        if self.is_over or not self._prompts:
+            raise TaskStateError(
+                f"step {len(self._steps)}: found {reason!r} {'after the end' if self.is_over else 'in an episode'}; "
+                "expected it in a search of a home sequence. Call reset() first, or end an episode with 'stop'."
+            )
+        self._ends.append(len(self._steps))
+        self._reasons.append(reason)
 
     def step(self, action: Action, *, t_s: float = 0.0) -> Observation:
         """Takes one action; `t_s`, seconds since the episode's start, is stored with the step.
@@ -186,7 +211,7 @@ class PanEnv:
         is_found = step.action is Action.FOUND and (not self._prompts[index].is_for_all or before is Action.FOUND)
         if is_found or step.action is Action.STOP or len(self._steps) - begin >= self.max_steps:
             self._ends.append(len(self._steps))
-            self._was_found = is_found
+            self._reasons.append("stop" if is_found or step.action is Action.STOP else "steps")
 
     def _new_prompt(self) -> Prompt | None:
         """The prompt of a search that begins now."""

@@ -25,6 +25,7 @@ from .small_world import FILLED, paged_study, plan
 ROOT = Path(__file__).parents[2]
 PLACES = (ROOT / "human_study", ROOT / "personal_viz")
 OTHERS = tuple(language for language in get_args(Language) if language != "en")
+HISTORIES = ("visible", "hidden", "both")
 ARMS: dict[TaskKind, tuple[tuple[Condition, ...], ...]] = {
     "pan": (("none",), ("topdown", "glb")),
     "pog": (("map_2d",), ("map_first", "map_open", "map_2d")),
@@ -139,8 +140,17 @@ def test_every_word_is_used_and_every_use_has_a_word() -> None:
 def test_every_language_tells_the_same_rules(task: TaskKind, language: Language) -> None:
     """Numbers, keys, pictures, pages and questions are those of English."""
     rules = SUCCESS_RULES if task == "pan" else SUCCESS_RULES[:1]
-    for rule, conditions, pointing in itertools.product(rules, ARMS[task], ("free", "snap")):
-        choices = {"task": (task,), "success": rule, "actions": "paper6", "pan_max_s": 90.0, "confidence": True}
+    pointings, told = ("free", "snap"), ({}, *({"sequences": {"sha256": "0", "history": name}} for name in HISTORIES))
+    for rule, arms, pointing, kind in itertools.product(rules, ARMS[task], pointings, told):
+        conditions = paged_study(**kind).conditions(task) if kind else arms
+        choices = {
+            **kind,
+            "confidence": not kind,
+            "task": (task,),
+            "success": rule,
+            "actions": "paper6",
+            "pan_max_s": 90.0,
+        }
         choices |= {"pog": {"pointing": pointing, "answer_max_s": 60.0}}
         english = paged_study(**choices, practice={"pan": 1, "pog": 1}, **FILLED)
         other = english.model_copy(update={"language": language})

@@ -99,7 +99,7 @@ def test_a_right_and_a_wrong_answer_look_the_same_but_for_the_mark() -> None:
     for hit in ((-2.0, 0.5, 0.0), (2.5, 0.0, 2.5)):
         session = begun("pog")
         session.handle(Click(RAY, hit), 1.0)
-        ends.append(dataclasses.replace(session.handle(Confirm(), 2.0).view, mark=None))
+        ends.append(dataclasses.replace(session.handle(Confirm(), 2.0).view, mark=None, marks=()))
     assert ends[0] == ends[1]
 
 

@@ -27,6 +27,7 @@ from human_study.texts.words import limits_m, open_places
 from human_study.trial.terms import terms_of
 from sim.episodes.schema import Episode, Goal
 from sim.errors import StudyError
+from sim.sequences.runs import SearchEnd, SequenceEnd, SequenceRun
 from sim.tasks.rules import score_answer, score_run
 from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun
 from sim.types import SUCCESS_RULES, Action, Pose, SuccessRule, TaskKind
@@ -129,6 +130,57 @@ def test_every_text_tells_the_limits_that_are_scored_and_no_others(task: TaskKin
             assert said <= limits, (name, keys, conditions, text)
         assert lengths_m(ethics_documents(config, plan(config))["consent.md"]) == set()
         assert all(decides(config, task, limit) for limit in limits)
+
+
+def told_sequences(task: TaskKind, *, history: str = "both", **changes: object) -> StudyConfig:
+    """A study of home sequences with all pages."""
+    sequences = {"sha256": "0" * 64, "history": history}
+    return paged_study(task=(task,), sequences=sequences, **FILLED, **changes)
+
+
+@pytest.mark.parametrize("rule", SUCCESS_RULES)
+@pytest.mark.parametrize("task", get_args(TaskKind))
+def test_texts_of_home_sequences_tell_the_scored_limits_and_found_in_place_of_stop(
+    task: TaskKind, rule: SuccessRule, tmp_path: Path
+) -> None:
+    config = told_sequences(task, success=rule)
+    limits = set(limits_m(config, task))
+    told = texts_that_tell_the_rule(config, task, config.conditions(task))
+    for name, text in told.items():
+        said = lengths_m(text)
+        assert min(limits) in said, (name, text)
+        assert said <= limits, (name, text)
+    frozen(tmp_path, config)
+    told |= {f"{path}": path.read_text("utf-8") for path in (tmp_path / "told").iterdir()}
+    pages = "\n".join(text for name, text in told.items() if not name.endswith(("protocol.md", "preregistration.md")))
+    assert "STOP" not in pages
+    assert ("FOUND" in pages) == (task == "pan")
+    assert disagreements(pages, config, plan=plan(config), task=task) == []
+
+
+@pytest.mark.parametrize("task", get_args(TaskKind))
+def test_people_are_told_whether_they_can_read_messages_again(task: TaskKind) -> None:
+    answers = {"visible": "Yes, all messages", "hidden": "No, it is there", "both": "In some homes"}
+    for history, right in answers.items():
+        config = told_sequences(task, history=history)
+        pages = "\n".join(instruction_texts(config, task, config.conditions(task)))
+        questions = {each.name: each for each in questions_for(config, task, config.conditions(task))}
+        assert questions.keys() >= {"next", "changed", "again", "all"}
+        assert "whose" not in questions
+        assert all(len(set(each.answers)) == 3 for each in questions.values())
+        assert questions["again"].answers[0].startswith(right)
+        assert ("cannot read it again" in pages) == (history != "visible")
+        assert ("the newest first" in pages) == (history != "hidden")
+
+
+def test_after_practice_in_a_home_people_are_told_how_many_answers_were_right() -> None:
+    config = told_sequences("pog")
+    marks = [((x, 0.0, 0.0),) for x in (-2.0, 2.0)]
+    scored = [score_answer(episode(), points, storeys=[(0.0, 0.0)]) for points in marks]
+    ends = [SearchEnd.model_construct(answer=answer, measures=None, all=None) for answer in scored]
+    for searches, told in ((ends, "1 of 2 answers was right, but"), (ends[:1], "1 of 1 answers was right.")):
+        run = SequenceRun.model_construct(end=SequenceEnd.model_construct(searches=tuple(searches)))
+        assert practice_text(config, "pog", run).startswith(told)
 
 
 @pytest.mark.parametrize("rule", SUCCESS_RULES)

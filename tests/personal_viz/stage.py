@@ -79,7 +79,8 @@ def staged(
         again: Whether two notices and the same trial with a new link follow, again and again.
         choices: Fields of the study file.
     """
-    config, key = study(**choices), min(home.episodes)
+    config = study(**choices)
+    key = min(home.episodes if config.sequences is None else home.sequences)
 
     def new_link() -> MemoryLink:
         return MemoryLink(task, condition, code="p01", key=key)
@@ -91,7 +92,7 @@ def staged(
     def run(client: viser.ClientHandle) -> None:
         page = Page(client, catalogue_of(config.language))
         stage.pages.append(page)
-        actions = ("forward", "left", "right", "stop") if task == "pan" else ()
+        actions = ("forward", "left", "right", "stop" if config.sequences is None else "found") if task == "pan" else ()
         PageMessages(client, page.heard, actions=actions).begin({})
         page.tools(has_keys=task == "pan", on_leave="Your answers are deleted.")
         try:

@@ -156,7 +156,7 @@ def test_the_right_answer_is_not_always_the_first_and_stays_where_it_is() -> Non
 
 
 def test_progress_is_said_in_words_and_to_screen_readers() -> None:
-    bar = progress_html(Journey("trial", num_done=3, num_all=12), catalogue_of("en"))
+    bar = progress_html(config(), Journey("trial", num_done=3, num_all=12))
     assert "3 of 12 searches done" in bar
     assert '<progress max="12" value="3"' in bar
     assert tags_in(bar) == ["progress", "p"]

@@ -138,9 +138,9 @@ def test_the_label_of_the_mark_keeps_its_room() -> None:
     names = HomeNames(client)
     names.show([Name("lamp", (0.0, 0.0, -5.0))])
     (label,) = client.scene.labels.values()
-    names.keep_free(Name("your mark", (0.0, 0.0, -5.0)))
+    names.keep_free([Name("your mark", (0.0, 0.0, -5.0))])
     assert label.position[1] > 0.1
-    names.keep_free(None)
+    names.keep_free([])
     assert label.position == (0.0, 0.0, -5.0)
 
 

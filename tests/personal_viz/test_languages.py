@@ -24,7 +24,7 @@ from human_study.texts.catalogue import WORDS_FILE, Catalogue, catalogue_of
 from human_study.texts.participants import leave_text, practice_text, trial_name
 from human_study.texts.quiz import questions_for
 from human_study.trial.events import MapKind
-from human_study.trial.views import LookView, Mark, MarkedObject, PanView, PogView, RateView
+from human_study.trial.views import LookView, Mark, MarkedObject, Note, PanView, PogView, RateView
 from personal_viz.study_app.gateway.pages import Pages
 from personal_viz.study_app.home.surfaces import HomeSurface, MapView
 from personal_viz.study_app.home.top_view import STRIP, TopView
@@ -275,9 +275,18 @@ def test_pointing_shows_no_word_that_is_not_of_the_study_s_language(screen: Call
     mark = Mark((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0)
     given = options(page.words, StudyPog(object_names="demand", pointing="snap"))
     shown = PogScreen(page, view, nothing, surface=surface, things=[item.category], **given)
-    for changed in (replace(view, mark=mark), replace(view, mark=replace(mark, item=item), is_giving_up=True)):
+    on_item = replace(mark, item=item)
+    marked = replace(view, mark=on_item, marks=(on_item,), is_giving_up=True)
+    search = {"num_searches": 7, "search": 2, "query": view.task.queries[0], "notes": (Note(TASK.description, 2),)}
+    of_all = replace(view, **search, is_for_all=True)
+    for changed in (
+        replace(view, mark=mark, marks=(mark,)),
+        marked,
+        of_all,
+        replace(of_all, mark=mark, marks=(mark, on_item)),
+    ):
         shown.show(changed)
-    told += [call.args[1] for call in surface.show_mark.call_args_list]
+    told += [label for call in surface.show_marks.call_args_list for _, label in call.args[0]]
     require_marked(told)
 
 

@@ -20,9 +20,8 @@ from personal_viz.study_app.screens.page import (
     Item,
     Page,
     WithdrawnError,
-    description_html,
-    names_in,
 )
+from personal_viz.study_app.screens.texts import description_html, names_in
 from sim.types import Action
 
 CARD = Card("Title", "<p>text</p>", (Choice("yes", "Yes"),))

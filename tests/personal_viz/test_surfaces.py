@@ -43,42 +43,42 @@ def surface_with(kind: type) -> tuple[Surface, dict[str, Any]]:
     """A surface with the mark, and all that its browser shows."""
     client: Any = SimpleNamespace(scene=Scene(), camera=None, flush=lambda: None)
     surface = kind(client, ())
-    surface.show_mark(MARK, "your mark: bed")
+    surface.show_marks([(MARK, "your mark: bed")])
     return surface, client.scene.shown
 
 
 def test_a_mark_on_an_object_of_the_home_has_its_box_its_label_and_a_dot_at_the_click() -> None:
     _, shown = surface_with(SceneView)
-    lines = shown["/outline"].points
+    lines = shown["/mark0/outline"].points
     assert lines.shape == (12, 2, 3)
     assert lines.min(axis=(0, 1)) == pytest.approx((-2.6, 0.0, 0.8))
     assert lines.max(axis=(0, 1)) == pytest.approx((-1.4, 1.0, 1.2))
-    assert shown["/mark"].position == pytest.approx((-2.0, 1.12, 1.0)), "the ball stands on the object"
-    assert shown["/mark/label"].text == "your mark: bed"
-    assert shown["/hit"].position == (-1.5, 1.0, 1.1)
-    assert shown["/hit"].radius < shown["/mark"].radius
+    assert shown["/mark0/ball"].position == pytest.approx((-2.0, 1.12, 1.0)), "the ball stands on the object"
+    assert shown["/mark0/ball/label"].text == "your mark: bed"
+    assert shown["/mark0/hit"].position == (-1.5, 1.0, 1.1)
+    assert shown["/mark0/hit"].radius < shown["/mark0/ball"].radius
 
 
 def test_a_mark_on_an_object_of_the_map_has_its_outline_from_above_its_label_and_a_dot_at_the_click() -> None:
     _, shown = surface_with(MapView)
-    lines = shown["/outline"].points
+    lines = shown["/mark0/outline"].points
     assert lines.shape == (4, 2, 3)
     assert lines.min(axis=(0, 1)) == pytest.approx((-2.6, 0.02, 0.8))
     assert lines.max(axis=(0, 1)) == pytest.approx((-1.4, 0.02, 1.2))
-    assert shown["/mark/dot"].position == pytest.approx((-2.0, 0.02, 1.0)), "the middle, on the floor"
-    assert shown["/mark/label"].text == "your mark: bed"
-    assert shown["/hit"].position == pytest.approx((-1.5, 1.02, 1.1))
+    assert shown["/mark0/dot"].position == pytest.approx((-2.0, 0.02, 1.0)), "the middle, on the floor"
+    assert shown["/mark0/label"].text == "your mark: bed"
+    assert shown["/mark0/hit"].position == pytest.approx((-1.5, 1.02, 1.1))
 
 
 @pytest.mark.parametrize("kind", [SceneView, MapView])
 def test_a_nudge_moves_the_dot_and_nothing_of_the_old_mark_is_left(kind: type) -> None:
     surface, shown = surface_with(kind)
     before = dict(shown)
-    surface.show_mark(Mark(MARK.point, (-1.4, 1.0, 1.1), 0, BED), "your mark: bed")
+    surface.show_marks([(Mark(MARK.point, (-1.4, 1.0, 1.1), 0, BED), "your mark: bed")])
     assert shown.keys() == before.keys()
-    assert np.subtract(shown["/hit"].position, before["/hit"].position) == pytest.approx((0.1, 0.0, 0.0))
-    surface.show_mark(Mark((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0), "your mark")
-    assert "/hit" not in shown, "a mark on no object is at the click itself"
-    assert "/outline" not in shown
-    surface.hide_mark()
+    assert np.subtract(shown["/mark0/hit"].position, before["/mark0/hit"].position) == pytest.approx((0.1, 0.0, 0.0))
+    surface.show_marks([(Mark((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0), "your mark")])
+    assert "/mark0/hit" not in shown, "a mark on no object is at the click itself"
+    assert "/mark0/outline" not in shown
+    surface.hide_marks()
     assert shown == {}

@@ -13,9 +13,11 @@ from human_study.design.study import (
     STUDY_FILE,
     Language,
     StudyAggregate,
+    StudyBreaks,
     StudyConfig,
     StudyDataset,
     StudyDesign,
+    StudySequences,
     save_study,
 )
 from human_study.private_files import write_private
@@ -23,10 +25,11 @@ from human_study.texts.participants import TEXT_FILES, write_texts
 from human_study.texts.words import empty_fields
 from personal_viz.study_app.recruit_codes import CODES_FILE
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.sequence_files import SequenceSet
 from sim.errors import StudyError
 from sim.types import SPLITS, Split
 
-from ..options import Dataset, Evidence, dataset_options
+from ..options import Dataset, Evidence, Sequences, dataset_options
 from .wizard import asked
 
 CODES_TEMPLATE = """# Codes that the recruiting platform gave for this study; uncomment with
@@ -45,6 +48,7 @@ class StudyInit:
     study: Positional[Path]
     dataset: Dataset
     evidence: Evidence = ()
+    sequences: Sequences = None
     name: Annotated[str | None, arg(help="Public name of the study; that of the folder by default.")] = None
     task: Annotated[tuple[Literal["pan", "pog"], ...], arg(help="Both: each participant does one of them.")] = ("pan",)
     design: Literal["house-once", "crossed"] = "house-once"
@@ -69,6 +73,8 @@ class StudyInit:
             design=StudyDesign(kind=self.design),
             storey_names="texts",
             aggregate=StudyAggregate(intervals="homes"),
+            sequences=None if self.sequences is None else StudySequences(sha256=SequenceSet(self.sequences).digest()),
+            breaks=StudyBreaks() if self.sequences is None else StudyBreaks(every=2, sitting_max=6),
         )
         if self.wizard:
             config = asked(config)
@@ -79,7 +85,8 @@ class StudyInit:
         left = [field for field in empty_fields(config) if field != "ethics.duration_min"]  # the plan estimates it
         if left:
             print(f"Before people take part, fill these in {STUDY_FILE}: {', '.join(left)}")
-        print(f"Next: personal-viz study plan {self.study} {dataset_options(self.dataset, self.evidence)}")
+        told = "" if self.sequences is None else f" --sequences {self.sequences}"
+        print(f"Next: personal-viz study plan {self.study} {dataset_options(self.dataset, self.evidence)}{told}")
         return 0
 
 

@@ -16,7 +16,7 @@ from sim.errors import StudyError, line_from_validation_error
 from sim.words.english import how_many
 
 from ...study_app.study_files import plan_study
-from ..options import Evidence, ScenesDir, dataset_options
+from ..options import Evidence, ScenesDir, Sequences, dataset_options
 from ..output import print_json
 
 _OPTIONS = {"agent_gap": "gap", "person_sds": "person_sd", "num_simulations": "simulations"}
@@ -31,6 +31,7 @@ class StudyPlanVerb:
     dataset: Annotated[Path | None, arg(help="Folder of the PersONAL episodes; not needed for --power.")] = None
     evidence: Evidence = ()
     scenes_dir: ScenesDir = None
+    sequences: Sequences = None
     pilot: Annotated[bool, arg(help="May be served without an ethics id; all records say that it is a pilot.")] = False
     power: Annotated[bool, arg(help="Only simulate: width of intervals, power, and better designs.")] = False
     people: Annotated[int, arg(help="--power without a study: total number of people.")] = 25
@@ -65,7 +66,8 @@ class StudyPlanVerb:
                 f"{self.study / DATABASE_FILE}: found records, so the study has begun; expected none. A plan never "
                 "changes after that: give a new study another folder."
             )
-        made = plan_study(self.study, self.dataset, self.scenes_dir, evidence=self.evidence, pilot=self.pilot)
+        places = {"evidence": self.evidence, "sequences": self.sequences}
+        made = plan_study(self.study, self.dataset, self.scenes_dir, **places, pilot=self.pilot)
         facts = _facts(made, load_study(self.study))
         if self.json:
             print_json({"written": str(self.study / PLAN_FILE), **facts})
@@ -132,7 +134,7 @@ def _facts(made: StudyPlan, config: StudyConfig) -> dict[str, Any]:
     return {
         "study": config.study,
         "design": config.design.kind,
-        "episodes": len({trial.key for _, trial in counted}),
+        "episodes" if config.sequences is None else "sequences": len({trial.key for _, trial in counted}),
         "homes": dict(sorted(Counter(scene.kind for scene in made.scenes).items())),
         "people": len(trials),
         "spare_people": len(made.participants) - len(trials),
@@ -145,8 +147,9 @@ def _facts(made: StudyPlan, config: StudyConfig) -> dict[str, Any]:
 
 
 def _print_plan(made: StudyPlan, facts: Mapping[str, Any]) -> None:
-    episodes, homes = how_many(facts["episodes"], "episode"), how_many(len(made.scenes), "home")
-    print(f"{facts['study']}: {episodes} in {homes}, design {facts['design']}")
+    what = "sequences" if "sequences" in facts else "episodes"
+    number, homes = how_many(facts[what], what.removesuffix("s")), how_many(len(made.scenes), "home")
+    print(f"{facts['study']}: {number} in {homes}, design {facts['design']}")
     sizes = ", ".join(f"{people} people x {number} trials" for number, people in facts["people_by_trials"].items())
     spare = facts["spare_people"]
     print(f"  {facts['trials']} counted trials: {sizes}" + (f"; {spare} spare people" if spare else ""))

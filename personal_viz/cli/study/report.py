@@ -15,10 +15,13 @@ from tyro.conf import Positional, arg
 from human_study.report.glmm import glmm_csv, glmm_script
 from human_study.report.measures import WAYS
 from human_study.report.overlays import floors_needed, overlay_keys, overlay_name, overlay_svg
+from human_study.report.page import label_lines
 from human_study.report.render import csv_text, html_text, latex, markdown, summary
 from human_study.report.report import ReportGroups, StudyReport, report_groups, report_of
 from human_study.report.source import ReportSource, read_source
 from human_study.report.ways import ShortestPaths, ways_csv
+from human_study.sequence_report.measures import KINDS, SequenceSource, read_sequences, sequence_report
+from human_study.sequence_report.text import sequence_csv, sequence_html, sequence_markdown, summary_lines
 from personal_viz.printed import Console
 from sim.episodes.dataset import PersonalDataset
 from sim.errors import StudyError
@@ -63,6 +66,9 @@ class StudyReportVerb:
             raise StudyError(
                 f"--scenes-dir: found {str(self.scenes_dir)!r} without --dataset; expected both. Give --dataset."
             )
+        told = read_sequences(self.runs)
+        if told is not None:
+            return self._report_sequences(told)
         source = read_source(self.runs)
         episodes, split_sizes, objects = None, None, None
         if self.dataset is not None:
@@ -93,6 +99,29 @@ class StudyReportVerb:
             _print_summary(found)
             others = ", ".join(name for name in files if name != "report.html")
             _console().print(Text(f"The whole report: {self.out / 'report.html'}. In the same folder: {others}."))
+        return 0
+
+    def _report_sequences(self, source: SequenceSource) -> int:
+        """Writes the report of a study of home sequences."""
+        if self.dataset is not None or self.overlays:
+            raise StudyError(
+                "study report: found --dataset or --overlays for a study of home sequences; expected neither, because "
+                "its report has no floors and no shortest paths. Leave them out."
+            )
+        found = sequence_report(source, rule=self.rule)
+        document = found.model_dump_json(indent=2) + "\n"
+        texts = {"report.md": sequence_markdown(found), "report.html": sequence_html(found)}
+        files = texts | {"report.csv": sequence_csv(found), "report.json": document}
+        write_report(self.out, files, earlier=("overlay-*.svg",))
+        if self.json:
+            print(document, end="")
+            return 0
+        for line in label_lines(found.scene_labels, is_pilot=found.is_pilot, num_open=found.num_open):
+            _console().print(Text(line, "bold"))
+        heads = ("who", "n", "SR", *KINDS, "at old")
+        _console().print(table_of(heads, summary_lines(found)))
+        others = ", ".join(name for name in files if name != "report.html")
+        _console().print(Text(f"The whole report: {self.out / 'report.html'}. In the same folder: {others}."))
         return 0
 
 

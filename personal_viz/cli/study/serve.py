@@ -16,13 +16,20 @@ from human_study.store.database import require_free_space
 from human_study.store.store import StudyStore, open_store
 from personal_viz.study_app.gateway.http import listen
 from personal_viz.study_app.gateway.options import ServeOptions, require_may_serve
-from personal_viz.study_app.study_files import note_places, require_same_homes, require_texts, study_scene
+from personal_viz.study_app.study_files import (
+    note_places,
+    places_of,
+    require_same_homes,
+    require_texts,
+    study_scene,
+)
+from personal_viz.study_app.study_sequences import study_set
 from sim.episodes.dataset import PersonalDataset, sample_keys
 from sim.errors import StudyError
 from sim.homes.kind import scene_kind
 from sim.types import SPLITS, EpisodeKey
 
-from ..options import Clutter, Dataset, Evidence, Labels, Limit, Rerun, ScenesDir, Splits, WithPixels
+from ..options import Clutter, Dataset, Evidence, Labels, Limit, Rerun, ScenesDir, Sequences, Splits, WithPixels
 from ..refusals import check_options, require_folder, require_no_scan, require_same_dataset
 
 
@@ -36,6 +43,7 @@ class StudyServe:
     scene: Annotated[str | None, arg(help="Without a study: one POG and one PAN participant on this home.")] = None
     evidence: Evidence = ()
     scenes_dir: ScenesDir = None
+    sequences: Sequences = None
     out: Annotated[Path | None, arg(help="With --scene: the folder; runs/study-<scene> by default.")] = None
     split: Splits = ()
     limit: Limit = None
@@ -75,6 +83,7 @@ class StudyServe:
                 dataset=self.dataset,
                 evidence=self.evidence,
                 scenes_dir=self.scenes_dir,
+                sequences=None if config.sequences is None else self._set_of(folder, config),
                 platform_key=secrets.key_bytes,
                 links=[(person.task.upper(), person.code, secrets.tokens[person.code]) for person in plan.participants],
                 options=options,
@@ -97,9 +106,18 @@ class StudyServe:
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         require_same_dataset(episodes, {config.dataset.sha256}, whose="the study's")
         require_same_homes(plan, plan.scenes, episodes, self.scenes_dir)
+        self._set_of(folder, config)
         if plan.practice_scenes:
             require_same_homes(plan, plan.practice_scenes, PersonalDataset(folder / PRACTICE_FOLDER), None)
         return folder, config, plan
+
+    def _set_of(self, folder: Path, config: StudyConfig) -> Path | None:
+        """The checked set of the study's sequences; where it was when the study was planned, unless it is given."""
+        given = self.sequences
+        if given is None and config.sequences is not None:
+            given = places_of(folder).sequences
+        study_set(folder, config, given)
+        return given
 
     def _of_scene(self, scene: str) -> tuple[Path, StudyConfig, StudyPlan]:
         """The episodes of one home for a POG and a PAN participant, without pages before; always a pilot."""

@@ -18,13 +18,15 @@ from human_study.store.records import StoredTrial, VerificationEntry, read_study
 from human_study.store.store import open_store
 from personal_viz.study_app.home.trial_homes import open_trial_home, sim_hash
 from personal_viz.study_app.study_files import require_same_homes
+from personal_viz.study_app.study_sequences import PRACTICE_SET, study_set
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.sequence_files import SequenceSet
 from sim.errors import StudyError
 from sim.tasks.workers import SceneJob, results
 from sim.types import EpisodeKey
 
 from ...progress import counted
-from ..options import Dataset, Evidence, ScenesDir
+from ..options import Dataset, Evidence, ScenesDir, Sequences
 from ..refusals import check_options, require_same_dataset
 
 BATCH = 20
@@ -38,6 +40,8 @@ class VerifyJob(SceneJob):
     study: Path
     study_scene: StudyScene
     scenes_dir: Path | None
+    sequences: Path | None
+    """Set of home sequences of this home, in a study of them."""
     trials: tuple[tuple[EpisodeKey, str, str], ...]
     """(episode, trial id, participant) of each trial."""
     run_id: str
@@ -51,6 +55,7 @@ class StudyVerify:
     dataset: Dataset
     evidence: Evidence = ()
     scenes_dir: ScenesDir = None
+    sequences: Sequences = None
     jobs: Annotated[int, arg(help="Worker processes, each with homes of its own.")] = 1
     store: Annotated[bool, arg(help="Write the result into the study, unless it is being served.")] = True
 
@@ -60,7 +65,7 @@ class StudyVerify:
         with read_study(self.study) as reader:
             reader.check()
             people = [reader.trials(code) for code in reader.codes()]
-            plan, digest = reader.plan, reader.config.dataset.sha256
+            config, plan, digest = reader.config, reader.plan, reader.config.dataset.sha256
         finished = [status for trials in people for status in trials if status.outcome is not None]
         num_deleted = sum(bool(trials) and trials[0].is_shredded for trials in people)
         names = {status.key.scene for status in finished}
@@ -68,10 +73,11 @@ class StudyVerify:
             episodes = PersonalDataset(self.dataset, evidence=self.evidence)
             require_same_dataset(episodes, {digest}, whose="the study's")
             require_same_homes(plan, [scene for scene in plan.scenes if scene.name in names], episodes, self.scenes_dir)
+            study_set(self.study, config, self.sequences)
         practice = [scene for scene in plan.practice_scenes if scene.name in names]
         if practice:
             require_same_homes(plan, practice, PersonalDataset(self.study / PRACTICE_FOLDER), None)
-        work = self._jobs(plan, finished, run_id)
+        work = self._jobs(plan, finished, run_id, has_sequences=config.sequences is not None)
         found: list[VerificationEntry] = []
         with counted("verify", len(finished)) as progress:
             for entries in results(_open_home, work, processes=self.jobs, batch=BATCH):
@@ -82,13 +88,16 @@ class StudyVerify:
             _store(self.study, found)
         return 0 if all(entry.status == "verified" for entry in found) else 1
 
-    def _jobs(self, plan: StudyPlan, finished: Sequence[StoredTrial], run_id: str) -> list[VerifyJob]:
+    def _jobs(
+        self, plan: StudyPlan, finished: Sequence[StoredTrial], run_id: str, *, has_sequences: bool
+    ) -> list[VerifyJob]:
         """One job for each home."""
         by_scene: defaultdict[str, list[tuple[EpisodeKey, str, str]]] = defaultdict(list)
         for status in finished:
             assert status.trial_id is not None, status
             by_scene[status.key.scene].append((status.key, status.trial_id, status.code))
         practice = {scene.name for scene in plan.practice_scenes}
+        practised = self.study / PRACTICE_SET if has_sequences else None
         return [
             VerifyJob(
                 self.study / PRACTICE_FOLDER if name in practice else self.dataset,
@@ -97,6 +106,7 @@ class StudyVerify:
                 study=self.study,
                 study_scene=plan.scene(name),
                 scenes_dir=None if name in practice else self.scenes_dir,
+                sequences=practised if name in practice else self.sequences,
                 trials=tuple(trials),
                 evidence=() if name in practice else self.evidence,
                 run_id=run_id,
@@ -108,7 +118,8 @@ class StudyVerify:
 def _open_home(job: VerifyJob) -> Callable[[EpisodeKey], tuple[VerificationEntry, ...]]:
     """Opens the job's home; returns a function that replays the trials of one episode by all its people."""
     dataset = PersonalDataset(job.dataset_root, evidence=job.evidence)
-    home = open_trial_home(dataset, job.study_scene, job.scenes_dir)
+    sequences = None if job.sequences is None else SequenceSet(job.sequences)
+    home = open_trial_home(dataset, job.study_scene, job.scenes_dir, sequences=sequences)
     simulator = sim_hash(home)
 
     def do_again(key: EpisodeKey) -> tuple[VerificationEntry, ...]:

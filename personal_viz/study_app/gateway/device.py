@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from human_study.design.study import Condition
+from human_study.design.study import PanCondition, PogCondition, StudyConfig
 from human_study.journey import Person
 
 MIN_WIDTH, MIN_HEIGHT = 1000, 600
@@ -11,8 +11,8 @@ MIN_WIDTH, MIN_HEIGHT = 1000, 600
 SMALLER = 0.95
 """Share of the smallest page that is still accepted, because browsers' own bars take some room."""
 MOST_PIXELS = 100_000
-IN_3D: tuple[Condition, ...] = ("glb", "map_first", "map_open", "map_2d")
-"""Conditions in which the browser draws the home itself and needs WebGL."""
+IN_3D: tuple[PanCondition | PogCondition, ...] = ("glb", "map_first", "map_open", "map_2d")
+"""Views in which the browser draws the home itself and needs WebGL."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +44,9 @@ class DeviceReport:
         }
 
 
-def needs_webgl(person: Person) -> bool:
+def needs_webgl(config: StudyConfig, person: Person) -> bool:
     """Whether a participant will meet a home in 3-D."""
-    return any(trial.condition in IN_3D for trial in person.kept)
+    return any(config.view_in(trial.task, trial.condition) in IN_3D for trial in person.kept)
 
 
 def device_report(form: Mapping[str, str]) -> DeviceReport | None:

@@ -159,7 +159,7 @@ class Pages:
         match journey.place:
             case "device":
                 words: dict[str, Any] = {
-                    "needs_webgl": needs_webgl(person),
+                    "needs_webgl": needs_webgl(self._config, person),
                     "width": MIN_WIDTH,
                     "height": MIN_HEIGHT,
                     "smaller": SMALLER,
@@ -305,7 +305,7 @@ class Pages:
             self._store.enter_stage(code, "screened_out")
         elif report is None:
             return
-        elif not report.can_show(needs_webgl=needs_webgl(person)):
+        elif not report.can_show(needs_webgl=needs_webgl(self._config, person)):
             known = [entry.detail for entry in person.stages if entry.stage == "device_failed"]
             if report.detail() not in known:
                 self._store.enter_stage(code, "device_failed", report.detail())

@@ -225,7 +225,7 @@ class Frames:
 def successors(
     pose: Pose, navigation: NavigationMap, actions: Sequence[Action], *, last: Action | None = None
 ) -> list[Pose]:
-    """The robot's poses after each action but STOP, the likeliest first: the last action is often repeated.
+    """The robot's poses after each action that moves it, the likeliest first: the last action is often repeated.
 
     Args:
         pose: The robot's present pose.
@@ -233,7 +233,7 @@ def successors(
         actions: Actions that the participant may use.
         last: The last action, if any.
     """
-    moves = [action for action in actions if action is not Action.STOP]
+    moves = [action for action in actions if action not in (Action.STOP, Action.FOUND)]
     moves.sort(key=lambda action: action is not last)
     poses = []
     for action in moves:

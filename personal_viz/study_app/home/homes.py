@@ -7,18 +7,20 @@ here runs on viser's event loop.
 import contextlib
 import threading
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
 import viser
 
 from human_study.design.study import HomeView, StudyConfig, StudyPog
 from human_study.trial.views import MarkedObject
-from sim.episodes.schema import Episode
+from sim.episodes.schema import Episode, Goal
+from sim.episodes.sequence_files import HomeSequence
 from sim.mesh import Scene
 from sim.render.renderer import Renderer
+from sim.sequences.searches import prompts_of
 from sim.tasks.pan import PanEnv
 from sim.tasks.pog import PogScene
 from sim.types import Action, EpisodeKey
@@ -43,6 +45,7 @@ class Home:
     pog_scene: PogScene
     copies: StoreyCopies
     episodes: dict[EpisodeKey, Episode]
+    """The home's episodes; none where sequences are done in their place."""
     storeys: list[tuple[float, float]]
     """(lowest, highest) floor of each storey, from the episodes."""
     storey_labels: tuple[int, ...]
@@ -51,6 +54,8 @@ class Home:
     """Observers of the trials, for a researcher who watches."""
     threads: RenderThreads
     """Draw pictures of the home for participants who look around in it."""
+    sequences: Mapping[EpisodeKey, HomeSequence] = field(default_factory=dict)
+    """The home's sequences, in a study of them."""
     view: HomeView = "browser"
     """Where those pictures are made."""
     rooms: tuple[tuple[Name, ...], ...] = ()
@@ -71,14 +76,14 @@ class Home:
             return SceneView(client, self.copies, names_of)
         return PictureView(client, self.copies, names_of, pog_scene=self.pog_scene, threads=self.threads)
 
-    def objects_for(self, episode: Episode) -> dict[str, MarkedObject] | None:
-        """The objects at which one can point, by name; None where the targets of the episode are not among them."""
+    def objects_for(self, targets: Iterable[Goal]) -> dict[str, MarkedObject] | None:
+        """The objects at which one can point, by name; None where these targets are not among them."""
         found = {
             item.name: MarkedObject(item.category, item.centre, item.size)
             for item in self.scene.objects
             if item.instance_id
         }
-        return found if all(target.object_name in found for target in episode.targets) else None
+        return found if all(target.object_name in found for target in targets) else None
 
     def try_out(self, config: StudyConfig) -> None:
         """Walks and points once: loops that no run has compiled yet on this machine are compiled before people wait.
@@ -86,7 +91,8 @@ class Home:
         Raises:
             PersonalVizError: Nobody could walk here.
         """
-        env = pan_env(next(iter(self.episodes.values())), self.scene, self.renderer, config)
+        first = next(iter((*self.episodes.values(), *self.sequences.values())))
+        env = pan_env(first, self.scene, self.renderer, config)
         env.reset()
         env.step(Action.FORWARD)
         self.pog_scene.hit(0, env.pose.position, (0.0, -1.0, 0.0))
@@ -96,10 +102,16 @@ class Home:
         self.watches.close()
 
 
-def pan_env(episode: Episode, scene: Scene, renderer: Renderer, config: StudyConfig) -> PanEnv:
+def pan_env(trial: Episode | HomeSequence, scene: Scene, renderer: Renderer, config: StudyConfig) -> PanEnv:
     """The environment in which a PAN participant walks."""
-    camera, steps = config.robot_camera, config.steps
-    return PanEnv(episode.start, scene.navigation, renderer=renderer, camera=camera, max_steps=steps)
+    return PanEnv(
+        trial.start,
+        scene.navigation,
+        renderer=renderer,
+        camera=config.robot_camera,
+        max_steps=config.steps,
+        prompts=() if isinstance(trial, Episode) else prompts_of(trial, query_index=config.query_index),
+    )
 
 
 class Closeable(Protocol):

@@ -82,7 +82,7 @@ class HomeNames:
         """Held while labels change: viser refuses to change one that was removed."""
         self._root: Any = None
         self._labels: list[tuple[Name, Any]] = []
-        self._mark: Name | None = None
+        self._marks: list[Name] = []
         self._move = 0
         """Number of the camera's last move."""
 
@@ -100,11 +100,11 @@ class HomeNames:
             ]
             self._lay_out()
 
-    def keep_free(self, mark: Name | None) -> None:
-        """Keeps room for the label of the participant's mark, which is drawn elsewhere."""
+    def keep_free(self, marks: Sequence[Name]) -> None:
+        """Keeps room for the labels of the participant's marks, which are drawn elsewhere."""
         with self._lock:
-            if mark != self._mark:
-                self._mark = mark
+            if list(marks) != self._marks:
+                self._marks = list(marks)
                 self._lay_out()
 
     def remove(self) -> None:
@@ -137,9 +137,9 @@ class HomeNames:
         T_world_camera[:3, :3] = viser.transforms.SO3(np.asarray(camera.wxyz, float)).as_matrix()
         T_world_camera[:3, 3] = camera.position
         window = (float(camera.image_width), float(camera.image_height))
-        first = [] if self._mark is None else [self._mark]
-        names = [*first, *(name for name, _ in self._labels)]
-        places = laid_out(names, T_world_camera, window=window, fov=float(camera.fov))[len(first) :]
+        first = len(self._marks)
+        names = [*self._marks, *(name for name, _ in self._labels)]
+        places = laid_out(names, T_world_camera, window=window, fov=float(camera.fov))[first:]
         with self._client.atomic():
             for (_, label), place in zip(self._labels, places, strict=True):
                 if place is not None and place != tuple(label.position):

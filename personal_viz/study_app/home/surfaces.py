@@ -31,6 +31,8 @@ MARK_COLOR = (214, 0, 110)
 JPEG_QUALITY = 90
 _BALL = 0.12
 """Radius of a mark in the home (metres)."""
+_LABEL = 0.3
+"""Height of a mark's label over its ball (metres)."""
 _DOT = 0.05
 """Radius of the dot where the click met an object (metres)."""
 _OUTLINE = 0.03
@@ -111,7 +113,7 @@ class Surface(ABC):
         """Shows nothing yet."""
         self._client = client
         self._nodes: list[Any] = []
-        self._mark: list[Any] = []
+        self._marks: list[Any] = []
         self._index = 0
         self._floor_y: float | None = None
         """Floor height of the shown storey; None before the first one."""
@@ -152,45 +154,48 @@ class Surface(ABC):
         if self._first_look is not None and self._first_look.renew():
             self._client.flush()
 
-    def show_mark(self, mark: Mark, label: str) -> None:
-        """Shows the participant's mark, and takes an older one away; its object is outlined, with a dot at the click.
+    def show_marks(self, marks: Sequence[tuple[Mark, str]]) -> None:
+        """Shows the participant's marks with their labels in place of older ones.
 
-        The dot moves with every nudge, also while the mark stays in the middle of the same object.
+        The object of a mark is outlined, with a dot at the click. The dot moves with every nudge, also while the mark
+        stays in the middle of the same object.
         """
-        self.hide_mark()
-        if mark.item is None:
-            self._mark = self._mark_at(mark.point, label)
-        else:
+        self.hide_marks()
+        for number, (mark, label) in enumerate(marks):
+            at = f"/mark{number}"
+            if mark.item is None:
+                self._marks += self._mark_at(at, mark.point, label)
+                continue
             x, y, z = mark.hit
-            self._mark = self._mark_on(mark.point, label, mark.item)
-            self._mark.append(add_ball(self._client, "/hit", _DOT, (x, y + (_ABOVE if self.is_map else 0.0), z)))
+            self._marks += self._mark_on(at, mark.point, label, mark.item)
+            self._marks.append(add_ball(self._client, f"{at}/hit", _DOT, (x, y + (_ABOVE if self.is_map else 0.0), z)))
         self._client.flush()
 
-    def hide_mark(self) -> None:
-        """Takes the mark away."""
-        for node in self._mark:
+    def hide_marks(self) -> None:
+        """Takes all marks away."""
+        for node in self._marks:
             node.remove()
-        self._mark = []
+        self._marks = []
 
     def remove(self) -> None:
         """Takes everything out of the browser."""
-        self.hide_mark()
+        self.hide_marks()
         for node in self._nodes:
             node.remove()
         self._nodes = []
 
     @abstractmethod
-    def _mark_at(self, position: Vector3, label: str) -> list[Any]:
-        """The nodes of a mark at a point."""
+    def _mark_at(self, at: str, position: Vector3, label: str) -> list[Any]:
+        """The nodes of a mark at a point, below the name `at`."""
 
     @abstractmethod
-    def _mark_on(self, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
+    def _mark_on(self, at: str, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
         """The nodes of a mark in the middle of an object, with the object's outline."""
 
-    def _outline(self, segments: NDArray[np.float64]) -> Any:
+    def _outline(self, at: str, segments: NDArray[np.float64]) -> Any:
         """Lines (N, 2, 3) of a mark's colour, world metres."""
         lines = segments.astype(np.float32)
-        return self._client.scene.add_line_segments("/outline", lines, MARK_COLOR, thickness=_OUTLINE)
+        return self._client.scene.add_line_segments(f"{at}/outline", lines, MARK_COLOR, thickness=_OUTLINE)
 
 
 class HomeSurface(Surface):
@@ -221,10 +226,10 @@ class HomeSurface(Surface):
         super().remove()
         self._names.remove()
 
-    def hide_mark(self) -> None:
-        """Takes the mark away."""
-        super().hide_mark()
-        self._names.keep_free(None)
+    def show_marks(self, marks: Sequence[tuple[Mark, str]]) -> None:
+        """Shows the participant's marks; the names in the home keep their labels free."""
+        super().show_marks(marks)
+        self._names.keep_free([_label_of(mark, label) for mark, label in marks])
 
     def _show(self, index: int) -> None:
         self._show_home(index)
@@ -234,18 +239,16 @@ class HomeSurface(Surface):
     def _show_home(self, index: int) -> None:
         """Shows the storey itself."""
 
-    def _mark_at(self, position: Vector3, label: str) -> list[Any]:
-        ball, above = add_ball(self._client, "/mark", _BALL, position), (0.0, 0.3, 0.0)
+    def _mark_at(self, at: str, position: Vector3, label: str) -> list[Any]:
+        ball = add_ball(self._client, f"{at}/ball", _BALL, position)
         add_label = self._client.scene.add_label
-        add_label("/mark/label", label, position=above, anchor="center-center")  # goes with its parent
-        self._names.keep_free(Name(label, (position[0], position[1] + above[1], position[2])))
+        # goes with its parent
+        add_label(f"{at}/ball/label", label, position=(0.0, _LABEL, 0.0), anchor="center-center")
         return [ball]
 
-    def _mark_on(self, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
-        """The outline of the object's box; the ball stands on it, because in it nobody would see it."""
-        top_y = item.centre[1] + item.size[1] / 2
-        marked = self._mark_at((position[0], top_y + _BALL, position[2]), label)
-        return [self._outline(box_edges(item.centre, item.size)), *marked]
+    def _mark_on(self, at: str, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
+        marked = self._mark_at(at, _ball_on(position, item), label)
+        return [self._outline(at, box_edges(item.centre, item.size)), *marked]
 
     def _floor(self, index: int) -> float:
         return self._copies.storeys[index]
@@ -307,27 +310,38 @@ class MapView(Surface):
         )
         self._nodes.append(picture)
 
-    def _mark_at(self, position: Vector3, label: str) -> list[Any]:
+    def _mark_at(self, at: str, position: Vector3, label: str) -> list[Any]:
         """A ring with a dot, large enough to see, small enough to aim."""
         x, y, z = position
         ring = np.array([[math.cos(a), 0.0, math.sin(a)] for a in np.linspace(0, 2 * math.pi, 49)]) * 0.3
         segments = np.stack([ring[:-1], ring[1:]], axis=1) + np.array([x, y + _ABOVE, z])
         return [
-            self._client.scene.add_line_segments("/mark/ring", segments, MARK_COLOR, thickness=0.05),
-            add_ball(self._client, "/mark/dot", 0.06, (x, y + _ABOVE, z)),
-            self._client.scene.add_label("/mark/label", label, position=(x, y + 0.05, z - 0.45)),
+            self._client.scene.add_line_segments(f"{at}/ring", segments, MARK_COLOR, thickness=0.05),
+            add_ball(self._client, f"{at}/dot", 0.06, (x, y + _ABOVE, z)),
+            self._client.scene.add_label(f"{at}/label", label, position=(x, y + 0.05, z - 0.45)),
         ]
 
-    def _mark_on(self, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
+    def _mark_on(self, at: str, position: Vector3, label: str, item: MarkedObject) -> list[Any]:
         """The outline of the object from above, and a dot in its middle, on the floor."""
         x, _, z = position
         y = (self._floor_y or 0.0) + _ABOVE
         edges = box_edges(item.centre, item.size)[:4] * np.array([1.0, 0.0, 1.0]) + np.array([0.0, y, 0.0])
         return [
-            self._outline(edges),
-            add_ball(self._client, "/mark/dot", 0.06, (x, y, z)),
-            self._client.scene.add_label("/mark/label", label, position=(x, y + 0.05, z - item.size[2] / 2 - 0.15)),
+            self._outline(at, edges),
+            add_ball(self._client, f"{at}/dot", 0.06, (x, y, z)),
+            self._client.scene.add_label(f"{at}/label", label, position=(x, y + 0.05, z - item.size[2] / 2 - 0.15)),
         ]
+
+
+def _ball_on(position: Vector3, item: MarkedObject) -> Vector3:
+    """The place of a mark's ball on the object's box, because in it nobody would see it."""
+    return (position[0], item.centre[1] + item.size[1] / 2 + _BALL, position[2])
+
+
+def _label_of(mark: Mark, label: str) -> Name:
+    """A mark's label with its place in the home."""
+    x, y, z = mark.point if mark.item is None else _ball_on(mark.point, mark.item)
+    return Name(label, (x, y + _LABEL, z))
 
 
 def box_edges(

@@ -2,29 +2,37 @@
 
 import functools
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from human_study.design.plan import StudyScene
 from human_study.export.verify import TrialHome
 from human_study.trial.outcome import ObjectAt, PointAt
 from sim.episodes.dataset import PersonalDataset
+from sim.episodes.sequence_files import HomeSequence, SequenceSet
+from sim.errors import DatasetError
 from sim.homes.open_home import open_scene
 from sim.render.raycast import Raycaster
 from sim.tasks.pan import SIMULATOR_VERSION
 from sim.tasks.pog import PogScene
 from sim.tasks.rules import scene_storeys
 from sim.tasks.run_files import Vector3
+from sim.types import EpisodeKey
 from sim.walk.storeys import nearest_storey
 
+from ..study_sequences import sequences_by_key
 
-def open_trial_home(dataset: PersonalDataset, study_scene: StudyScene, scenes_dir: Path | None) -> TrialHome:
+
+def open_trial_home(
+    dataset: PersonalDataset, study_scene: StudyScene, scenes_dir: Path | None, *, sequences: SequenceSet | None = None
+) -> TrialHome:
     """A home of the study or of its practice.
 
     Args:
         dataset: The dataset with the home's episodes; for practice, `PRACTICE_FOLDER` of the study or of its export.
         study_scene: The home and its level of clutter.
         scenes_dir: The folder of licensed scans; None = plans and schematic homes, as in practice.
+        sequences: The set with the home's sequences, in a study of them; for practice, `PRACTICE_SET`.
 
     Raises:
         DatasetError, SceneError: The home or its episodes cannot be read.
@@ -38,7 +46,17 @@ def open_trial_home(dataset: PersonalDataset, study_scene: StudyScene, scenes_di
         episode=dataset.episode,
         cast=_cast(cut_scene),
         object_at=_object_at(cut_scene),
+        sequence=None if sequences is None else functools.partial(_sequence, sequences_by_key(sequences, scene.name)),
     )
+
+
+def _sequence(found: Mapping[EpisodeKey, HomeSequence], key: EpisodeKey) -> HomeSequence:
+    if key not in found:
+        raise DatasetError(
+            f"sequence {key}: found no such one among {len(found)} of its home; expected one of the study's set. Give "
+            "its --sequences."
+        )
+    return found[key]
 
 
 def sim_hash(home: TrialHome) -> str:

@@ -39,6 +39,7 @@ def serve_study(
     dataset: Path,
     evidence: tuple[Path, ...] = (),
     scenes_dir: Path | None,
+    sequences: Path | None = None,
     links: Sequence[tuple[str, str, str]],
     platform_key: bytes,
     options: ServeOptions,
@@ -53,6 +54,7 @@ def serve_study(
         dataset: The dataset of the counted trials.
         evidence: Folders of the dataset's evidence.
         scenes_dir: The folder of licensed scans.
+        sequences: The set of home sequences, in a study of them.
         links: (label such as PAN, participant's code, personal token) of everybody.
         platform_key: The study's own key for the ids of recruiting platforms.
         options: Addresses, names, limits; `require_may_serve` has accepted them.
@@ -69,7 +71,7 @@ def serve_study(
         store, store.config, token_of_code=tokens, platform_key=platform_key, pay_file=PayFile(store.folder)
     )
     scans = str(scenes_dir) if scenes_dir else None
-    sources = tuple(map(str, evidence))
+    sources, told = tuple(map(str, evidence)), None if sequences is None else str(sequences)
     print(_opening(store.plan, options.num_workers), flush=True)
     with (
         listen(options.bind, options.port) as listening,
@@ -77,7 +79,7 @@ def serve_study(
         ended_by_sigterm(),
         _pool(
             store,
-            WorkerTask(str(folder), str(dataset), scans, sources, where, with_pixels, options.public),
+            WorkerTask(str(folder), str(dataset), scans, sources, told, where, with_pixels, options.public),
             tickets,
             options,
         ) as pool,

@@ -5,7 +5,7 @@ The camera's pose is sampled while it moves.
 
 import asyncio
 import math
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Collection, Iterable, Sequence
 from functools import partial
 
 import numpy as np
@@ -55,11 +55,11 @@ class StoreyButtons:
             page.hotkey("pageup", page.words("camera.storey_up"), partial(self._step, 1))
             page.hotkey("pagedown", page.words("camera.storey_down"), partial(self._step, -1))
 
-    def show(self, shown: int, marked: int | None = None) -> None:
-        """Labels the buttons, with the storey that is shown, and another one on which the participant's mark is."""
+    def show(self, shown: int, marked: Collection[int] = ()) -> None:
+        """Labels the buttons, with the storey that is shown, and others on which marks of the participant are."""
         self._shown = shown
         for index, (name, button) in enumerate(zip(self._names, self._buttons, strict=False)):
-            state = "storey_shown" if index == shown else "storey_marked" if index == marked else "storey_show"
+            state = "storey_shown" if index == shown else "storey_marked" if index in marked else "storey_show"
             label = self._words(f"camera.{state}", name=name)
             relabel(button, label[:1].upper() + label[1:], "dark" if index == shown else "blue")
 

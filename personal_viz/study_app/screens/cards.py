@@ -66,7 +66,7 @@ def welcome_back_card(config: StudyConfig, person: Person) -> Card | None:
     journey, before = journey_of(config, person), trial_before(person)
     if journey.place not in ("practice", "trial") or before is None or has_rested(person, journey):
         return None
-    return _saved(catalogue_of(config.language), journey, trial_name(config, person, before))
+    return _saved(config, journey, trial_name(config, person, before))
 
 
 def begin_card(config: StudyConfig, person: Person) -> Card | None:
@@ -75,9 +75,9 @@ def begin_card(config: StudyConfig, person: Person) -> Card | None:
     practice = [trial for trial in person.kept if trial.phase == "practice"]
     others = [trial for trial in person.kept if trial.phase != "practice"]
     if journey.place == "practice" and not any(trial.is_begun for trial in practice):
-        card = _practice(words, len(practice))
+        card = _practice(config, len(practice))
     elif journey.place == "trial" and practice and not any(trial.is_begun for trial in others):
-        card = _counted(words, journey)
+        card = _counted(config, journey)
     else:
         return None
     parts = parts_of(config, person)
@@ -101,8 +101,9 @@ def card_after(config: StudyConfig, person: Person, played: AssignedTrial, *, fe
         return None
     words = catalogue_of(config.language)
     if ended is not None:
-        return _saved(words, journey, trial_name(config, person, ended), feedback)
-    body = paragraphs(words("interrupted.text")) + progress_html(journey, words)
+        return _saved(config, journey, trial_name(config, person, ended), feedback)
+    lost = words("interrupted.text" if config.sequences is None else "homes.interrupted")
+    body = paragraphs(lost) + progress_html(config, journey)
     return Card(words("interrupted.title"), body, (Choice("next", words("page.go_on")),))
 
 
@@ -118,36 +119,39 @@ def card_html(card: Card, words: Catalogue) -> str:
     return f'<div class="personal-page">{_parts_html(card, words)}<h1>{title}</h1>{card.body}</div>'
 
 
-def progress_html(journey: Journey, words: Catalogue) -> str:
+def progress_html(config: StudyConfig, journey: Journey) -> str:
     """HTML of a progress bar, with the numbers in words beside it; empty where no trial counts."""
-    num_done, num_all = journey.num_done, journey.num_all
+    num_done, num_all, words = journey.num_done, journey.num_all, catalogue_of(config.language)
     if not num_all:
         return ""
-    done = html.escape(words("page.done", done=num_done, all=num_all))
+    key = "page.done" if config.sequences is None else "homes.done"
+    done = html.escape(words(key, done=num_done, all=num_all))
     return f'<progress max="{num_all}" value="{num_done}" aria-label="{done}"></progress><p class="quiet">{done}</p>'
 
 
-def _practice(words: Catalogue, num_practice: int) -> Card:
-    text = "\n".join(
-        (
-            words("practice.begin", searches=words.how_many(num_practice, "practice_search", "practice_searches")),
-            words("practice.free"),
-            words("practice.told"),
-        )
-    )
+def _practice(config: StudyConfig, num_practice: int) -> Card:
+    words = catalogue_of(config.language)
+    begin, told = words("homes.practice_begin"), words("homes.practice_told")
+    if config.sequences is None:
+        searches = words.how_many(num_practice, "practice_search", "practice_searches")
+        begin, told = words("practice.begin", searches=searches), words("practice.told")
+    text = "\n".join((begin, words("practice.free"), told))
     return Card(words("practice.title"), paragraphs(text), (Choice("begin", words("practice.start")),))
 
 
-def _counted(words: Catalogue, journey: Journey) -> Card:
+def _counted(config: StudyConfig, journey: Journey) -> Card:
+    words = catalogue_of(config.language)
     text = paragraphs(f"{words('counted.text')}\n{words('counted.told')}")
     return Card(
-        words("counted.title"), text + progress_html(journey, words), (Choice("begin", words("counted.start")),)
+        words("counted.title"), text + progress_html(config, journey), (Choice("begin", words("counted.start")),)
     )
 
 
-def _saved(words: Catalogue, journey: Journey, name: str, feedback: str = "") -> Card:
-    body = paragraphs(words("saved.text", trial=name)) + html_from_markdown(feedback) + progress_html(journey, words)
-    return Card(words("saved.title"), body, (Choice("next", words("saved.next")),))
+def _saved(config: StudyConfig, journey: Journey, name: str, feedback: str = "") -> Card:
+    words = catalogue_of(config.language)
+    told, progress = paragraphs(words("saved.text", trial=name)), progress_html(config, journey)
+    go_on = words("saved.next" if config.sequences is None else "homes.next")
+    return Card(words("saved.title"), told + html_from_markdown(feedback) + progress, (Choice("next", go_on),))
 
 
 def _parts_html(card: Card, words: Catalogue) -> str:

@@ -9,7 +9,6 @@ import contextlib
 import dataclasses
 import html
 import queue
-import re
 import time
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ import viser
 
 from human_study.texts.catalogue import Catalogue
 from human_study.trial.commands import Measure, Move, PageChanged, PressStop, Resize
-from sim.types import Action, Task
+from sim.types import Action
 
 from ..page_script import (
     Device,
@@ -47,7 +46,6 @@ PRESS_WITHIN_S = 0.5
 """Longest time from a key's own message to its command; an older message belongs to a press that never arrived."""
 WITHDRAW = "withdraw"
 """Name of the button by which somebody leaves the study for good, in messages of the page's script."""
-_WORD = re.compile(r"[^\W\d_]+(?:-[^\W\d_]+)*")
 _LAST = 1e6
 """Order of the elements below everything else."""
 Press = Callable[[], Awaitable[None]]
@@ -231,28 +229,21 @@ class Page:
             yield
         self.add(folder)
 
-    def query(self, task: Task) -> None:
-        """Adds the query."""
-        self.add(self.client.gui.add_html(f'<p class="personal-query">{html.escape(task.queries[0])}</p>'))
-
-    def description(self, task: Task) -> None:
-        """Adds the paragraph, with a button that highlights the names of the query in it."""
-        self.add(self.client.gui.add_html(description_html(task.description, task.queries[0], self.words)))
-
     def overlay(self, content: str) -> viser.GuiHtmlHandle:
         """Adds a sheet over the 3-D canvas, which then gets no mouse; returns it so that its content can change."""
         return self.add(self.client.gui.add_html(overlay_html(content)))
 
-    def sign(self, text: str, number: int = 0) -> None:
+    def sign(self, text: str, number: int = 0, *, is_news: bool = False) -> None:
         """Shows a line over the picture or the home and has it read aloud; nothing on the page moves.
 
         Args:
             text: The line; an empty text removes it.
             number: A different number shows the same text once more.
+            is_news: Whether the line tells of something new, such as a search that begins, and asks for nothing.
         """
         if (text, number) != self._signed:
             self._signed = text, number
-            self._sign.content = sign_html(text, number)
+            self._sign.content = sign_html(text, number, is_news=is_news)
 
     def card(self, card: Card, chosen: Callable[[str], Awaitable[None]] | None = None) -> None:
         """Shows a card over the whole page.
@@ -321,10 +312,11 @@ class Page:
         pressed, self._pressed = self._pressed, None
         if not isinstance(content, Move | PressStop) or content.code.startswith("button"):
             return content
-        action = (content.action if isinstance(content, Move) else Action.STOP).value
-        if pressed is not None and pressed[0].action == action and time.monotonic() - pressed[1] <= PRESS_WITHIN_S:
+        actions = (content.action,) if isinstance(content, Move) else (Action.STOP, Action.FOUND)
+        names = {action.value for action in actions}
+        if pressed is not None and pressed[0].action in names and time.monotonic() - pressed[1] <= PRESS_WITHIN_S:
             return dataclasses.replace(content, code=pressed[0].code, t_cli_ms=pressed[0].t_cli_ms)
-        own = next((code for name, code in self.own_keys.items() if name == action), content.code)
+        own = next((code for name, code in self.own_keys.items() if name in names), content.code)
         return dataclasses.replace(content, code=own)
 
 
@@ -351,46 +343,6 @@ def roomy_html(shown: str, *others: str) -> str:
     """
     before, after = (html.escape(text) for text in (*others, "", "")[:2])
     return f'<div class="personal-room" data-before="{before}" data-after="{after}"><div>{shown}</div></div>'
-
-
-def description_html(description: str, query: str, words: Catalogue) -> str:
-    """HTML of the paragraph; where it has names of the query, a button above it highlights them."""
-    pattern = "|".join(rf"\b{re.escape(name)}\b" for name in names_in(query, description))
-    tool, parts = "", [description]
-    if pattern:
-        on, off = (html.escape(words(f"task.names_{state}")) for state in ("on", "off"))
-        tool = (
-            f'<button type="button" data-tool="names" data-other="{off}" aria-pressed="false">'
-            f'<span class="personal-room" data-before="{on}" data-after="{off}"><span>{on}</span></span></button>'
-        )
-        parts = re.split(f"({pattern})", description)
-    escaped = [html.escape(part) for part in parts]
-    escaped[1::2] = [f'<span class="personal-name">{part}</span>' for part in escaped[1::2]]
-    return (
-        '<div class="personal-text personal-description scroll" tabindex="0" role="region" '
-        f'aria-label="{html.escape(words("task.description"))}">{tool}<p>{"".join(escaped)}</p></div>'
-    )
-
-
-def names_in(query: str, description: str) -> tuple[str, ...]:
-    """The words of the query that are names: with a capital in both texts, once or more inside a sentence.
-
-    Only these texts are read. The people of the ownership graph are ground truth, which the page must not know.
-    """
-    asked = [match[0] for match in _WORD.finditer(query)]
-    told = {match[0] for match in _WORD.finditer(description)}
-    inside = {
-        match[0]
-        for text in (query, description)
-        for match in _WORD.finditer(text)
-        if not _begins(text[: match.start()])
-    }
-    return tuple(dict.fromkeys(word for word in asked if word[0].isupper() and word in told & inside))
-
-
-def _begins(before: str) -> bool:
-    """Whether a sentence begins after this text."""
-    return re.search(r"(?:^|[.!?:])\W*$", before) is not None
 
 
 def overlay_html(content: str) -> str:

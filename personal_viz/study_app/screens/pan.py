@@ -22,6 +22,7 @@ from sim.types import Action
 
 from ..page_script import KeyAction
 from .page import Page, Send, overlay_html, relabel, show_giving_up
+from .texts import TaskTexts, news_of
 
 HOTKEYS = {
     "W": ("KeyW", Action.FORWARD),
@@ -47,6 +48,7 @@ class PanScreen:
         send: Send,
         *,
         caption: str,
+        has_history: bool = True,
         display_scale: float = 2.0,
         encode: Encode = jpeg_bytes,
     ) -> None:
@@ -57,21 +59,24 @@ class PanScreen:
             view: The first view.
             send: Receives the commands.
             caption: HTML with the trial's name and the kind of home, without the home's name.
+            has_history: In home sequences, whether messages of earlier searches can be read again.
             display_scale: The picture fills the window up to this many times its size.
             encode: Encodes a picture as JPEG; `Frames.jpeg` remembers the results.
         """
         self._page, self._caption, self._encode, self._display_scale = page, caption, encode, display_scale
         self._buttons: dict[Action, viser.GuiButtonHandle] = {}
+        self._texts = TaskTexts(page, has_history=has_history)
         page.clear()
         with page.client.atomic():
             self._status_html = _status_html(caption, view, page.words)
             with page.always_visible("top"):
-                page.query(view.task)
+                self._texts.add_query(view)
                 self._status = page.add(page.client.gui.add_html(self._status_html))
-            page.description(view.task)
+            self._texts.add_description(view)
             self._image = page.overlay(self._image_html(view))
             self._shown = (view.rgb, view.step)
             self._add_controls(view, send)
+            self._show_sign(view)
         page.client.flush()
 
     def show(self, view: PanView) -> None:
@@ -79,6 +84,7 @@ class PanScreen:
 
         A view without a picture leaves the last picture in place.
         """
+        self._texts.show(view)
         status = _status_html(self._caption, view, self._page.words)
         if status != self._status_html:
             self._status_html = self._status.content = status
@@ -87,31 +93,39 @@ class PanScreen:
             self._shown = (view.rgb, view.step)
             self._image.content = overlay_html(self._image_html(view))
         for action, button in self._buttons.items():
-            relabel(button, button_label(action, self._page.words, self._page.own_keys, is_armed=view.is_armed))
+            relabel(button, self._label(action, view))
         show_giving_up(self._give_up, self._page.words, is_giving_up=view.is_giving_up)
         self._page.client.flush()
 
     def _show_sign(self, view: PanView) -> None:
-        """Shows the request for a second press, or that the last step was blocked, anew after each blocked step."""
+        """Shows the request for a second press, a search that begins, that an object was marked, or that the last step
+        was blocked, anew after each blocked step."""
         words = self._page.words
         if view.is_armed or view.is_giving_up:
-            armed = words("pan.armed", keys=keys_of(Action.STOP, words, self._page.own_keys))
+            armed = words(_armed_key(view), keys=keys_of(_answer(view), words, self._page.own_keys))
             self._page.sign(armed if view.is_armed else words("give_up.armed"))
+        elif view.is_just_marked:
+            self._page.sign(words("pan.marked"), view.step, is_news=True)
+        elif view.is_blocked:
+            self._page.sign(words("pan.blocked"), view.step)
         else:
-            self._page.sign(words("pan.blocked") if view.is_blocked else "", view.step if view.is_blocked else 0)
+            self._page.sign("" if view.step or view.is_over else news_of(view, words), is_news=True)
+
+    def _label(self, action: Action, view: PanView) -> str:
+        is_last = action is Action.FOUND and view.is_just_marked
+        words, own = self._page.words, self._page.own_keys
+        return button_label(action, words, own, is_armed=view.is_armed, is_last=is_last)
 
     def _add_controls(self, view: PanView, send: Send) -> None:
         """Adds the keys, and a button for each of them."""
         page = self._page
         for action in view.task.actions:
-            if action is not Action.STOP:
+            if action is not _answer(view):
                 press = partial(send, Move(action, code=f"button-{action.value}"))
-                self._buttons[action] = page.button(button_label(action, page.words, page.own_keys), press)
+                self._buttons[action] = page.button(self._label(action, view), press)
         stop = partial(send, PressStop(code="button-stop"))
         with page.always_visible("bottom"):
-            self._buttons[Action.STOP] = page.button(
-                button_label(Action.STOP, page.words, page.own_keys), stop, color="red"
-            )
+            self._buttons[_answer(view)] = page.button(self._label(_answer(view), view), stop, color="red")
             self._give_up = page.button(page.words("give_up.button"), partial(send, GiveUp()), color="gray")
         for key, (code, action) in HOTKEYS.items():
             if action in view.task.actions:
@@ -134,17 +148,27 @@ class PanScreen:
         )
 
 
-def button_label(action: Action, words: Catalogue, own_keys: Mapping[KeyAction, str], *, is_armed: bool = False) -> str:
+def button_label(
+    action: Action,
+    words: Catalogue,
+    own_keys: Mapping[KeyAction, str],
+    *,
+    is_armed: bool = False,
+    is_last: bool = False,
+) -> str:
     """The label of a button, with the keys that do the same: the participant's own keys where there are some.
 
     Args:
         action: The button's action.
         words: The study's language.
         own_keys: `KeyboardEvent.code` by action.
-        is_armed: Whether STOP was pressed once.
+        is_armed: Whether STOP or FOUND was pressed once.
+        is_last: Whether FOUND ends a search for all.
     """
-    label = "pan.button" if action is not Action.STOP else "pan.press_again" if is_armed else "pan.twice"
-    return words(label, action=words(f"pan.{action.value}"), keys=keys_of(action, words, own_keys))
+    is_answer = action in (Action.STOP, Action.FOUND)
+    label = "pan.button" if not is_answer else "pan.press_again" if is_armed else "pan.twice"
+    name = words("pan.found_last" if is_last else f"pan.{action.value}")
+    return words(label, action=name, keys=keys_of(action, words, own_keys))
 
 
 def keys_of(action: Action, words: Catalogue, own_keys: Mapping[KeyAction, str]) -> str:
@@ -156,6 +180,18 @@ def keys_of(action: Action, words: Catalogue, own_keys: Mapping[KeyAction, str])
 def key_name(code: str, words: Catalogue) -> str:
     """The name of a key by its `KeyboardEvent.code`."""
     return words.texts.get(f"key.{code}") or code.removeprefix("Key").removeprefix("Digit")
+
+
+def _answer(view: PanView) -> Action:
+    """The action that is the answer: STOP, or FOUND in a home sequence."""
+    return Action.STOP if view.num_searches is None else Action.FOUND
+
+
+def _armed_key(view: PanView) -> str:
+    """The words that ask for the second press."""
+    if view.num_searches is None:
+        return "pan.armed"
+    return "pan.armed_last" if view.is_just_marked else "pan.armed_mark" if view.is_for_all else "pan.armed_found"
 
 
 def _status_html(caption: str, view: PanView, words: Catalogue) -> str:

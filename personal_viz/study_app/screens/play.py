@@ -6,6 +6,7 @@ waits as long as the session says, stores its events, and shows its view on the 
 
 import contextlib
 import html
+import itertools
 import queue
 import time
 import traceback
@@ -15,13 +16,17 @@ from typing import Any
 from human_study.design.study import StudyConfig, StudyPog
 from human_study.store.store import SupersededError, Trial, TrialEndedError
 from human_study.store.writer import StoreFullError
-from human_study.trial.commands import Command, Rate, Resume, Start, Tick
+from human_study.trial.commands import Command, Rate, Resume, Start, Tick, Unmark
 from human_study.trial.events import Error, Event
-from human_study.trial.outcome import has_begun, pan_outcome, pog_outcome, unscored_outcome
+from human_study.trial.outcome import end_reason, has_begun, pan_outcome, pog_outcome, unscored_outcome
+from human_study.trial.searches import SearchTexts, sequence_outcome
 from human_study.trial.session import PanSession, PogSession
 from human_study.trial.terms import terms_of
 from human_study.trial.views import LookView, PanView, PogView, RateView, SessionUpdate
+from sim.episodes.schema import Episode
+from sim.episodes.sequence_files import HomeSequence
 from sim.errors import StudyError
+from sim.sequences.runs import SequenceRun
 from sim.tasks.run_files import Answer, ClickRay, EpisodeRun
 
 from ..home.frames import successors
@@ -37,6 +42,7 @@ from .pan import PanScreen
 from .pog import Nudge, PogScreen, click_of
 
 View = LookView | PanView | PogView | RateView
+Result = EpisodeRun | Answer | SequenceRun
 
 
 class TrialPlay:
@@ -58,6 +64,7 @@ class TrialPlay:
         self._page, self._link, self._home, self._config, self._trial = page, link, home, config, trial
         kind = page.words(f"home.{home.scene.kind}")  # never its name, by which people could find the answers
         self._caption = f"{html.escape(name)} &middot; {html.escape(kind)}"
+        self._view = config.view_in(trial.task, trial.condition)
         self._watch = TrialWatch()
         self._kind: type | None = None
         """Type of the views that the present screen shows."""
@@ -66,8 +73,9 @@ class TrialPlay:
         self._owed: tuple[Event, ...] = ()
         """Events that are stored together with the next ones: a commit of their own would only delay the next key."""
 
-    def play(self, *, away_s: float, took_over: bool = False) -> EpisodeRun | Answer | None:
-        """Plays the trial to its stored outcome and returns it; None when a failure of ours ended the trial.
+    def play(self, *, away_s: float, took_over: bool = False) -> Result | None:
+        """Plays the trial to its stored outcome and returns it; None when a failure of ours ended the trial, or the
+        participant left a sequence for too long.
 
         Args:
             away_s: Seconds for which the participant was away; 0 where that was our fault.
@@ -99,31 +107,40 @@ class TrialPlay:
 
     def _session(self, stored: list[Event]) -> PanSession | PogSession:
         """A new session, or the stored one in its old phase, at the same step, pose, storey and mark."""
-        config, scene, trial = self._config, self._home.scene, self._trial
-        episode = self._home.episodes[trial.key]
+        config, scene, trial, found = self._config, self._home.scene, self._trial, self._found
+        is_sequence = isinstance(found, HomeSequence)
+        task = config.sequence_task_for(found, trial.task) if is_sequence else config.task_for(found, trial.task)
         names = {
             "key": trial.key,
-            "task": config.task_for(episode, trial.task),
+            "task": task,
+            "searches": SearchTexts.of(found, query_index=config.query_index) if is_sequence else None,
             "storeys": scene.navigation.storey_heights,
             "scene_digest": scene.digest,
-            "terms": terms_of(config, trial.condition, home_view=self._home.view),
+            "terms": terms_of(config, trial.condition, task=trial.task, home_view=self._home.view),
         }
-        if trial.condition in ("topdown", "map_2d"):
+        if self._view in ("topdown", "map_2d"):
             _ = self._home.copies.maps  # before the clock starts: the first time takes some seconds
         if trial.task == "pog":
-            session = PogSession(**names, objects=self._home.objects_for(episode))
+            targets = itertools.chain(*found.targets) if is_sequence else found.targets
+            session = PogSession(**names, objects=self._home.objects_for(targets))
         else:
-            env = pan_env(episode, scene, self._home.renderer, config)
+            env = pan_env(found, scene, self._home.renderer, config)
             session = PanSession(env, **names, looks_later=True)
         return session.after(stored) if stored else session
+
+    @property
+    def _found(self) -> Episode | HomeSequence:
+        """The trial's episode, or its sequence in a study of them."""
+        trials = self._home.episodes if self._config.sequences is None else self._home.sequences
+        return trials[self._trial.key]
 
     def _lead(self, session: PanSession | PogSession, stored: list[Event], first: Start | Resume) -> None:
         """Shows the session's views until the trial has ended."""
         update = session.handle(first, time.monotonic())
         self._store(update.events)
-        episode = self._home.episodes[self._trial.key]
-        events = [*stored, *update.events]
-        self._watch = self._home.watches.begin(self._trial, episode, events, _sensed(session))
+        if isinstance(self._found, Episode):  # observers show episodes only
+            events = [*stored, *update.events]
+            self._watch = self._home.watches.begin(self._trial, self._found, events, _sensed(session))
         try:
             while not session.is_done:
                 if not self._redraw(update.view):
@@ -144,7 +161,10 @@ class TrialPlay:
             self._store(update.events)
             self._watch.tell(update.events, _sensed(session))
             return update
-        update = session.handle(self._command(item.content, session), time.monotonic(), busy=item.is_busy)
+        command, before = self._command(item.content, session), session.view(time.monotonic())
+        update = session.handle(command, time.monotonic(), busy=item.is_busy)
+        if isinstance(item.content, Nudge) and not item.content.is_new and isinstance(before, PogView):
+            update = self._without_the_moved(before, update, session)
         if not isinstance(session, PanSession) or not session.needs_look:
             self._store(update.events)
             self._page.done_with(item)
@@ -159,6 +179,14 @@ class TrialPlay:
         self._owed = looked.events  # they say that the picture was sent; the step itself was stored before
         self._watch.tell((*update.events, *looked.events), _sensed(session))
         return looked
+
+    def _without_the_moved(self, before: PogView, update: SessionUpdate, session: PogSession) -> SessionUpdate:
+        """A mark that was moved in a search for all, where each click sets one more, is taken from its old place."""
+        num_marks = len(before.marks)
+        if not before.is_for_all or not num_marks or len(update.view.marks) <= num_marks:
+            return update
+        taken = session.handle(Unmark(num_marks - 1), time.monotonic())
+        return SessionUpdate((*update.events, *taken.events), taken.view)
 
     def _store(self, events: tuple[Event, ...]) -> None:
         owed, self._owed = self._owed, ()
@@ -183,6 +211,7 @@ class TrialPlay:
         """Puts a screen for the view on the page, whose old one ends; returns the function that draws changes."""
         page, send, home = self._page, self._page.new_screen(), self._home
         storeys = storey_names(page.words, self._config.storey_names, home.storey_labels)
+        has_history = terms_of(self._config, self._trial.condition, task=self._trial.task).has_history
         match view:
             case LookView():
                 shown = self._config.pog if self._trial.task == "pog" else StudyPog()
@@ -191,13 +220,14 @@ class TrialPlay:
             case PanView():
                 config = self._config
                 scale, encode = config.display_scale, home.renderer.jpeg
-                return PanScreen(page, view, send, caption=self._caption, display_scale=scale, encode=encode).show
+                options = {"caption": self._caption, "display_scale": scale, "encode": encode}
+                return PanScreen(page, view, send, has_history=has_history, **options).show
             case PogView():
-                is_map, shown = self._trial.condition == "map_2d", self._config.pog
+                is_map, shown = self._view == "map_2d", self._config.pog
                 surface = MapView(page.client, home.copies.maps) if is_map else home.shown_in(page.client, shown)
                 things = [item.category for item in home.scene.objects if not item.is_building]
                 options = {"caption": self._caption, "storeys": storeys, "shown": shown, "things": things}
-                return PogScreen(page, view, send, surface=surface, **options).show
+                return PogScreen(page, view, send, surface=surface, has_history=has_history, **options).show
             case RateView():
                 page.card(rate_card(view, page.words), send)
                 return _nothing_changes
@@ -210,36 +240,40 @@ class TrialPlay:
             view = session.view(time.monotonic())
             if not isinstance(view, PogView):
                 return Tick()  # the time was up between the click and now
-            is_map, snaps = self._trial.condition == "map_2d", self._config.pog.pointing == "snap"
+            is_map, snaps = self._view == "map_2d", self._config.pog.pointing == "snap"
             return click_of(content, view, self._home, is_map=is_map, snaps=snaps)
         assert isinstance(content, Command), content
         return content
 
-    def _finish(self) -> EpisodeRun | Answer | None:
+    def _finish(self) -> Result | None:
         """Stores the outcome that the stored events give, and returns it; it stays on the server."""
-        trial = self._trial
-        result: EpisodeRun | Answer | None = None
+        trial, reason = self._trial, None
+        result: Result | None = None
         try:
             events = self._link.events(trial.trial_id)
             if has_begun(events):
-                result = self._result(events)
+                result, reason = self._result(events), end_reason(events)
         except (StoreFullError, SupersededError, TrialEndedError):
             raise
         except Exception as error:  # the live session's door: the same trial must not fail for ever
             self._note_failure(error)
-        outcome = result.end if isinstance(result, EpisodeRun) else result
+        outcome = result.end if isinstance(result, EpisodeRun | SequenceRun) else result
         if outcome is None or outcome.reason == "technical":
-            result, outcome = None, unscored_outcome(trial.key, trial.task, reason="technical", participant=trial.code)
+            why = "abandoned" if reason == "abandoned" else "technical"
+            result, outcome = None, unscored_outcome(trial.key, trial.task, reason=why, participant=trial.code)
         self._link.finish_trial(trial.trial_id, outcome)
-        self._watch.end(result)
+        self._watch.end(result if isinstance(result, EpisodeRun | Answer) else None)
         return result
 
-    def _result(self, events: list[Event]) -> EpisodeRun | Answer:
-        trial, home = self._trial, self._home
-        episode = home.episodes[trial.key]
+    def _result(self, events: list[Event]) -> Result | None:
+        """The outcome; None of a sequence that we or a long absence ended."""
+        trial, home, found = self._trial, self._home, self._found
+        navigation, storeys = home.scene.navigation, home.storeys
+        if isinstance(found, HomeSequence):
+            return sequence_outcome(events, found, navigation=navigation, storeys=storeys, participant=trial.code)
         if trial.task == "pan":
-            return pan_outcome(events, episode, navigation=home.scene.navigation, participant=trial.code)
-        return pog_outcome(events, episode, storeys=home.storeys, participant=trial.code)
+            return pan_outcome(events, found, navigation=navigation, participant=trial.code)
+        return pog_outcome(events, found, storeys=storeys, participant=trial.code)
 
     def _note_failure(self, error: Exception) -> None:
         """Prints a failure of ours that ended the trial, and stores an event that says so."""

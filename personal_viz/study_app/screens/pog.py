@@ -14,15 +14,16 @@ import viser
 import viser.transforms
 
 from human_study.design.study import StudyPog
-from human_study.trial.commands import Click, Confirm, GiveUp
+from human_study.trial.commands import Click, Confirm, GiveUp, Unmark
 from human_study.trial.events import ABOVE_MAP, object_ray
-from human_study.trial.views import PogView
+from human_study.trial.views import Mark, PogView
 from sim.tasks.run_files import ClickRay, Vector3
 
 from ..home.homes import Home
 from ..home.surfaces import Surface, map_click
 from .camera import SIDES, NamesButton, StoreyButtons, add_camera_buttons, add_group, four, sample_camera, three
-from .page import Page, Send, roomy_html, show_giving_up
+from .page import Page, Send, relabel, roomy_html, show_giving_up
+from .texts import TaskTexts, news_of
 
 NUDGE_M = 0.1
 """Distance by which one press moves the mark (metres): a tenth of the success radius."""
@@ -34,11 +35,13 @@ _WXYZ_DOWN = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Nudge:
-    """A move of the mark over the ground; it starts in the middle of the storey when there is no mark."""
+    """A move of the newest mark over the ground; it starts in the middle of the storey when there is no mark."""
 
     x_m: float
     z_m: float
     """Moves along x and z, world metres."""
+    is_new: bool = False
+    """In a search for all: whether the mark stays where it is, and a new one is set here."""
 
 
 class PogScreen:
@@ -55,6 +58,7 @@ class PogScreen:
         storeys: Sequence[str],
         shown: StudyPog,
         things: Sequence[str],
+        has_history: bool = True,
     ) -> None:
         """Builds the screen.
 
@@ -67,22 +71,30 @@ class PogScreen:
             storeys: Name of each storey, the lowest first.
             shown: Says where marks go, and which names the home has.
             things: Categories of the objects to which a mark may go.
+            has_history: In home sequences, whether messages of earlier searches can be read again.
         """
         self._page, self._send, self._surface, self._caption = page, send, surface, caption
         self._snaps, self._longest_thing = shown.pointing == "snap", max(things, key=len, default="")
         self._shown = view
+        self._texts = TaskTexts(page, has_history=has_history)
         page.clear()
         page.add(self)
         with page.always_visible("top"):
-            page.query(view.task)
+            self._texts.add_query(view)
         self._status = page.add(page.client.gui.add_html(""))
-        page.description(view.task)
+        self._texts.add_description(view)
         self._storeys = StoreyButtons(page, storeys, send)
         self._names = NamesButton(page, surface, send, is_there=shown.has_names_on_demand)
         add_camera_buttons(page, is_map=surface.is_map)
         self._add_nudges()
+        self._of_all: list[viser.GuiButtonHandle] = []
+        if view.num_searches is not None:
+            one_more = partial(send, Nudge(0.0, 0.0, is_new=True))
+            self._of_all.append(page.button(page.words("pog.one_more"), one_more))
         with page.always_visible("bottom"):
-            page.button(page.words("pog.confirm"), partial(send, Confirm()), color="green")
+            if view.num_searches is not None:
+                self._of_all.append(page.button(page.words("pog.unmark"), self._unmark))
+            self._confirm = page.button(page.words("pog.confirm"), partial(send, Confirm()), color="green")
             self._give_up = page.button(page.words("give_up.button"), partial(send, GiveUp()), color="gray")
         page.client.scene.on_click()(self._on_click)  # type: ignore[arg-type]  # viser awaits it
         sample_camera(page, send)
@@ -98,7 +110,8 @@ class PogScreen:
         if view.storey != before.storey:
             self._surface.show_storey(view.storey)
         self._names.show(is_shown=view.has_names)
-        if (view.mark, view.storey) != (before.mark, before.storey):
+        self._texts.show(view)
+        if (view.marks, view.storey) != (before.marks, before.storey):
             self._draw_mark()
         if _status_of(view) != _status_of(before):
             self._draw_status()
@@ -115,6 +128,9 @@ class PogScreen:
         for name in order:
             page.hotkey(f"arrow{name}", f"move the mark {name}", partial(self._nudge, name))
 
+    async def _unmark(self) -> None:
+        await self._send(Unmark(len(self._shown.marks) - 1))
+
     async def _nudge(self, name: str) -> None:
         """Moves the mark in the direction that the screen shows, for any direction of the camera."""
         right, up = SIDES[name]
@@ -125,26 +141,38 @@ class PogScreen:
             await self._send(Nudge(*(float(NUDGE_M * along[axis] / length) for axis in (0, 2))))
 
     def _draw_mark(self) -> None:
-        """Draws the mark where it is on the shown storey; while another is shown, its storey's button tells of it."""
-        mark, words = self._shown.mark, self._page.words
-        self._storeys.show(self._shown.storey, mark.storey if mark is not None else None)
-        if mark is not None and mark.storey == self._shown.storey:
-            thing = mark.item.category if mark.item is not None else ""
-            label = words("pog.your_mark_on", thing=thing) if thing else words("pog.your_mark")
-            self._surface.show_mark(mark, label)
-        else:
-            self._surface.hide_mark()
+        """Draws the marks of the shown storey; while another is shown, the buttons of their storeys tell of them."""
+        view = self._shown
+        self._storeys.show(view.storey, {mark.storey for mark in view.marks})
+        numbered = list(enumerate(view.marks, start=1))
+        shown = [(mark, self._label(mark, number)) for number, mark in numbered if mark.storey == view.storey]
+        self._surface.show_marks(shown)
+
+    def _label(self, mark: Mark, number: int) -> str:
+        words = self._page.words
+        name = words("pog.mark_number", number=number) if self._shown.is_for_all else words("pog.your_mark")
+        return name if mark.item is None else words("pog.mark_on", mark=name, thing=mark.item.category)
 
     def _draw_status(self) -> None:
         view = self._shown
         words, mark = self._page.words, view.mark
         around = words("pog.map_advice" if self._surface.is_map else "pog.home_advice")
-        unmarked = words("pog.unmarked_snap" if self._snaps else "pog.unmarked", advice=around)
-        marked, longest = words("pog.marked"), words("pog.marked_item", thing=self._longest_thing)
+        if view.is_for_all:
+            unmarked = words("pog.unmarked_all_snap" if self._snaps else "pog.unmarked_all", advice=around)
+            marked = words("pog.marked_all")
+        else:
+            unmarked = words("pog.unmarked_snap" if self._snaps else "pog.unmarked", advice=around)
+            marked = words("pog.marked")
+        longest = words("pog.marked_item", thing=self._longest_thing)
         advice = unmarked if mark is None else marked
-        if mark is not None and mark.item is not None:
+        if mark is not None and mark.item is not None and not view.is_for_all:
             advice = words("pog.marked_item", thing=mark.item.category)
-        advices = unmarked, longest if self._snaps else marked  # `longest` is longer than `marked` in every language
+        # `longest` is longer than `marked` in every language
+        advices = unmarked, longest if self._snaps and not view.is_for_all else marked
+        relabel(self._confirm, words("pog.confirm_all" if view.is_for_all else "pog.confirm"))
+        for button in self._of_all:
+            if button.visible != view.is_for_all:
+                button.visible = view.is_for_all
         advice, left = html.escape(advice), ""
         if view.left_s is not None:
             time = html.escape(words("pog.left_time", time=words.duration(view.left_s)))
@@ -153,7 +181,8 @@ class PogScreen:
             f'<div class="personal-caption">{self._caption}</div>'
             f'<div class="personal-text personal-line"><b>{roomy_html(advice, *advices)}</b>{left}</div>'
         )
-        self._page.sign(words("give_up.armed") if view.is_giving_up else "")
+        news = "" if view.marks or view.is_over else news_of(view, words)
+        self._page.sign(words("give_up.armed") if view.is_giving_up else news, is_news=not view.is_giving_up)
         show_giving_up(self._give_up, words, is_giving_up=view.is_giving_up)
         self._page.client.flush()
 
@@ -170,7 +199,7 @@ class PogScreen:
 
 
 def _status_of(view: PogView) -> tuple[object, ...]:
-    return view.mark is None, view.mark and view.mark.item, view.is_giving_up, view.left_s
+    return view.mark is None, view.mark and view.mark.item, view.is_giving_up, view.left_s, view.search
 
 
 def click_of(pointed: ClickRay | Nudge, view: PogView, home: Home, *, is_map: bool, snaps: bool = False) -> Click:

@@ -101,7 +101,8 @@ class Seat:
         """Starts the page's script with the participant's own keys, and shows the tools."""
         person, page = self._person(), self._page
         config = self._study.config
-        used = sorted(config.action_set if person.task == "pan" else (), key=lambda action: action is Action.STOP)
+        ends = (Action.STOP, Action.FOUND)
+        used = sorted(config.action_set if person.task == "pan" else (), key=lambda action: action in ends)
         actions: list[KeyAction] = [cast(KeyAction, action.value) for action in used]
         messages = PageMessages(page.client, page.heard, actions=actions)
         page.own_keys = last_detail(person.stages, "keys_changed")
@@ -130,7 +131,7 @@ class Seat:
             if due is None:
                 break
             self._warm_next(person)
-            if self._page.has_lost_picture and due.condition in IN_3D:
+            if self._page.has_lost_picture and config.view_in(due.task, due.condition) in IN_3D:
                 self._page.choose(problem_card("lost_picture", self._page.words))
                 self._page.reload()
                 self._until_gone()

@@ -9,7 +9,7 @@
   const FREE_MS = 55, AFTER_CLICK_MS = 90, MAX_PENDING = 200, MAX_AT_ONCE = 40;
   const DEFAULT = {
     forward: ['KeyW', 'ArrowUp'], left: ['KeyA', 'ArrowLeft'], right: ['KeyD', 'ArrowRight'],
-    look_up: ['KeyR'], look_down: ['KeyF'], stop: ['Enter', 'NumpadEnter'],
+    look_up: ['KeyR'], look_down: ['KeyF'], stop: ['Enter', 'NumpadEnter'], found: ['Enter', 'NumpadEnter'],
   };
   const VISER = { ArrowUp: 'ArrowUp', ArrowLeft: 'ArrowLeft', ArrowRight: 'ArrowRight', ArrowDown: 'ArrowDown',
     Enter: 'Enter', NumpadEnter: 'Enter', Space: ' ', PageUp: 'PageUp', PageDown: 'PageDown' };
@@ -120,7 +120,7 @@
   const actionOf = (code) => {
     for (const [action, own] of Object.entries(state.own)) if (own === code) return action;
     for (const [action, codes] of Object.entries(DEFAULT))
-      if (!state.own[action] && codes.includes(code)) return action;
+      if (state.actions.includes(action) && !state.own[action] && codes.includes(code)) return action;
     return null;
   };
   const keyOfCode = (code) => {
@@ -128,7 +128,7 @@
     if (/^(Digit|Numpad)[0-9]$/.test(code)) return code.slice(-1);
     return VISER[code] || null;
   };
-  const isOwned = (code) => Object.values(DEFAULT).some((codes) => codes.includes(code));
+  const isOwned = (code) => state.actions.some((action) => DEFAULT[action].includes(code));
   const viserCode = (code) => {  // the key that viser's hotkeys know for this place on the keyboard
     const action = actionOf(code);
     if (action) return DEFAULT[action].includes(code) ? code : DEFAULT[action][0];
@@ -262,9 +262,10 @@
   sign.setAttribute('aria-live', 'assertive');
   document.body.append(banner, sign, dialog);
   let signing = 0;
-  const showSign = (text) => {
+  const showSign = (text, number, isNews) => {
     clearTimeout(signing);
     sign.textContent = '';
+    sign.classList.toggle('personal-sign-news', Boolean(isNews));
     if (text) signing = setTimeout(() => { sign.textContent = text; }, 40);  // a text that comes again is new again
   };
   let asking = '';
@@ -332,6 +333,10 @@
       const heading = document.querySelector('.personal-page h1');
       if (heading && document.activeElement !== heading) { heading.tabIndex = -1; heading.focus({ preventScroll: true }); }
       const view = document.querySelector('.mantine-ScrollArea-viewport:has(.personal-page)');
+      if (view) view.scrollTop = 0;
+    },
+    begun: () => {  // a new search: what it tells stands at the top
+      const view = document.querySelector('.mantine-ScrollArea-viewport:has(.personal-description)');
       if (view) view.scrollTop = 0;
     },
     refresh: () => setLarge(document.documentElement.classList.contains('personal-large')),  // the tools are drawn anew

@@ -1,0 +1,241 @@
+"""A study of home sequences by bots, from its plan to its report: four people do one sequence in the home Small.
+
+p01 walks and p02 points with the history in view, and hear everything; p03 and p04 have no history and hear nothing.
+"""
+
+import json
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from human_study.design.plan import StudyScene
+from human_study.design.planning import make_plan
+from human_study.design.sampling import sample_episodes
+from human_study.design.study import StudyConfig, load_study, save_study
+from human_study.export.import_check import import_check
+from human_study.export.manifest import MANIFEST_FILE, Manifest, exported_file
+from human_study.export.study_export import export_study
+from human_study.export.verify import TrialHome, verify_trial
+from human_study.sequence_report.measures import read_sequences, sequence_report
+from human_study.sequence_report.text import sequence_csv, sequence_html, sequence_markdown
+from human_study.store.records import read_study
+from human_study.trial.events import SearchBegun
+from sim.episodes.sequence_files import HomeSequence
+from sim.errors import StudyError
+from sim.sequences.rows import sequence_rows
+from sim.sequences.runs import read_sequence_runs
+from sim.sequences.searches import sequence_key
+from sim.sequences.writer import SequenceWriter
+from sim.tasks.provenance import make_run_info
+from sim.types import EpisodeKey
+from tests.sim.home_story import MESSAGES, SCENE, SUBTASKS, told_in
+
+from .finished import table_of
+from .sequence_trials import clicks, do_sequence, home_of, oracle_run, presses, sequence_study
+from .small_world import study
+from .stores import open_planned
+
+CONFIG = sequence_study(sequences={"sha256": "5" * 64, "history": "both"})
+
+
+@pytest.fixture(scope="module")
+def told(small_home_root: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, HomeSequence]:
+    """Folder of the set, and its sequence."""
+    out = tmp_path_factory.mktemp("set")
+    return out, told_in(small_home_root, out, messages=MESSAGES, subtasks=SUBTASKS)
+
+
+@pytest.fixture(scope="module")
+def home(small_home_root: Path, told: tuple[Path, HomeSequence]) -> TrialHome:
+    return home_of(small_home_root, [told[1]])
+
+
+@pytest.fixture(scope="module")
+def finished(
+    small_home_root: Path, told: tuple[Path, HomeSequence], home: TrialHome, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """A folder with the `study` and its export `out`; nobody writes to it."""
+    folder, (root, story) = tmp_path_factory.mktemp("finished"), told
+    plan = make_plan(CONFIG, [StudyScene(name=SCENE, kind="invented")], [sequence_key(story)], is_pilot=True)
+    with open_planned(folder / "study", CONFIG, plan) as store:
+        for person in plan.participants:
+            (trial,) = person.trials
+            is_deaf = trial.condition == "history_hidden"
+            commands = list(clicks(story, home, is_deaf=is_deaf))
+            if person.task == "pan":
+                commands = list(presses(oracle_run(small_home_root, root, story, is_deaf=is_deaf)))
+            do_sequence(store, person.code, trial.order_no, story, home, commands)
+    export_study(folder / "study", folder / "out")
+    return folder
+
+
+def test_people_and_histories_are_dealt_as_memory_arms_are(finished: Path) -> None:
+    with read_study(finished / "study") as reader:
+        people = reader.plan.participants
+    assert [(one.task, one.arm, one.trials[0].condition) for one in people] == [
+        ("pan", 0, "history_visible"),
+        ("pog", 0, "history_visible"),
+        ("pan", 1, "history_hidden"),
+        ("pog", 1, "history_hidden"),
+    ]
+
+
+def test_every_trial_is_done_again_and_agrees(finished: Path, home: TrialHome) -> None:
+    with read_study(finished / "study") as reader:
+        for code in reader.codes():
+            (trial,) = reader.trials(code)
+            assert trial.trial_id is not None
+            assert trial.outcome is not None
+            events = [stored.event for stored in reader.events(trial.trial_id)]
+            names = {"home": home, "participant": code}
+            done = verify_trial(events, trial.outcome, trial.key, **names)
+            assert (done.status, done.detail) == ("verified", "")
+            searches = [search.model_copy(update={"is_after_news": True}) for search in trial.outcome.searches]
+            other = trial.outcome.model_copy(update={"searches": tuple(searches)})
+            assert "searches[0].is_after_news" in verify_trial(events, other, trial.key, **names).detail
+            told = [
+                event.model_copy(update={"notes": ()}) if isinstance(event, SearchBegun) else event for event in events
+            ]
+            assert verify_trial(told, trial.outcome, trial.key, **names).status == "failed"
+
+
+def test_an_export_holds_runs_as_agents_have_and_a_row_for_each_search(finished: Path, home: TrialHome) -> None:
+    out = finished / "out"
+    folders = sorted(path.parent for path in out.glob("*/run.json"))
+    runs = [run for folder in folders for run in read_sequence_runs(folder)]
+    assert sorted((run.start.task, run.start.participant) for run in runs) == [
+        ("pan", run.start.participant) for run in runs if run.start.task == "pan"
+    ] + [("pog", run.start.participant) for run in runs if run.start.task == "pog"]
+    rows = {(row.task, row.condition): row.sequence_measures for row in sequence_rows(folders)}
+    for (_, condition), figures in rows.items():
+        wrong = 0 if condition == "history_hidden" else 1
+        assert (figures.sr_fresh, figures.sr_revisit, figures.sr_changed, figures.sr_stale) == (1, 1, wrong, wrong)
+        assert figures.stale == 1 - wrong
+    assert len(rows) == 4
+    lines = table_of(out, "searches")
+    assert len(lines) == 4 * 6
+    hidden = {line["participant"] for line in table_of(out, "trials") if line["condition"] == "history_hidden"}
+    shown = [line for line in lines if line["participant"] in hidden]
+    assert {(line["search"], tuple(line["notes"]), line["is_told"]) for line in shown} == {
+        (0, ("0",), True), (1, (), False), (2, ("1",), True), (3, ("2",), True), (4, (), False), (5, (), False),
+    }  # fmt: skip
+    assert "## searches" in (out / "data_dictionary.md").read_text()
+    assert import_check(out, lambda _: home).agrees
+
+
+def test_the_report_has_the_measures_of_agents_by_history(
+    finished: Path, told: tuple[Path, HomeSequence], small_home_root: Path, tmp_path: Path
+) -> None:
+    agents = tmp_path / "agents"
+    for name, digest in (("oracle", "5" * 64), ("elsewhere", "6" * 64)):
+        info = make_run_info(
+            name,
+            who="shortest-path",
+            who_kind="agent",
+            scene_kind="invented",
+            dataset_digest=CONFIG.dataset.sha256,
+            seed=0,
+            config={"sequences": digest},
+        )
+        SequenceWriter(agents / name, info).add_sequence(oracle_run(small_home_root, told[0], told[1], is_deaf=False))
+    reports = []
+    for folder in (finished / "study", finished / "out"):
+        source = read_sequences([folder, agents])
+        assert source is not None
+        reports.append(sequence_report(source))
+    report = reports[0]
+    assert report == reports[1]
+    rows = {(one.row.task, one.row.who, one.row.condition): one for one in report.rows}
+    assert list(rows) == [
+        ("pan", "human", "history_visible"),
+        ("pan", "human", "history_hidden"),
+        ("pan", "shortest-path", "none"),
+        ("pog", "human", "history_visible"),
+        ("pog", "human", "history_hidden"),
+    ]
+    for (_, who, condition), one in rows.items():
+        right = 0 if condition == "history_hidden" else 1
+        found = one.row.sequence_measures
+        assert (found.sr_fresh, found.sr_changed, found.sr_stale, found.stale) == (1, right, right, 1 - right)
+        assert (one.num_people, one.num_sequences, one.num_homes) == (int(who == "human"), 1, 1)
+    points = {(row.first, row.second, row.kind): row.value for row in report.differences if row.task == "pan"}
+    visible, hidden = "human (history visible)", "human (history hidden)"
+    assert points[visible, hidden, "changed"] == 1
+    assert points[visible, "shortest-path", "all"] == 0
+    assert points[hidden, "shortest-path", "stale"] == -1
+    shown = {(row.condition, row.kind): row for row in report.exposure if row.task == "pog"}
+    changed = shown["history_hidden", "changed"]
+    assert (changed.n, changed.num_told, changed.right_told, changed.right_untold) == (2, 1, 0, 0)
+    assert shown["history_visible", "all"].num_told == shown["history_visible", "all"].n == 6
+    assert [(left.run, left.reason) for left in report.left_out_runs] == [
+        ("elsewhere", "is on other sequences (666666666666) than people (555555555555)")
+    ]
+    text = sequence_markdown(report)
+    assert "| Human (history hidden) | 1 | 1 | 1 | 50.0 | 100.0 | 100.0 | 0.0 | 0.0 | 100.0 |" in text
+    assert report.scene_labels[0] in text
+    assert report.not_shown in text
+    assert text in sequence_html(report) or "<h2" in sequence_html(report)
+    assert "pan,invented," in sequence_csv(report)
+
+
+def test_the_command_writes_the_report(finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from personal_viz.cli.study.report import StudyReportVerb
+
+    assert StudyReportVerb((finished / "out",), out=tmp_path / "report").run() == 0
+    assert "PAN: Human (history" in capsys.readouterr().out
+    assert {path.name for path in (tmp_path / "report").iterdir()} == {
+        "report.md", "report.html", "report.csv", "report.json",
+    }  # fmt: skip
+    with pytest.raises(StudyError, match="expected neither"):
+        StudyReportVerb((finished / "out",), overlays=True).run()
+
+
+def test_a_changed_row_of_a_search_is_found(finished: Path, home: TrialHome, tmp_path: Path) -> None:
+    import shutil
+
+    out = Path(shutil.copytree(finished / "out", tmp_path / "out"))
+    text = (out / "searches.jsonl").read_text().replace('"is_told":true', '"is_told":false', 1)
+    (out / "searches.jsonl").write_text(text)
+    manifest = Manifest.model_validate_json((out / MANIFEST_FILE).read_bytes())
+    entry = manifest.files["searches.jsonl"]
+    files = {**manifest.files, "searches.jsonl": exported_file(text.encode(), entry.num_rows)}
+    (out / MANIFEST_FILE).write_text(manifest.model_copy(update={"files": files}).model_dump_json())
+    (problem,) = import_check(out, lambda _: home).problems
+    assert "is_told is stored as False, recomputed as True" in problem
+
+
+def test_sequences_are_drawn_evenly_over_homes_whatever_their_split() -> None:
+    pool = [EpisodeKey(split, home, str(n)) for home in "ABC" for split in ("easy", "hard") for n in range(4)]
+    drawn = sample_episodes(sequence_study(sequences={"sha256": "0", "number": 7}), pool)
+    assert sorted(sum(key.scene == home for key in drawn) for home in "ABC") == [2, 2, 3]
+    everything = sequence_study(sequences={"sha256": "0"}, dataset={"sha256": "0", "max_per_scene": None})
+    assert sample_episodes(everything, pool) == tuple(sorted(pool))
+    with pytest.raises(StudyError, match=r"sequences\.number asks for 24, the set with at most 5 of one home gives 15"):
+        sample_episodes(sequence_study(), pool)
+
+
+def test_a_study_without_the_block_is_as_before(tmp_path: Path) -> None:
+    without = StudyConfig.model_validate(json.loads(CONFIG.model_dump_json()) | {"sequences": None})
+    assert "sequences" not in json.loads(without.canonical_json())
+    assert "\nsequences:" not in (save_study(tmp_path / "old", without)).read_text()
+    assert load_study(tmp_path / "old") == without
+    assert "\nsequences:\n" in (save_study(tmp_path / "new", CONFIG)).read_text()
+    assert load_study(tmp_path / "new") == CONFIG
+    with open_planned(tmp_path / "store", study()), read_study(tmp_path / "store") as reader:
+        (stored,) = reader.rows("SELECT config FROM study")
+    assert "sequences" not in json.loads(stored[0])
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"memory": {"arms": ("none", "topdown")}}, "one of memory.arms beside sequences"),
+        ({"pog": {"conditions": ("map_open", "map_2d")}}, "one of pog.conditions beside sequences"),
+        ({"confidence": True}, "confidence: false beside sequences"),
+        ({"primary": ("human_minus_agent_SR",)}, "no primary beside sequences"),
+    ],
+)
+def test_choices_that_do_not_go_with_sequences_are_refused(changes: dict, problem: str) -> None:
+    with pytest.raises(ValidationError, match=problem):
+        sequence_study(**changes)
