@@ -23,6 +23,7 @@ from grounding.phrases.ownership_text import asked_thing, names_category, parse_
 from grounding.phrases.sources import PhraseSource
 from sim.tasks.observers import Detection, Insight
 from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
+from sim.words.places import PLACE_PHRASES
 
 from .carried_map import CarriedMap
 from .frontiers import Frontier
@@ -35,6 +36,8 @@ SAME_PLACE = 0.5
 """Two things whose middles are nearer to each other on the floor plan are taken for one, metres."""
 STAY_GAIN = 0.5
 """The thing that the robot goes to is kept while no other one's score, a logarithm, is better by more than this."""
+_TAIL = re.compile(rf"[,;.:(]|\b(?:{'|'.join(PLACE_PHRASES)}|with|that|which|has|is)\b")
+"""Where the words about the thing itself end."""
 _BAN_STEPS = 40
 """Steps for which a thing is left out to which no way leads."""
 _REPLAN_STEPS = 4
@@ -48,6 +51,8 @@ class Sought(NamedTuple):
     """The text to look for first, then the owner's other things of the same category."""
     others: tuple[str, ...]
     """The other things that anybody owns."""
+    categories: tuple[str, ...]
+    """The query's category, and the head nouns of `own`."""
     is_for_all: bool
     """Whether the query asks for all of them."""
 
@@ -59,8 +64,9 @@ class _Known(NamedTuple):
     """Middle of the box around its points, the map's frame, metres."""
     score: float
     """Logarithm of the dual softmax of its cosine with the asked texts."""
-    is_clear: bool
-    """Whether enough detections were made for an asked text, and no other text fits it better."""
+    rank: int
+    """2: it was detected as the asked category and for an asked text, and no other text fits it better, so that the
+    robot may go to it at once; 1: it was detected as the category alone; 0: neither."""
 
     @property
     def xz(self) -> tuple[float, float]:
@@ -101,8 +107,9 @@ class InstanceMemoryAgent(CarriedMap):
         if not is_kept:
             self._memory = UnknownThings(MERGE_RULE, max_depth=MAX_DEPTH)
         self._sought = sought(task, self._goal_text(task), self._phrases)
-        texts = [f"a {text}" for text in (*self._sought.own, *self._sought.others)]
-        self._rows = self._perception.encoder.encode_texts(texts)
+        told = (*self._sought.own, *self._sought.others)
+        self._rows = self._perception.encoder.encode_texts([f"a {text}" for text in told])
+        self._looked_for = tuple(dict.fromkeys((*told, *self._sought.categories, *map(head_noun, told))))
         self._turns_left = 0 if is_kept else FULL_TURN
         self._known: list[_Known] = []
         self._target: _Known | None = None
@@ -114,9 +121,9 @@ class InstanceMemoryAgent(CarriedMap):
         self._note = ""
 
     @property
-    def is_done(self) -> bool:
-        """After STOP, whether the search needs no other thing: it asks for one, or all that the owner has are found."""
-        return not self._sought.is_for_all or self._marked >= len(self._sought.own)
+    def wants_more(self) -> bool:
+        """After STOP, whether the query asks for all things and the owner has more of them."""
+        return self._sought.is_for_all and self._marked < len(self._sought.own)
 
     def act(self, observation: Observation) -> Action:
         """The next action; STOP at the thing that fits best, or when nothing is left to go to.
@@ -158,7 +165,7 @@ class InstanceMemoryAgent(CarriedMap):
     def _look(self, frame: Frame, perception: Perception) -> None:
         """Adds what a view shows of all the texts to the memory, and matches the memory with them."""
         found: list[tuple[Detection, NDArray[np.bool_]]] = []
-        for text in (*self._sought.others, *self._sought.own):
+        for text in self._looked_for:
             perception.detector.set_query(text)
             for each in sorted(perception.detector.detect(frame), key=lambda each: (each.box, each.score)):
                 mask = perception.segmenter.mask(frame, each)
@@ -181,18 +188,20 @@ class InstanceMemoryAgent(CarriedMap):
         is_own = cosines[:num_own].max(axis=0) >= cosines.max(axis=0)
         found = []
         for thing, score, fits in zip(things, scores.tolist(), is_own.tolist(), strict=True):
-            views = sum(thing.captions[text] for text in self._sought.own)
+            as_category = max(thing.captions[text] for text in self._sought.categories)
+            as_asked = max(thing.captions[text] for text in self._sought.own)
+            is_clear = fits and as_category >= LEAST_VIEWS and as_asked >= LEAST_VIEWS
             x, y, z = ((thing.points.min(axis=0) + thing.points.max(axis=0)) / 2).tolist()
-            found.append(_Known((x, y, z), score, fits and views >= LEAST_VIEWS))
+            found.append(_Known((x, y, z), score, 2 if is_clear else int(as_category > 0)))
         return found
 
     def _fitting(self) -> list[_Known]:
-        """The things that may be gone to, best first: clear ones, and all of them when nothing is left to explore."""
+        """The things that may be gone to, best first: any of them when no frontier is left and nothing was marked."""
         gone = [xz for xz, until in self._left_out if until > self._step]
         left = [each for each in self._known if all(math.dist(each.xz, xz) > SAME_PLACE for xz in gone)]
-        if any(each.is_clear for each in left) or not self._is_explored:
-            left = [each for each in left if each.is_clear]
-        return sorted(left, key=lambda each: -each.score)
+        if self._marked or not self._is_explored:
+            left = [each for each in left if each.rank == 2]
+        return sorted(left, key=lambda each: (-each.rank, -each.score))
 
     def _towards_thing(self) -> Action | None:
         """The next action towards the thing that fits best, STOP at it; None without one, or if no way leads there."""
@@ -220,7 +229,8 @@ class InstanceMemoryAgent(CarriedMap):
             return best
         kept = min(fitting, key=lambda each: math.dist(each.xz, last.xz))
         is_same = math.dist(kept.xz, last.xz) <= SAME_PLACE
-        return kept if is_same and best.score <= kept.score + STAY_GAIN else best
+        is_better = best.rank > kept.rank or best.score > kept.score + STAY_GAIN
+        return kept if is_same and not is_better else best
 
     def _explore(self) -> Action | None:
         """The next action towards a frontier; None if none is left that is worth it."""
@@ -242,8 +252,10 @@ class InstanceMemoryAgent(CarriedMap):
         return None
 
     def _give_up(self) -> Action:
+        """STOP, or turns where other things of the search were found: STOP would mark the place too."""
         self._note = "nothing is left to go to"
-        return Action.STOP
+        is_first, self._marked = not self._marked, self._marked + 1
+        return Action.STOP if is_first else Action.LEFT
 
 
 def sought(task: Task, text: str, phrases: PhraseSource) -> Sought:
@@ -259,4 +271,12 @@ def sought(task: Task, text: str, phrases: PhraseSource) -> Sought:
     ]
     own = tuple(dict.fromkeys([text, *(thing for thing in mine if thing != chosen)]))
     others = tuple(dict.fromkeys(item.thing for item in items if item.thing not in (*own, chosen)))
-    return Sought(own, others, re.search(r"\ball of\b", query) is not None)
+    heads = map(head_noun, own)
+    categories = tuple(dict.fromkeys([*([wanted.category] if wanted else []), *heads]))
+    return Sought(own, others, categories, re.search(r"\ball of\b", query) is not None)
+
+
+def head_noun(text: str) -> str:
+    """The word that says what a thing is: "rug" of "green and white striped rug next to the bed"."""
+    words = _TAIL.split(text)[0].split() or text.split()
+    return words[-1]

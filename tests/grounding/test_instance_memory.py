@@ -1,0 +1,161 @@
+"""The agent that remembers things: two beds that change hands, all beds of a person, its memory, its contract."""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from grounding.agents.goal_text import described_thing
+from grounding.agents.instance_memory import InstanceMemoryAgent, sought
+from grounding.maps.oracle_map import object_texts
+from grounding.perception.by_name import EpisodeTruth, make_perception
+from grounding.phrases.rules import RulePhrases
+from sim.episodes.dataset import PersonalDataset
+from sim.homes.open_home import open_scene
+from sim.homes.renderers import renderer_of
+from sim.sequences.playing import SearchBySearch, play_sequence
+from sim.sequences.runs import SequenceRun
+from sim.sequences.scoring import run_from_sequence_env
+from sim.sequences.searches import prompts_of, sequence_task
+from sim.tasks.agents import Agent
+from sim.tasks.observers import Insight
+from sim.tasks.pan import PanEnv
+from sim.types import Action, Camera, Task
+
+from ..sim.home_story import SCENE, subtask, told_in
+
+CAMERA = Camera(96, 72)
+STEPS = 250
+PINK, TEAL = "bed with a pink and white floral cover", "bed with a teal and white floral cover"
+SWAP: list[dict[str, Any]] = [
+    {
+        "before": 0,
+        "kind": "intro",
+        "text": f"Ada owns the {PINK}. Bo owns the {TEAL}.",
+        "adds": [["Ada", "bed_11"], ["Bo", "bed_46"]],
+    },
+    {
+        "before": 1,
+        "kind": "swap",
+        "text": f"Two things have changed places between Ada and Bo. To Bo went the {PINK}; to Ada went the {TEAL}.",
+        "adds": [["Bo", "bed_11"], ["Ada", "bed_46"]],
+        "removes": [["Ada", "bed_11"], ["Bo", "bed_46"]],
+    },
+]
+ASKS = [
+    subtask("Ada", "bed", "bed_11", "fresh", 0),
+    subtask("Ada", "bed", "bed_46", "changed", 1, old_object_id="bed_11"),
+    subtask("Bo", "bed", "bed_11", "changed", 1, old_object_id="bed_46"),
+    subtask("Ada", "bed", "bed_46", "revisit", 1),
+]
+BOTH: list[dict[str, Any]] = [
+    {
+        "before": 0,
+        "kind": "intro",
+        "text": f"Ada owns the {PINK}. Ada owns the {TEAL}.",
+        "adds": [["Ada", "bed_11"], ["Ada", "bed_46"]],
+    }
+]
+ALL = [
+    {
+        **subtask("Ada", "bed", ["bed_11", "bed_46"], "fresh", 0, mode="all"),
+        "query": ["Find all of Ada's beds"],
+    }
+]
+
+
+class Played(NamedTuple):
+    run: SequenceRun
+    steps: list[int]
+    """Of each search."""
+    insight: Insight
+    """At the end."""
+    actions: list[Action]
+
+
+@lru_cache(maxsize=4)
+def played(root: Path, out: Path, *, keeps_memory: bool = True, ignores: bool = False, is_all: bool = False) -> Played:
+    """The agent with oracle perception in a story of two beds."""
+    dataset = PersonalDataset(root)
+    scene = open_scene(dataset, SCENE)
+    captions, phrases, agents = object_texts(dataset, scene), RulePhrases(), list[InstanceMemoryAgent]()
+    sequence = told_in(root, out, messages=BOTH if is_all else SWAP, subtasks=ALL if is_all else ASKS)
+
+    def agent_of(index: int, pose: Any, marks: Any) -> Agent | None:
+        if marks:
+            return None
+        eyes = make_perception("oracle", truth=EpisodeTruth(scene, pose, captions))
+        agents.append(InstanceMemoryAgent(eyes, lambda task: described_thing(task, phrases), phrases))
+        return agents[-1]
+
+    env = PanEnv(
+        sequence.start,
+        scene.navigation,
+        renderer=renderer_of(scene),
+        camera=CAMERA,
+        max_steps=STEPS,
+        prompts=prompts_of(sequence, ignores_messages=ignores),
+    )
+    agent = SearchBySearch(agent_of, sequence.start, keeps_memory=keeps_memory)
+    play_sequence(agent, env, sequence_task(sequence, max_steps=STEPS), seed=int(not keeps_memory))
+    run = run_from_sequence_env(sequence, env, scene_digest=scene.digest, navigation=scene.navigation)
+    shown = (agents[0] if keeps_memory else agents[-1]).insight()
+    return Played(run, np.diff([0, *env.search_ends]).tolist(), shown, [step.action for step in env.steps])
+
+
+def succeeded(told: Played) -> list[bool | None]:
+    return [search.succeeds("paper") for search in told.run.end.searches]
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("told")
+
+
+def test_it_walks_to_what_the_messages_say_and_to_the_old_thing_where_it_hears_none(
+    small_home_root: Path, out: Path
+) -> None:
+    assert succeeded(played(small_home_root, out)) == [True, True, True, True]
+    deaf = played(small_home_root, out, ignores=True)
+    assert succeeded(deaf) == [True, False, False, False]
+    assert deaf.steps[1] == 1, "it stands there already"
+
+
+def test_memory_makes_the_way_to_a_known_thing_shorter_and_the_same_walk_has_no_chance_in_it(
+    small_home_root: Path, out: Path
+) -> None:
+    kept, forgotten = played(small_home_root, out), played(small_home_root, out, keeps_memory=False)
+    assert kept.actions[: kept.steps[0]] == forgotten.actions[: kept.steps[0]], "with another seed"
+    assert sum(kept.steps[2:]) < sum(forgotten.steps[2:]) / 1.5
+
+
+def test_all_views_of_a_bed_are_one_thing_and_the_other_bed_does_not_fit(small_home_root: Path, out: Path) -> None:
+    shown = played(small_home_root, out).insight
+    assert shown.candidates is not None
+    assert "nothing" not in shown.note
+    assert len(shown.candidates) == 0, "it has been marked in this search"
+    assert shown.goal is not None
+
+
+def test_it_marks_each_of_all_things_once_and_then_ends_the_search(small_home_root: Path, out: Path) -> None:
+    told = played(small_home_root, out, is_all=True)
+    assert succeeded(told) == [True]
+    found = [index for index, action in enumerate(told.actions) if action is Action.FOUND]
+    assert len(found) == 3
+    assert found[2] == found[1] + 1
+
+
+def test_what_is_sought_follows_the_table_of_owners() -> None:
+    text = f"Ada owns the {PINK}. Bo owns the {TEAL}. Bo owns the red sofa in the hall."
+    assert sought(Task("pan", text, ("Find Bo's bed",)), TEAL, RulePhrases()) == (
+        *((TEAL,), (PINK, "red sofa")),
+        ("bed",),
+        False,
+    )
+    assert sought(Task("pan", text, ("Find all of Bo's sofas",)), "red sofa", RulePhrases()) == (
+        *(("red sofa",), (PINK, TEAL)),
+        ("sofa",),
+        True,
+    )
