@@ -19,7 +19,7 @@ from grounding.maps.thing_merging import UnknownThings
 from grounding.methods.matching import DUAL_TEMPERATURE, dual_scores
 from grounding.perception.protocol import Perception
 from grounding.perception.segments import Segments
-from grounding.phrases.ownership_text import asked_thing, names_category, parse_phrase, parse_query
+from grounding.phrases.ownership_text import asked_thing, parse_phrase, parse_query, says_category
 from grounding.phrases.sources import PhraseSource
 from sim.tasks.observers import Detection, Insight
 from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
@@ -268,7 +268,7 @@ def sought(task: Task, text: str, phrases: PhraseSource) -> Sought:
     mine = [
         item.thing
         for item in items
-        if wanted and item.owner.casefold() == wanted.owner.casefold() and names_category(item.text, wanted.category)
+        if wanted and item.owner.casefold() == wanted.owner.casefold() and says_category(item.text, wanted.category)
     ]
     own = tuple(dict.fromkeys([text, *(thing for thing in mine if thing != chosen)]))
     others = tuple(dict.fromkeys(item.thing for item in items if item.thing not in (*own, chosen)))

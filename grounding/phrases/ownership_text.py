@@ -98,7 +98,7 @@ def asked_thing(phrases: Sequence[str], query: str, encoder: TextEncoder) -> Ask
     return Asked(tuple(distinct.values()), list(distinct).index(things[index].text))
 
 
-def names_category(text: str, category: str) -> bool:
+def says_category(text: str, category: str) -> bool:
     """Whether the category's word or plural occurs in a text."""
     return re.search(rf"\b{re.escape(category)}(?:e?s)?\b", text, re.IGNORECASE) is not None
 
@@ -108,5 +108,5 @@ def _wanted(things: Sequence[OwnedThing], wanted: Wanted, encoder: TextEncoder) 
     if len(mine) < 2:
         return mine[0] if mine else None
     vectors = encoder.encode_texts([*(things[index].text for index in mine), wanted.category])
-    likeness = vectors[:-1] @ vectors[-1] + [names_category(things[index].text, wanted.category) for index in mine]
+    likeness = vectors[:-1] @ vectors[-1] + [says_category(things[index].text, wanted.category) for index in mine]
     return mine[int(np.argmax(likeness))]
