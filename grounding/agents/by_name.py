@@ -22,7 +22,9 @@ from .goal_text import GoalText, goal_text
 if TYPE_CHECKING:
     from ..perception.protocol import Perception
 
-SeeingName = Literal["vlfm", "onemap", "vlfm-geometry", "frontier-vlm", "frontier-geometry", "nearest-frontier"]
+SeeingName = Literal[
+    "vlfm", "onemap", "vlfm-geometry", "frontier-vlm", "frontier-geometry", "nearest-frontier", "instance-memory"
+]
 CONTROLS: dict[SeeingName, SeeingName] = {"frontier-vlm": "frontier-geometry"}
 """Agents that are always run beside another one on the same episodes."""
 SEEING: tuple[SeeingName, ...] = get_args(SeeingName)
@@ -67,6 +69,7 @@ class MakesSeeing:
                 self.name,
                 perception_of(episode),
                 text_of=lambda task: texts.get(task.queries[0], own)(task),
+                phrases=phrases,
                 chat=chat,
             )
 
@@ -89,7 +92,9 @@ class MakesSeeing:
         )
 
 
-def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable, chat: RecordedChat | None) -> Agent:
+def _agent(
+    name: SeeingName, perception: "Perception", *, text_of: Callable, phrases: RulePhrases, chat: RecordedChat | None
+) -> Agent:
     if name in ("vlfm", "vlfm-geometry"):
         from .vlfm.agent import VlfmAgent
 
@@ -98,6 +103,10 @@ def _agent(name: SeeingName, perception: "Perception", *, text_of: Callable, cha
         from .onemap.agent import OneMapAgent
 
         return OneMapAgent(perception, text_of)
+    if name == "instance-memory":
+        from .instance_memory import InstanceMemoryAgent
+
+        return InstanceMemoryAgent(perception, text_of, phrases)
     if chat is not None:
         from .frontier_vlm.transcribed import TranscribedAgent
 

@@ -16,7 +16,8 @@ from .thing_merging import MergeRule, UnknownThings
 from .tracked_things import KnownThings, Thing
 from .view_quality import patch_pixels
 
-_RULE = MergeRule(merge_m=0.05, min_share=0.3, min_cosine=0.7)
+MERGE_RULE = MergeRule(merge_m=0.05, min_share=0.3, min_cosine=0.7)
+"""When masks of several views show one thing."""
 _LEAST_POINTS = 5
 """Things with fewer points, one per 5 cm cube, are left out."""
 _LEAST_IN_PATCH = 0.25
@@ -44,7 +45,7 @@ class ObjectMapBuilder:
         """Forgets all views."""
         self._storeys = Storeys(self._views)
         self._known = KnownThings(max_depth=self._views.max_depth)
-        self._unknown = UnknownThings(_RULE, max_depth=self._views.max_depth)
+        self._unknown = UnknownThings(MERGE_RULE, max_depth=self._views.max_depth)
 
     def add(self, frame: Frame) -> None:
         """Adds a view; some wait until a batch is full or until the robot is off the stairs."""
@@ -65,7 +66,7 @@ class ObjectMapBuilder:
         def memory_of(index: int) -> ObjectMap:
             objects = tuple(_instance(thing) for thing, at in zip(things, storeys, strict=True) if at == index)
             floor_y = self._storeys.floors[index]
-            return ObjectMap(objects, floor_y, self._encoder.name, self._encoder.dim, centre, _RULE.merge_m)
+            return ObjectMap(objects, floor_y, self._encoder.name, self._encoder.dim, centre, MERGE_RULE.merge_m)
 
         return self._storeys.home(memory_of)
 
@@ -74,7 +75,7 @@ class ObjectMapBuilder:
             return
         for frame, patches in zip(frames, encoded_patches(self._encoder, frames), strict=True):
             found = self._segmenter.segment(frame)
-            features = _features(found, frame.camera, patches)
+            features = features_of_masks(found, frame.camera, patches)
             (self._known if found.ids else self._unknown).add(frame, found, features)
 
 
@@ -85,7 +86,7 @@ def _instance(thing: Thing) -> ObjectInstance:
     )
 
 
-def _features(found: Segments, camera: Camera, patches: NDArray[np.float32]) -> NDArray[np.float64]:
+def features_of_masks(found: Segments, camera: Camera, patches: NDArray[np.float32]) -> NDArray[np.float64]:
     """(M, E) unit mean of the patches (h, w, E) that each mask covers; zero where they are."""
     shares = _shares_of_patches(found.masks, camera, patches.shape[:2])
     features = (shares.astype(np.float32) @ patches.reshape(-1, patches.shape[2])).astype(np.float64)

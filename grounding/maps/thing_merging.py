@@ -242,9 +242,10 @@ class _View(NamedTuple):
         is_valid = (depth >= NEAR) & (depth <= max_depth)
         coarse, depth = masks[:, ::EVERY_PIXEL, ::EVERY_PIXEL], np.where(is_valid, depth, np.float32(np.nan))
         is_clean = is_valid & ~_jumps(depth)
-        points = np.zeros((*depth.shape, 3))
-        points[is_valid] = points_at(frame, np.argwhere(is_valid) * EVERY_PIXEL)
-        keys = cube_keys(points.reshape(-1, 3)).reshape(depth.shape)
+        points, keys = np.zeros((*depth.shape, 3)), np.zeros(depth.shape, np.int64)
+        is_needed = is_valid & coarse.any(axis=0)
+        points[is_needed] = points_at(frame, np.argwhere(is_needed) * EVERY_PIXEL)
+        keys[is_needed] = cube_keys(points[is_needed])
         cubes, depths = [], np.full(len(masks), np.inf)
         for index, mask in enumerate(coarse):
             used, whole = mask & is_clean, mask & is_valid

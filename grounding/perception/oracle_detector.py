@@ -184,11 +184,14 @@ class OracleDetector:
         self._vectors = perception.encode_texts(list(perception.perceived.values()))
         self._query = ""
         self._matches: dict[int, float] = {}
+        self._matches_of: dict[str, dict[int, float]] = {}
 
     def set_query(self, text: str) -> None:
         """Says what to find; raises AgentError for a text without words."""
         self._query = checked_query(text, self.name)
-        self._matches = self._matching()
+        if self._query not in self._matches_of:
+            self._matches_of[self._query] = self._matching()
+        self._matches = self._matches_of[self._query]
 
     @property
     def matches(self) -> dict[int, float]:

@@ -14,7 +14,8 @@ import numpy as np
 from ..encoders.protocol import TextEncoder
 
 _QUERY = re.compile(
-    r"(?P<one_of>\bone of )?(?P<owner>[^\s'’]+)['’]s?\s+(?P<category>.+?)(?:\s+position)?\s*[?.!]*$", re.IGNORECASE
+    r"(?P<one_of>\b(?:one|all) of )?(?P<owner>[^\s'’]+)['’]s?\s+(?P<category>.+?)(?:\s+position)?\s*[?.!]*$",
+    re.IGNORECASE,
 )
 _OWNS = re.compile(r"^\s*(?P<owner>\S+)\s+owns\s+(?P<thing>.*\S)\s*$", re.IGNORECASE | re.DOTALL)
 _ROOM = re.compile(r"^(?P<thing>.*\S)[\s,.]+in\s+(?P<room>(?:the|a|an|one|another)?\s*[^,.]+?)[\s.]*$", re.DOTALL)
@@ -97,11 +98,15 @@ def asked_thing(phrases: Sequence[str], query: str, encoder: TextEncoder) -> Ask
     return Asked(tuple(distinct.values()), list(distinct).index(things[index].text))
 
 
+def says_category(text: str, category: str) -> bool:
+    """Whether the category's word or plural occurs in a text."""
+    return re.search(rf"\b{re.escape(category)}(?:e?s)?\b", text, re.IGNORECASE) is not None
+
+
 def _wanted(things: Sequence[OwnedThing], wanted: Wanted, encoder: TextEncoder) -> int | None:
     mine = [index for index, item in enumerate(things) if item.owner.casefold() == wanted.owner.casefold()]
     if len(mine) < 2:
         return mine[0] if mine else None
-    word = re.compile(rf"\b{re.escape(wanted.category)}(?:e?s)?\b", re.IGNORECASE)
     vectors = encoder.encode_texts([*(things[index].text for index in mine), wanted.category])
-    likeness = vectors[:-1] @ vectors[-1] + [bool(word.search(things[index].text)) for index in mine]
+    likeness = vectors[:-1] @ vectors[-1] + [says_category(things[index].text, wanted.category) for index in mine]
     return mine[int(np.argmax(likeness))]

@@ -49,10 +49,21 @@ class Carries(Protocol):
         ...
 
 
+@runtime_checkable
+class WantsMore(Protocol):
+    """An agent that goes on after STOP in a search for all objects; for others such a search ends there."""
+
+    @property
+    def wants_more(self) -> bool:
+        """After STOP, whether it looks for another object."""
+        ...
+
+
 AgentOf = Callable[[int, Pose, tuple[Pose, ...]], Agent | None]
 """(index of a search, pose where it begins or goes on, places marked in it) -> its agent, world frame.
 
-None = a search for all objects ends here; before the first mark there always is an agent."""
+None = no other agent: a search for all objects ends here, unless the agent wants more; before the first mark there
+always is one."""
 
 
 class SearchBySearch:
@@ -113,12 +124,14 @@ class SearchBySearch:
 
     def _goes_on(self, observation: Observation) -> bool:
         """Whether an agent looks for another object in a search for all of them."""
-        self._here = self._pose(observation)
-        self._marks.append(_in_world(self._start, self._here))
+        here = self._pose(observation)
+        self._marks.append(_in_world(self._start, here))
         agent = self._agent_of(self._index, self._marks[-1], tuple(self._marks))
-        if agent is not None:
-            self._start_agent(agent, observation)
-        return agent is not None
+        if agent is None:
+            return isinstance(self._agent, WantsMore) and self._agent.wants_more
+        self._here = here
+        self._start_agent(agent, observation)
+        return True
 
     def _start_agent(self, agent: Agent | None, observation: Observation, **more: bool) -> None:
         assert agent is not None, "each search has an agent"

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from grounding.agents.by_name import MakesSeeing
 from grounding.agents.goal_text import described_thing
+from grounding.agents.instance_memory import InstanceMemoryAgent
 from grounding.agents.onemap.agent import OneMapAgent
 from grounding.agents.random_frontier import RandomFrontierAgent
 from grounding.agents.vlfm.agent import VlfmAgent
@@ -141,6 +142,8 @@ def made(name: str, root: Path) -> Agent:
     eyes = eyes_at(root, home_at(root)[2][0].start)
     if name == "onemap":
         return OneMapAgent(eyes, lambda task: "white enamel stove")
+    if name == "instance-memory":
+        return InstanceMemoryAgent(eyes, lambda task: "white enamel stove", RulePhrases())
     if name == "vlfm":
         return VlfmAgent(eyes, lambda task: "white enamel stove")
     from grounding.agents.frontier_vlm.agent import JudgedFrontierAgent
@@ -179,7 +182,7 @@ def cells(agent: Any) -> NDArray[np.uint8]:
     return occupancy
 
 
-@pytest.mark.parametrize("name", ["random-frontier", "onemap", "vlfm", "judged-frontier"])
+@pytest.mark.parametrize("name", ["random-frontier", "onemap", "instance-memory", "vlfm", "judged-frontier"])
 def test_a_carried_map_keeps_floor_or_obstacles_alone(small_home_root: Path, name: str) -> None:
     agent = made(name, small_home_root)
     walked(agent, small_home_root, steps=40)
@@ -188,7 +191,7 @@ def test_a_carried_map_keeps_floor_or_obstacles_alone(small_home_root: Path, nam
     after = cells(agent)
     assert np.count_nonzero((after == OCCUPIED) & (before == OCCUPIED)) > 0.9 * np.count_nonzero(before == OCCUPIED)
     share_free = np.count_nonzero((after == FREE) & (before == FREE)) / np.count_nonzero(before == FREE)
-    if name in ("random-frontier", "onemap"):
+    if name in ("random-frontier", "onemap", "instance-memory"):
         assert share_free > 0.95
     else:
         assert share_free < 0.6

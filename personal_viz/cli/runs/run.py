@@ -80,9 +80,9 @@ class Run:
     agent: Annotated[
         str,
         arg(
-            help="random, random-frontier; vlfm, onemap, vlfm-geometry, frontier-geometry, nearest-frontier or "
-            "frontier-vlm (these with --perception, frontier-vlm with --llm-url and --llm-model too, and always beside "
-            "frontier-geometry); "
+            help="random, random-frontier; vlfm, onemap, vlfm-geometry, frontier-geometry, nearest-frontier, "
+            "instance-memory or frontier-vlm (these with --perception, frontier-vlm with --llm-url and --llm-model "
+            "too, and always beside frontier-geometry); "
             "shortest-path (knows the goal); or your own as package.module:factory."
         ),
     ] = MISSING
