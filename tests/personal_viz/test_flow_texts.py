@@ -122,7 +122,7 @@ def test_the_table_of_keys_names_the_keys_and_buttons_that_work(actions: str) ->
 
 def test_pictures_are_small_and_of_one_size() -> None:
     paths = sorted(STATIC.glob("how-*.jpg"))
-    assert len(paths) == 6
+    assert len(paths) == 8
     for path in paths:
         assert path.stat().st_size <= 60_000
         with Image.open(path) as picture:
