@@ -165,7 +165,7 @@ def test_hangs(deaf): assert False
 """
     limit = """
     from tests.hung_tests import EndsHungTests
-    config.pluginmanager.register(EndsHungTests(limit_s=5))
+    config.pluginmanager.register(EndsHungTests(limit_s=4, beyond_s=1))
 """
     conftest = CONFTEST.replace("\n\ndef pytest_collection", f"{limit}\ndef pytest_collection")
     done = run(pytester, hangs, "-n", "1", "--dist", "loadfile", "--max-worker-restart", "0", conftest=conftest)

@@ -178,18 +178,18 @@ def test_a_home_needs_its_dataset(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_home_is_explored_once_and_shows_its_answer(small_home_root: Path, tmp_path: Path) -> None:
-    episode = next(PersonalDataset(small_home_root).episodes(scenes=("Small",), splits=("easy",)))
-    options = ("--dataset", small_home_root, "--maps", tmp_path / "kept", "--out", tmp_path / "answer", "--json")
+def test_a_home_is_explored_once_and_shows_its_answer(small_root: Path, tmp_path: Path) -> None:
+    episode = next(PersonalDataset(small_root).episodes(scenes=("HomeTwo",), splits=("easy",)))
+    options = ("--dataset", small_root, "--maps", tmp_path / "kept", "--out", tmp_path / "answer", "--json")
     asked = ("--description", episode.record.summary, "--query", episode.record.query[0])
-    done = personal_viz("ask", "Small", *options, *asked)
+    done = personal_viz("ask", "HomeTwo", *options, *asked)
     assert done.returncode == 0, done.stderr
     point = json.loads(done.stdout)["points"][0]
     x, _, z = episode.targets[0].position
     assert np.hypot(point["map"][0] - x, point["map"][2] - z) < 1
     assert point["recording"] is None
     assert Image.open(tmp_path / "answer.png").size[0] > 1000  # three pictures beside the map
-    again = personal_viz("ask", "Small", *options, *asked)
+    again = personal_viz("ask", "HomeTwo", *options, *asked)
     assert again.stdout == done.stdout
     assert "exploring" not in again.stderr
 

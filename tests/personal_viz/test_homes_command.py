@@ -151,15 +151,22 @@ def test_an_edition_that_makes_the_homes_or_has_other_homes_is_no_test(
 
 
 @pytest.mark.slow
-def test_jobs_change_nothing_but_times(invented_root: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    one, two = (report(invented_root, capsys, jobs=jobs, folds=False) for jobs in (1, 2))
+def test_jobs_change_nothing_but_times(small_root: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one, two = (report(small_root, capsys, jobs=jobs, folds=False) for jobs in (1, 2))
     for found in (one, two):
         for figures in found["scenes"].values():
             figures.pop("build_s")
     assert one == two
-    assert one["total"]["playable"] == 1.0
-    assert one["total"]["guessed_area"] == 0.0
-    assert one["total"]["episodes"] == 48
+    assert list(one["scenes"]) == ["HomeOne", "HomeTwo"]
+    assert one["total"]["episodes"] == 11
+
+
+@pytest.mark.slow
+def test_an_invented_home_is_playable_and_nothing_of_it_is_guessed(
+    small_home_root: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    total = report(small_home_root, capsys, folds=False)["total"]
+    assert (total["playable"], total["guessed_area"], total["episodes"]) == (1.0, 0.0, 24)
 
 
 def test_mistakes_are_one_line(schematic: Path, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def rrd(tmp_path_factory: pytest.TempPathFactory, runs: list[Run], episode: Epis
 def test_runs_and_answers_of_a_comparison_are_equal_when_read_back(rrd: Path, runs: list[Run]) -> None:
     assert read_rrd(rrd) == runs
     assert [run.model_dump_json() for run in read_rrd(rrd)] == [run.model_dump_json() for run in runs]
-    assert read_recorded(rrd)[1:] == ((), True)
+    assert read_recorded(rrd)[1:] == ((), True, ())
 
 
 def test_a_run_without_steps_can_be_read_back(tmp_path: Path, agent_run: Run, episode: Episode, home: Scene) -> None:
@@ -88,7 +88,7 @@ def test_the_complete_runs_of_a_program_that_dies_can_be_read(tmp_path: Path, ag
     command = [sys.executable, "-c", CRASH, str(written(agent_run, tmp_path / "run")), str(out)]
     done = subprocess.run(command, timeout=60, cwd=Path(__file__).parents[2])
     assert done.returncode == 1
-    assert read_recorded(out) == ([agent_run], ("/runs/cut",), False)
+    assert read_recorded(out) == ([agent_run], ("/runs/cut",), False, ())
 
 
 def test_a_file_cut_within_a_message_is_read_up_to_it(tmp_path: Path, rrd: Path, runs: list[Run]) -> None:
