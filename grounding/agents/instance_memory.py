@@ -272,8 +272,8 @@ def sought(task: Task, text: str, phrases: PhraseSource) -> Sought:
     ]
     own = tuple(dict.fromkeys([text, *(thing for thing in mine if thing != chosen)]))
     others = tuple(dict.fromkeys(item.thing for item in items if item.thing not in (*own, chosen)))
-    heads = map(head_noun, own)
-    categories = tuple(dict.fromkeys([*([wanted.category] if wanted else []), *heads]))
+    heads = [head_noun(found) for found in own]
+    categories = tuple(dict.fromkeys([wanted.category, *heads] if wanted else heads))
     return Sought(own, others, categories, re.search(r"\ball of\b", query) is not None)
 
 

@@ -163,7 +163,7 @@ class TrialPlay:
             return update
         command, before = self._command(item.content, session), session.view(time.monotonic())
         update = session.handle(command, time.monotonic(), busy=item.is_busy)
-        if isinstance(item.content, Nudge) and not item.content.is_new and isinstance(before, PogView):
+        if isinstance(session, PogSession) and isinstance(item.content, Nudge) and not item.content.is_new:
             update = self._without_the_moved(before, update, session)
         if not isinstance(session, PanSession) or not session.needs_look:
             self._store(update.events)
@@ -180,12 +180,13 @@ class TrialPlay:
         self._watch.tell((*update.events, *looked.events), _sensed(session))
         return looked
 
-    def _without_the_moved(self, before: PogView, update: SessionUpdate, session: PogSession) -> SessionUpdate:
+    def _without_the_moved(self, before: View, update: SessionUpdate, session: PogSession) -> SessionUpdate:
         """A mark that was moved in a search for all, where each click sets one more, is taken from its old place."""
-        num_marks = len(before.marks)
-        if not before.is_for_all or not num_marks or len(update.view.marks) <= num_marks:
+        if not isinstance(before, PogView) or not isinstance(update.view, PogView) or not before.is_for_all:
             return update
-        taken = session.handle(Unmark(num_marks - 1), time.monotonic())
+        if not 0 < len(before.marks) < len(update.view.marks):
+            return update
+        taken = session.handle(Unmark(len(before.marks) - 1), time.monotonic())
         return SessionUpdate((*update.events, *taken.events), taken.view)
 
     def _store(self, events: tuple[Event, ...]) -> None:

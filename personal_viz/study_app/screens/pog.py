@@ -138,7 +138,8 @@ class PogScreen:
         along = right * R_world_camera[:, 0] - up * R_world_camera[:, 1]  # the camera's y points down
         length = float(np.hypot(along[0], along[2]))
         if length > 0:
-            await self._send(Nudge(*(float(NUDGE_M * along[axis] / length) for axis in (0, 2))))
+            x_m, _, z_m = (NUDGE_M * along / length).tolist()
+            await self._send(Nudge(x_m, z_m))
 
     def _draw_mark(self) -> None:
         """Draws the marks of the shown storey; while another is shown, the buttons of their storeys tell of them."""
