@@ -3,17 +3,13 @@
 `make screenshots` makes the README's; `python -m personal_viz.screenshots.make NAME ...` makes some: a name of JOBS.
 """
 
-import contextlib
 import gzip
-import io
 import json
-import re
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -25,16 +21,8 @@ from grounding.maps.home_map import ObjectMap
 from grounding.methods.chat_grounders import numbered_things
 from grounding.methods.map_picture import numbered_map
 from human_study.design.plan import load_plan
-from human_study.design.study import (
-    Condition,
-    StudyEthics,
-    StudyMemory,
-    StudyPog,
-    StudyPractice,
-    load_study,
-)
+from human_study.design.study import load_study
 from sim.authoring.generation import dataset_files, invent_dataset, write_files
-from sim.authoring.sequences.generation import draw_sequences, write_sequences
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
 from sim.frames import T_world_camera, yaw_towards
@@ -53,36 +41,21 @@ from sim.walk.storeys import nearest_storey, same_storey
 
 from ..annotate.app import Annotator, Workplace
 from ..bench.homes.playability import home_facts
-from ..bots.site import make_pilot
 from ..browse.app import browser_app, loopback_app
 from ..browse.library import open_library
 from ..browser import open_chromium
-from ..cli.verbs import parse
 from ..contact_sheet.sheet import contact_sheet_picture
-from ..study_app.operator.served import ServedStudy, serve_command, served
+from ..study_app.operator.served import ServedStudy, served
 from ..study_app.page_script import STATIC
 from ..view.shown import open_shown
 from ..view.visit import Visit
 from .rerun_page import picture_at_rest, screenshot_rrd
+from .sequences import picture_sequences, picture_told
+from .steps import PICTURES, WAIT_MS, point, press, run_agent, walk, work
+from .study_pages import picture_instructions, picture_pages
 
-PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 RELEASE = Path(__file__).resolve().parents[3] / "shared" / "personal-dataset" / "split"
 """The released episodes, where they lie beside the checkout."""
-SIZE = (760, 475)
-"""Pixels of a picture of the instructions: it is shown inside a card."""
-MAX_BYTES = 60_000
-"""Size of a picture of the instructions; a page holds up to three."""
-_INSTRUCTIONS: dict[Condition, str] = {
-    "none": "how-pan.jpg",
-    "topdown": "how-topdown.jpg",
-    "glb": "how-glb.jpg",
-    "map_open": "how-pog.jpg",
-    "map_first": "how-map-first.jpg",
-    "map_2d": "how-map-2d.jpg",
-}
-"""File in `static` that shows a condition, as the templates of `human_study.texts` name it."""
-_PAIRS: tuple[tuple[Condition, Condition], ...] = (("none", "map_open"), ("topdown", "map_first"), ("glb", "map_2d"))
-"""Conditions of PAN and POG that are served together."""
 _EXPLORER = "personal_viz.examples.example_2_your_own_agent:ExplainingAgent"
 _KEYS = {Action.FORWARD: "w", Action.LEFT: "a", Action.RIGHT: "d"}
 """Keys of a participant; STOP is Enter twice."""
@@ -91,15 +64,13 @@ _WORSE, _BETTER = "rpg", "joint"
 """Methods whose answers are replayed."""
 _STATIC_JOBS = {"instructions", "sequences"}
 """Names of the jobs that change the pages of studies; they run only when they are asked for."""
-_QUALITIES = range(86, 30, -4)
-_WAIT_MS = 120_000
 
 
 def main() -> None:
     """Makes the pictures that were asked for."""
     names = sys.argv[1:] or [name for name in JOBS if name not in _STATIC_JOBS]
     PICTURES.mkdir(exist_ok=True)
-    expect.set_options(timeout=_WAIT_MS)
+    expect.set_options(timeout=WAIT_MS)
     for name in names:
         with tempfile.TemporaryDirectory(prefix=f"personal-{name}-") as folder:
             JOBS[name](Path(folder))
@@ -115,7 +86,7 @@ def picture_demo(folder: Path) -> None:
     ):
         plan = load_plan(folder / "demo/study", load_study(folder / "demo/study"))
         key = next(person.trials[0].key for person in plan.participants if person.trials[0].task == "pan")
-        way = _run_agent("shortest-path", dataset, folder / "way", "--episode", str(key))
+        way = run_agent("shortest-path", dataset, folder / "way", "--episode", str(key))
         _walk_to_the_goal(browser.new_page(), study, way)
         _point_at_the_sofa(browser.new_page(), study)
     episodes = PersonalDataset(dataset)
@@ -124,45 +95,17 @@ def picture_demo(folder: Path) -> None:
     _compare(folder, dataset, key)
 
 
-def picture_pages(folder: Path) -> None:
-    """Consent, instructions and a question that was answered wrongly."""
-    shown = StudyMemory(arms=("topdown",))
-    with (
-        _served_study(folder, task=("pan",), memory=shown, practice=StudyPractice(pan=1)) as study,
-        open_chromium() as browser,
-    ):
-        page = browser.new_page()
-        page.goto(study.link("pan"))
-        expect(page.get_by_text("Your window has room")).to_be_visible()
-        page.keyboard.press("w", delay=60)
-        _press(page, "Continue")
-        expect(page.get_by_role("button", name="I agree and take part")).to_be_visible()
-        _keep(page, "study-consent.png")
-        _press(page, "I agree and take part")
-        _press(page, "Next")
-        expect(page.get_by_text("Page 2 of")).to_be_visible()
-        _keep(page, "study-instructions.png")
-        while page.get_by_role("button", name="I have read this").count() == 0:
-            count = page.get_by_text(re.compile(r"Page \d+ of \d+")).inner_text()
-            _press(page, "Next")
-            expect(page.get_by_text(count, exact=True)).to_be_hidden()
-        _press(page, "I have read this")
-        _press(page, "Anywhere in the same room")
-        expect(page.get_by_text("Not quite.")).to_be_visible()
-        _keep(page, "study-question.png")
-
-
 def picture_grounding(folder: Path) -> None:
     """An exploration and answers on an explored map in Rerun, and the POG report's page."""
     data = ["--dataset", str(folder / "homes")]
     invent_dataset(folder / "homes", name="Invented3", seed=3)
     exploration, pair, report = folder / "explore.rrd", folder / "pair.rrd", folder / "report"
-    _work("explore", *data, "--max-steps", "300", "--out", str(folder / "walks"), "--rerun", str(exploration))
+    work("explore", *data, "--max-steps", "300", "--out", str(folder / "walks"), "--rerun", str(exploration))
     screenshot_rrd(exploration, PICTURES / "explore.png", at_end=True)
     runs = {method: folder / "runs" / method for method in _METHODS}
     for method in _METHODS:
         out = ["--out", str(folder / "runs"), "--run-id", method]
-        _work("ground", *data, *out, "--method", method, "--map", "explore")
+        work("ground", *data, *out, "--method", method, "--map", "explore")
     worse, better = (read_run(runs[method]).answers for method in (_WORSE, _BETTER))
     right = [
         good.key
@@ -171,9 +114,9 @@ def picture_grounding(folder: Path) -> None:
     ]
     key = right[0] if right else better[0].key
     shown = ["--runs", str(runs[_WORSE]), str(runs[_BETTER])]
-    _work("replay", *data, "--episode", str(key), "--out", str(pair), *shown)
+    work("replay", *data, "--episode", str(key), "--out", str(pair), *shown)
     screenshot_rrd(pair, PICTURES / "ground-explored.png", at_end=True)
-    _work("pog-report", *(str(path) for path in runs.values()), *data, "--out", str(report))
+    work("pog-report", *(str(path) for path in runs.values()), *data, "--out", str(report))
     with open_chromium(width=1500, height=1100) as browser:
         page = browser.new_page()
         page.goto((report / "index.html").as_uri())
@@ -186,7 +129,7 @@ def picture_agents(folder: Path) -> None:
     invent_dataset(homes, name="Invented3", seed=3)
     key = next(PersonalDataset(homes).episodes(splits=("easy",))).key
     sees = ("--perception", "oracle:mild", "--episode", str(key))
-    _run_agent("onemap", homes, folder / "runs", *sees, "--rerun", str(rrd), "--with-pixels")
+    run_agent("onemap", homes, folder / "runs", *sees, "--rerun", str(rrd), "--with-pixels")
     screenshot_rrd(rrd, PICTURES / "onemap.png", at_end=True)
 
 
@@ -214,7 +157,7 @@ def picture_scans(folder: Path) -> None:
         next(iter(content["goals_by_category"].values()))[0]["position"][0] += 0.9
         path.write_bytes(gzip.compress(json.dumps(content).encode()))
     scans = str(folder / "data" / "scenes")
-    _work("check-scans", "--dataset", str(folder / "data"), "--scenes-dir", scans, "--out", str(folder / "out"))
+    work("check-scans", "--dataset", str(folder / "data"), "--scenes-dir", scans, "--out", str(folder / "out"))
     with open_chromium(width=1350, height=900) as browser:
         page = browser.new_page()
         page.goto((folder / "out" / "check-scans.html").as_uri())
@@ -225,7 +168,7 @@ def picture_tables(folder: Path) -> None:
     """The page of `reproduce` on an invented home."""
     write_files(folder / "data", dataset_files("Invented7", seed=7, episodes_per_split=8))
     few = ("--encoder", "hashed", "--method", "random", "center", "qs", "rpg", "dual", "--limit", "6")
-    _work("reproduce", "--dataset", str(folder / "data"), "--out", str(folder / "out"), *few)
+    work("reproduce", "--dataset", str(folder / "data"), "--out", str(folder / "out"), *few)
     with open_chromium(width=1350, height=900) as browser:
         page = browser.new_page()
         page.goto((folder / "out" / "index.html").as_uri())
@@ -239,7 +182,7 @@ def picture_ask(folder: Path) -> None:
     episode = next(PersonalDataset(data).episodes(scenes=("Invented3",), splits=("easy",)))
     asked = ("--description", episode.record.summary, "--query", episode.record.query[0], "--query", "the blue dresser")
     kept = ("--maps", str(folder / "maps"), "--out", str(folder / "answer"))
-    _work("ask", "Invented3", "--dataset", str(data), *asked, *kept)
+    work("ask", "Invented3", "--dataset", str(data), *asked, *kept)
     Image.open(folder / "answer.png").convert("RGB").save(PICTURES / "ask.jpg", quality=85)
 
 
@@ -248,7 +191,7 @@ def picture_chat(folder: Path) -> None:
     data = folder / "data"
     write_files(data, dataset_files("Invented3", seed=3, episodes_per_split=1))
     explored = ("--map", "explore", "--layout", "objects", "--out", str(folder / "runs"))
-    _work("ground", "--dataset", str(data), "--method", "object-phrase", *explored)
+    work("ground", "--dataset", str(data), "--method", "object-phrase", *explored)
     (file,) = (folder / "runs").glob("map-*/maps/*.npz")
     (storey,) = load_memory(file).storeys
     assert isinstance(storey.memory, ObjectMap)
@@ -308,7 +251,7 @@ def picture_browse(folder: Path) -> None:
     dataset, runs = folder / "data", folder / "runs"
     write_files(dataset, dataset_files("Invented7", seed=7, episodes_per_split=8))
     found = tuple(
-        _run_agent(agent, dataset, runs, "--split", "medium", "--limit", "3", seed=3)
+        run_agent(agent, dataset, runs, "--split", "medium", "--limit", "3", seed=3)
         for agent in ("shortest-path", "random")
     )
     with (
@@ -329,57 +272,6 @@ def picture_browse(folder: Path) -> None:
         (PICTURES / "browse.png").write_bytes(picture_at_rest(page))  # homes are drawn after they have arrived
 
 
-def picture_instructions(folder: Path) -> None:
-    """The home as participants see it before they walk in it, and as they point at it: pictures of `static`."""
-    for pan, pog in _PAIRS:
-        choices = {
-            "task": ("pan", "pog"),
-            "flow": ("instructions",),
-            "memory": StudyMemory.model_validate({"arms": (pan,)}),
-            "pog": StudyPog.model_validate({"conditions": (pog,)}),
-        }
-        with _served_study(folder / f"{pan}-{pog}", **choices) as study, open_chromium() as browser:
-            shown: tuple[tuple[Condition, str], ...] = ((pan, study.link("pan")), (pog, study.link("pog")))
-            for condition, link in shown:
-                page = browser.new_page()
-                page.goto(link)
-                _press(page, "Start")
-                _WAYS[condition](page)
-                page.mouse.move(5, 795)
-                page.wait_for_timeout(1000)  # colours of buttons fade
-                (STATIC / _INSTRUCTIONS[condition]).write_bytes(small_jpeg(page.screenshot(timeout=_WAIT_MS)))
-                page.close()
-
-
-def picture_sequences(folder: Path) -> None:
-    """The second search of a home sequence, with its message: a picture of the documentation, and two of `static`."""
-    choices = {"task": ("pan", "pog"), "flow": ("instructions",), "pog": StudyPog(conditions=("map_open",))}
-    with _served_study(folder, num_sequences=1, **choices) as study, open_chromium() as browser:
-        page = browser.new_page()
-        page.goto(study.link("pan"))
-        _press(page, "Start")
-        _walk(page, "aa")
-        for _ in range(2):
-            page.keyboard.press("Enter", delay=60)
-        expect(page.locator("[data-search='1']")).to_be_visible()
-        _walk(page)
-        page.mouse.move(5, 795)
-        page.wait_for_timeout(1000)  # colours of buttons fade
-        picture = page.screenshot(path=PICTURES / "study-sequence.png", timeout=_WAIT_MS)
-        (STATIC / "how-pan-messages.jpg").write_bytes(small_jpeg(picture))
-        page.close()
-        page = browser.new_page()
-        page.goto(study.link("pog"))
-        _press(page, "Start")
-        _point(page)
-        _press(page, "Confirm the mark")
-        expect(page.locator("[data-search='1']")).to_be_visible()
-        _point(page, 0.45, 0.33)
-        page.mouse.move(5, 795)
-        page.wait_for_timeout(1000)
-        (STATIC / "how-pog-messages.jpg").write_bytes(small_jpeg(page.screenshot(timeout=_WAIT_MS)))
-
-
 JOBS: dict[str, Callable[[Path], None]] = {
     "demo": picture_demo,
     "pages": picture_pages,
@@ -395,19 +287,9 @@ JOBS: dict[str, Callable[[Path], None]] = {
     "annotate": picture_annotate,
     "instructions": picture_instructions,
     "sequences": picture_sequences,
+    "told": picture_told,
 }
 """Functions that make pictures; each gets a folder for the files that it needs on the way."""
-
-
-def small_jpeg(png: bytes) -> bytes:
-    """A screenshot in the instructions' size, as good as MAX_BYTES allow."""
-    picture = Image.open(io.BytesIO(png)).convert("RGB").resize(SIZE, Image.Resampling.LANCZOS)
-    for quality in _QUALITIES:
-        buffer = io.BytesIO()
-        picture.save(buffer, "JPEG", quality=quality, optimize=True, progressive=True)
-        if buffer.tell() <= MAX_BYTES:
-            break
-    return buffer.getvalue()
 
 
 def _draw_simulator(scene: Scene, episode: Episode) -> None:
@@ -442,10 +324,10 @@ def _walk_to_the_goal(page: Page, study: ServedStudy, way: Path) -> None:
     """The PAN screen after five steps; then the script walks on to the goal, whose way an agent knows, and stops."""
     keys = ["d", "a", *(_KEYS[step.action] for step in read_run(way).episodes[0].steps[:-1])]
     page.goto(study.link("pan"))
-    _press(page, "Start")
-    _walk(page, keys[:5])
+    press(page, "Start")
+    walk(page, keys[:5])
     page.screenshot(path=PICTURES / "study-pan.png")
-    _walk(page, keys[5:], first=5)
+    walk(page, keys[5:], first=5)
     page.keyboard.press("Enter", delay=60)
     page.keyboard.press("Enter", delay=60)
     expect(page.get_by_text("Saved")).to_be_visible()
@@ -453,122 +335,31 @@ def _walk_to_the_goal(page: Page, study: ServedStudy, way: Path) -> None:
 
 def _point_at_the_sofa(page: Page, study: ServedStudy) -> None:
     page.goto(study.link("pog"))
-    _press(page, "Start")
-    _point(page, 0.45, 0.33)
+    press(page, "Start")
+    point(page, 0.45, 0.33)
     page.screenshot(path=PICTURES / "study-pog.png")
 
 
 def _compare(folder: Path, dataset: Path, key: EpisodeKey) -> None:
     """The participant's trial beside an exploring agent in Rerun, and the page of `compare` with more agents."""
-    _work("study", "export", str(folder / "demo/study"), "--out", str(folder / "people"))
+    work("study", "export", str(folder / "demo/study"), "--out", str(folder / "people"))
     people = sorted(path for path in (folder / "people").iterdir() if (path / "steps.jsonl").is_file())
-    explorer = _run_agent(_EXPLORER, dataset, folder / "one", "--episode", str(key))
+    explorer = run_agent(_EXPLORER, dataset, folder / "one", "--episode", str(key))
     rrd, page = folder / "pair.rrd", folder / "page"
     data = ["--dataset", str(dataset)]
-    _work("replay", *data, "--episode", str(key), "--out", str(rrd), "--runs", *map(str, (*people, explorer)))
+    work("replay", *data, "--episode", str(key), "--out", str(rrd), "--runs", *map(str, (*people, explorer)))
     screenshot_rrd(rrd, PICTURES / "replay.png", at_end=True)
     agents = [
-        _run_agent(agent, dataset, folder / "all", "--split", key.split)
+        run_agent(agent, dataset, folder / "all", "--split", key.split)
         for agent in (_EXPLORER, "random", "shortest-path")
     ]
-    _work("compare", *map(str, (*people, *agents)), *data, "--out", str(page))
+    work("compare", *map(str, (*people, *agents)), *data, "--out", str(page))
     with open_chromium(width=1600, height=1000) as browser:
         tab = browser.new_page()
         tab.goto((page / "index.html").as_uri())
         tab.wait_for_function("[...document.images].slice(0, 3).every((image) => image.naturalWidth > 0)")
         tab.screenshot(path=PICTURES / "compare.png")
 
-
-@contextlib.contextmanager
-def _served_study(folder: Path, *, num_sequences: int = 0, **choices: Any) -> Iterator[ServedStudy]:
-    """A pilot on one invented home, until the end of the block.
-
-    Args:
-        folder: For the study and its episodes.
-        num_sequences: Number of home sequences that are done instead of episodes; 0 = episodes.
-        choices: Fields of StudyConfig.
-    """
-    dataset = folder / "dataset"
-    invent_dataset(dataset, name="PictureHome", seed=5)
-    if num_sequences:
-        options = {"scenes_dir": None, "count": num_sequences, "seed": 5, "starts": "released"}
-        write_sequences(folder / "set", draw_sequences(dataset, ["PictureHome"], **options))
-    make_pilot(
-        folder / "study",
-        dataset,
-        participants=1,
-        sequence_set=folder / "set" if num_sequences else None,
-        splits={"easy": 4},
-        study="picture-study",
-        ethics=StudyEthics(institution="Example University", contact="study@example.org", duration_min=30),
-        **choices,
-    )
-    with served(serve_command(folder / "study", dataset, workers=1)) as program:
-        yield program
-
-
-def _run_agent(agent: str, dataset: Path, runs: Path, *more: str, seed: int = 1) -> Path:
-    """Runs an agent over the episodes that further options name; its run folder."""
-    name = agent.partition(":")[0].rpartition(".")[2]
-    options = ["--dataset", str(dataset), "--out", str(runs), "--run-id", name, "--seed", str(seed)]
-    _work("run", "--agent", agent, *options, *more)
-    return runs / name
-
-
-def _work(*arguments: str) -> None:
-    if parse(list(arguments)).run():
-        raise RuntimeError(f"personal-viz {' '.join(arguments)} failed")
-
-
-def _press(page: Page, name: str) -> None:
-    page.get_by_role("button", name=name, exact=True).click(timeout=_WAIT_MS)
-
-
-def _keep(page: Page, name: str) -> None:
-    page.mouse.move(5, 5)
-    page.wait_for_timeout(500)  # colours of buttons fade
-    page.screenshot(path=PICTURES / name)
-
-
-def _walk(page: Page, keys: Sequence[str] = "ddd", *, first: int = 0) -> None:
-    """Presses keys, each when the picture of the one before is there; without others, turns to a view of the room."""
-    picture = page.get_by_alt_text("What the robot sees")
-    expect(picture).to_have_attribute("data-step", str(first))
-    for number, key in enumerate(keys, start=first + 1):
-        page.keyboard.press(key, delay=60)  # sessions drop presses within 50 ms of the last one
-        expect(picture).to_have_attribute("data-step", str(number))
-
-
-def _see_map(page: Page) -> None:
-    expect(page.get_by_text("Look at the home from above")).to_be_visible()
-    page.wait_for_timeout(1500)
-
-
-def _see_home(page: Page) -> None:
-    expect(page.get_by_text("Look around in the home")).to_be_visible()
-    page.wait_for_timeout(4000)  # the home is drawn some time after it has arrived; nothing in the page tells when
-
-
-def _point(page: Page, right: float = 0.49, down: float = 0.62) -> None:
-    """A mark at this place of the picture; without another, on the floor of the hall, where nothing hides it."""
-    expect(page.get_by_text("Click the middle of the object")).to_be_visible()
-    page.wait_for_timeout(4000)
-    canvas = page.locator("canvas").last.bounding_box()
-    assert canvas is not None
-    page.mouse.click(canvas["x"] + canvas["width"] * right, canvas["y"] + canvas["height"] * down)
-    expect(page.get_by_text("Click again to move your mark")).to_be_visible()
-    page.wait_for_timeout(2000)
-
-
-_WAYS: dict[Condition, Callable[[Page], None]] = {
-    "none": _walk,
-    "topdown": _see_map,
-    "glb": _see_home,
-    "map_first": _see_home,
-    "map_open": _point,
-    "map_2d": _point,
-}
-"""Steps in the page before the picture of a condition is taken."""
 
 if __name__ == "__main__":
     main()

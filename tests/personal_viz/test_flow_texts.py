@@ -14,7 +14,7 @@ from human_study.journey import Journey
 from human_study.texts.catalogue import catalogue_of
 from human_study.texts.participants import instruction_texts
 from human_study.texts.quiz import QuizRound, questions_for
-from personal_viz.screenshots.make import MAX_BYTES, SIZE, small_jpeg
+from personal_viz.screenshots.study_pages import MAX_BYTES, SIZE, small_jpeg
 from personal_viz.study_app.markdown import html_from_markdown, title_of
 from personal_viz.study_app.page_script import STATIC, Device, OwnKeys, Pressed, Told, page_html, said_in
 from personal_viz.study_app.screens.cards import Card, card_html, progress_html
