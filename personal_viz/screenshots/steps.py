@@ -48,7 +48,7 @@ def served_study(folder: Path, *, num_sequences: int = 0, **choices: Any) -> Ite
 
 def make_set(dataset: Path, out: Path, *, count: int) -> Path:
     """Writes a set of home sequences of a dataset's homes; returns `out`."""
-    scenes = PersonalDataset(dataset).scenes()
+    scenes = PersonalDataset(dataset).scenes
     write_sequences(out, draw_sequences(dataset, scenes, scenes_dir=None, count=count, seed=5, starts="released"))
     return out
 
