@@ -74,7 +74,9 @@ def comparison_blueprint(
     )
 
 
-def sequence_blueprint(traces: Sequence[Trace], maps: Sequence[StoreyMap], *, shown: Sequence[Trace]) -> rrb.Blueprint:
+def sequence_blueprint(
+    traces: Sequence[Trace], maps: Sequence[StoreyMap], *, shown: Sequence[Trace], graph: rrb.VisualBounds2D
+) -> rrb.Blueprint:
     """The layout for any number of runs of one home sequence.
 
     The best run's camera and map | home, maps of other runs | the second best; below them who owns what, a plot, what
@@ -82,6 +84,7 @@ def sequence_blueprint(traces: Sequence[Trace], maps: Sequence[StoreyMap], *, sh
 
     Args:
         shown: At most two PAN runs whose cameras are shown, left and right.
+        graph: The part of the graph of owners that is shown.
     """
     plans = {
         trace.label: _together(
@@ -99,7 +102,7 @@ def sequence_blueprint(traces: Sequence[Trace], maps: Sequence[StoreyMap], *, sh
     row.insert(min(1, len(row)), (middle, 6))
     told = _actions([paths.TOLD, *(_entity(trace, OUTCOMES) for trace in traces)], name="Told, asked, found")
     below: list[tuple[Parts, int]] = [
-        (rrb.GraphView(origin=paths.OWNERS, contents=f"{paths.OWNERS}/**", name="Who owns what"), 4),
+        (rrb.GraphView(origin=paths.OWNERS, contents=paths.OWNERS, name="Who owns what", visual_bounds=graph), 4),
         (told, 5),
         (_task(), 5),
     ]

@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from sim.episodes.sequence_files import HomeSequence
@@ -63,13 +64,15 @@ Outcome = Literal["right", "wrong", "at the old object"]
 OUTCOME_RGB: Mapping[Outcome, Rgb] = {"right": (40, 170, 80), "wrong": (220, 40, 60), "at the old object": OLD_RGB}
 PERSON_RGB: Rgb = (86, 140, 210)
 THING_RGB: Rgb = (130, 130, 130)
-TOLD_RGB: Rgb = (240, 228, 66)
-_ROW, _ACROSS = 44.0, 330.0
+TOLD_RGB: Rgb = (170, 125, 0)
+_ROW, _ACROSS = 44.0, 260.0
 """Distances of the graph's nodes, in units of the graph's view."""
+_NODE = 140.0
+"""Room for half of the longest usual label, in the same units."""
 _NOTE = (
     "The timeline _together_ counts actions; on it every run begins a search at the same moment, and the faster ones "
     "wait. Each search's way has its own colour. Marks at each FOUND: green right, red wrong, orange at the object "
-    "that was right before the change. In the graph, arrows are new since the last message, their things orange. "
+    "that was right before the change. In the graph, things that have just changed hands are orange. "
     "Right objects are shown from the beginning of each search: for researchers."
 )
 
@@ -121,7 +124,7 @@ def log_sequence(
     best = best_two(traces)
     walks = [_in_searches(walk, searches) for walk in walks_of(traces, best, camera, scene)]
     with open_recording(out, paths.SequenceRecordingKey(key)) as stream:
-        stream.send_blueprint(sequence_blueprint(traces, maps, shown=best))
+        stream.send_blueprint(sequence_blueprint(traces, maps, shown=best, graph=_bounds(_places(sequence))))
         stream.flush()
         log_identity(stream, key, scene, what="sequence")
         log_paragraphs(stream, _paragraphs(sequence, key, scene, traces, may_show=may_show))
@@ -228,13 +231,19 @@ def _places(sequence: HomeSequence) -> dict[str, tuple[float, float]]:
     return found
 
 
+def _bounds(places: Mapping[str, tuple[float, float]]) -> rrb.VisualBounds2D:
+    """The part of the graph's plane in which all nodes stand."""
+    bottom = max(y for _, y in places.values()) + _ROW
+    return rrb.VisualBounds2D(x_range=[-_NODE / 2, _ACROSS + _NODE], y_range=[-_ROW, bottom])
+
+
 def _log_owners(
     stream: rr.RecordingStream,
     before: frozenset[Edge],
     edges: frozenset[Edge],
     places: Mapping[str, tuple[float, float]],
 ) -> None:
-    """Logs who owns what; edges that are new since `before` stand apart, and things that changed hands are orange."""
+    """Logs who owns what; things that changed hands are orange."""
     new = edges - before if before else frozenset()
     gone = before - edges
     changed = {edge.object_name for edge in new | gone}
@@ -247,12 +256,7 @@ def _log_owners(
     colors = [PERSON_RGB if name in people else OLD_RGB if name in changed else THING_RGB for name in names]
     positions = [places[name] for name in names]
     stream.log(paths.OWNERS, rr.GraphNodes(names, positions=positions, labels=labels, colors=colors))
-    for entity, some, kind in (
-        (paths.OWNERS, edges - new, rr.components.GraphType.Undirected),
-        (paths.NEW_OWNERS, new, rr.components.GraphType.Directed),
-    ):
-        ends = [(owner, name) for owner, name in sorted(some)]
-        stream.log(entity, rr.GraphEdges(ends, graph_type=kind))
+    stream.log(paths.OWNERS, rr.GraphEdges([(owner, name) for owner, name in sorted(edges)], graph_type="directed"))
 
 
 def _log_run(

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from recordings.read import read_recorded
-from recordings.sequences.recording import OUTCOME_RGB, log_sequence
+from recordings.scene import OLD_RGB
+from recordings.sequences.recording import OUTCOME_RGB, PERSON_RGB, THING_RGB, log_sequence
 from recordings.traces import common_sequence, rgba_u32
 from sim.errors import RecordingError
 from sim.mesh import Scene
@@ -60,14 +61,20 @@ def test_messages_and_queries_come_when_the_search_begins_for_all_runs(found: Ta
     ]
 
 
-def test_the_graph_shows_edges_before_and_after_a_message_and_which_are_new(found: Tables) -> None:
-    old, new = (found[(f"/sequence/owners{part}", False)] for part in ("", "/new"))
-    assert old["together"] == new["together"] == [0, 41, 44]
-    edges = [[{tuple(edge.values()) for edge in row} for row in part["GraphEdges:edges"]] for part in (old, new)]
+def test_the_graph_shows_edges_before_and_after_a_message_and_what_changed_hands(found: Tables) -> None:
+    graph = found[("/sequence/owners", False)]
+    assert graph["together"] == [0, 41, 44]
     first, swapped = {("Nell", "table_3"), ("Ivo", "table_4")}, {("Nell", "table_4"), ("Ivo", "table_3")}
-    assert edges == [[first, set(), swapped], [set(), swapped, set()]]
-    assert old["GraphNodes:labels"][1] == ["Nell", "Ivo", "table_3 (was Nell's)", "table_4 (was Ivo's)"]
-    assert old["GraphNodes:positions"][0] == old["GraphNodes:positions"][1]
+    assert [{tuple(edge.values()) for edge in row} for row in graph["GraphEdges:edges"]] == [first, swapped, swapped]
+    was = ["Nell", "Ivo", "table_3 (was Nell's)", "table_4 (was Ivo's)"]
+    assert graph["GraphNodes:labels"] == [
+        ["Nell", "Ivo", "table_3", "table_4"],
+        was,
+        ["Nell", "Ivo", "table_3", "table_4"],
+    ]
+    people, thing, changed = rgba_u32(PERSON_RGB), rgba_u32(THING_RGB), rgba_u32(OLD_RGB)
+    assert graph["GraphNodes:colors"] == [[people] * 2 + [rgb] * 2 for rgb in (thing, changed, thing)]
+    assert graph["GraphNodes:positions"][0] == graph["GraphNodes:positions"][1]
 
 
 def test_each_search_has_its_own_way_and_each_found_its_mark(found: Tables) -> None:
@@ -130,7 +137,7 @@ def test_runs_come_back_and_are_recorded_with_the_same_content_again(
 
 def test_a_grounder_alone_is_asked_and_answers_at_its_own_steps(runs: Runs, home: Scene, tmp_path: Path) -> None:
     found = recorded(tmp_path / "points.rrd", runs[2:], home)
-    assert found[("/sequence/owners/new", False)]["step"] == [0, 2, 4]
+    assert found[("/sequence/owners", False)]["step"] == [0, 2, 4]
     assert found[(f"{POINTS}/outcomes", False)]["step"] == [1, 3, 5]
 
 
