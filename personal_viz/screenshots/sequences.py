@@ -50,7 +50,7 @@ def picture_sequences(folder: Path) -> None:
 def picture_told(folder: Path) -> None:
     """Two agents in one sequence, with and without its messages: in Rerun, and in `browse`."""
     dataset = folder / "homes"
-    invent_dataset(dataset, name="PictureHome", seed=5)
+    invent_dataset(dataset, name="PictureHome", seed=7)
     told = make_set(dataset, folder / "set", count=1)
     set_of = ["--sequences", str(told)]
     runs = (
@@ -68,5 +68,5 @@ def picture_told(folder: Path) -> None:
         page = browser.new_page()
         page.goto(address)
         page.locator(".history .row[data-click]", has_text="changed").first.click()
-        expect(page.locator(".history .row.here")).to_contain_text("changed")
+        expect(page.locator(".history .row.here[data-click]")).to_contain_text("changed")
         (PICTURES / "sequence-browse.png").write_bytes(picture_at_rest(page))
