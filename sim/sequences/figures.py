@@ -74,6 +74,8 @@ class MemoryGain(BaseModel):
     steps: float | None
     sr_all: float | None
     """Over searches of every kind."""
+    interval_all: tuple[float, float] | None
+    """95 % interval of `sr_all`, homes random."""
 
 
 def sequence_figures(runs: Sequence[SequenceRun], *, rule: SequenceRule = "paper") -> SequenceFigures:
@@ -117,8 +119,12 @@ def sequence_figures(runs: Sequence[SequenceRun], *, rule: SequenceRule = "paper
 
 def memory_gain(runs: Iterable[tuple[SequenceRun, SequenceRun]], *, rule: SequenceRule = "paper") -> MemoryGain:
     """The gain of memory, from pairs of runs of one sequence with memory and without."""
-    pairs = [pair for one, other in runs for pair in zip(one.end.searches, other.end.searches, strict=True)]
-    revisits = [pair for pair in pairs if pair[0].kind == "revisit"]
+    found = [(run, zip(run.end.searches, other.end.searches, strict=True)) for run, other in runs]
+    pairs = [(run.start.scene, *pair) for run, searches in found for pair in searches]
+    revisits = [(one, other) for _, one, other in pairs if one.kind == "revisit"]
+    with_memory = [(float(_is_right(one, rule)), home) for home, one, _ in pairs]
+    without = [(float(_is_right(other, rule)), home) for home, _, other in pairs]
+    sr_all, interval_all = difference_over_homes(with_memory, without) if pairs else (None, None)
     steps = [
         float(one.measures.num_steps - other.measures.num_steps)
         for one, other in revisits
@@ -129,7 +135,8 @@ def memory_gain(runs: Iterable[tuple[SequenceRun, SequenceRun]], *, rule: Sequen
         sr=_mean([float(_is_right(one, rule)) - float(_is_right(other, rule)) for one, other in revisits]),
         spl=_mean([search_spl(one, rule) - search_spl(other, rule) for one, other in revisits]),
         steps=_mean(steps),
-        sr_all=_mean([float(_is_right(one, rule)) - float(_is_right(other, rule)) for one, other in pairs]),
+        sr_all=sr_all,
+        interval_all=interval_all,
     )
 
 
@@ -189,7 +196,7 @@ def csr(right: Sequence[bool], weights: Sequence[float] | None = None) -> float:
 
 
 def interval_over_homes(values: Sequence[float], homes: Sequence[str]) -> tuple[float, float] | None:
-    """95 % interval of a mean whose values share homes: homes are drawn at random, with all their values.
+    """95 % interval, within [0, 1], of a mean of shares: homes are drawn at random, with all their values.
 
     The mean's variance is that of the homes' sums of residuals (cluster-robust), with Student's t of one degree less
     than there are homes. None = fewer than two homes.
@@ -202,7 +209,7 @@ def interval_over_homes(values: Sequence[float], homes: Sequence[str]) -> tuple[
         sums[home] += value - mean
     error = (count / (count - 1) * sum(found**2 for found in sums.values())) ** 0.5 / len(values)
     half = float(stats.t.ppf(0.975, count - 1)) * error
-    return mean - half, mean + half
+    return max(0.0, mean - half), min(1.0, mean + half)
 
 
 def _is_right(search: SearchEnd, rule: SequenceRule) -> bool:

@@ -99,8 +99,14 @@ def test_the_oracle_that_hears_the_messages_is_right_and_the_one_that_does_not_f
     assert (deaf.sr_changed, deaf.sr_stale, deaf.stale) == (0, 0, 1)
     assert deaf.lag == (2 + 1) / 2
     assert (deaf.sr_fresh, deaf.sr_revisit) == (found.sr_fresh, found.sr_revisit)
-    assert memory_gain([(hears, ignores)]).sr == 0
-    assert memory_gain([(hears, ignores)]).sr_all == 3 / 6
+    gain = memory_gain([(hears, ignores)])
+    assert (gain.n, gain.sr, gain.sr_all, gain.interval_all) == (1, 0, 3 / 6, None)
+    elsewhere = [
+        run.model_copy(update={"start": run.start.model_copy(update={"scene": "Other"})}) for run in (hears, hears)
+    ]
+    low, high = memory_gain([(hears, ignores), (elsewhere[0], elsewhere[1])]).interval_all or (0, 0)
+    assert (low + high) / 2 == pytest.approx(3 / 12)
+    assert memory_gain([]).sr_all is None
 
 
 def test_an_agent_that_cannot_carry_its_memory_is_new_in_each_search(
@@ -205,14 +211,15 @@ def test_conditional_success_has_its_known_values(right: tuple[int, ...], wanted
 
 
 def test_intervals_grow_where_values_follow_their_homes() -> None:
-    values = [0.0, 0.1, 0.9, 1.0, 0.0, 0.1, 0.9, 1.0]
-    mixed, sorted_ = list("abababab"), list("aabbaabb")
+    values = [0.0, 0.1, 0.9, 1.0] * 4
+    mixed, sorted_ = list("ababcdcdefefghgh"), list("aabbccddeeffgghh")
     narrow, wide = interval_over_homes(values, mixed), interval_over_homes(values, sorted_)
     assert narrow is not None
     assert wide is not None
     assert wide[1] - wide[0] > 3 * (narrow[1] - narrow[0])
     assert sum(wide) / 2 == pytest.approx(0.5)
-    assert interval_over_homes(values, ["a"] * 8) is None
+    assert interval_over_homes(values[:4], list("abab")) == (0.0, 1.0), "no share lies beyond"
+    assert interval_over_homes(values, ["a"] * 16) is None
 
 
 def test_truth_does_not_depend_on_names_or_on_messages_that_nobody_asks_about(

@@ -59,8 +59,10 @@ def _notes(row: SequenceRow) -> list[str]:
     gain = row.memory_gain
     if gain is not None and gain.sr is not None and gain.spl is not None and gain.sr_all is not None:
         steps = "" if gain.steps is None else f", steps {gain.steps:+.1f}"
+        low, high = gain.interval_all or (None, None)
+        between = "" if low is None or high is None else f" ({100 * low:+.1f} to {100 * high:+.1f}, 95 %, homes random)"
         notes.append(
             f"{name}: memory gain in {gain.n} revisits SR {100 * gain.sr:+.1f}, SPL {100 * gain.spl:+.1f}{steps}; in "
-            f"all searches SR {100 * gain.sr_all:+.1f} points."
+            f"all searches SR {100 * gain.sr_all:+.1f} points{between}."
         )
     return notes
