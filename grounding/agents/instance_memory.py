@@ -182,8 +182,7 @@ class InstanceMemoryAgent(CarriedMap):
     def _matched(self) -> list[_Known]:
         """The memory's things that are on the robot's storey with their scores, in a fixed order."""
         low, high = self._seeker.memory.floor_y + np.array(_HEIGHTS)
-        shown = [thing for thing in self._memory.things() if len(thing.points)]
-        placed = [(thing, (thing.points.min(axis=0) + thing.points.max(axis=0)) / 2) for thing in shown]
+        placed = [(thing, _middle(thing.points)) for thing in self._memory.things() if len(thing.points)]
         placed = [(thing, place) for thing, place in placed if low < place[1] < high]
         if not placed:
             return []
@@ -198,8 +197,7 @@ class InstanceMemoryAgent(CarriedMap):
             as_category = max(thing.captions[text] for text in self._sought.categories)
             as_asked = max(thing.captions[text] for text in self._sought.own)
             is_clear = fits and as_category >= LEAST_VIEWS and as_asked >= LEAST_VIEWS
-            x, y, z = place.tolist()
-            found.append(_Known((x, y, z), score, 2 if is_clear else int(as_category > 0)))
+            found.append(_Known(place, score, 2 if is_clear else int(as_category > 0)))
         return found
 
     def _fitting(self) -> list[_Known]:
@@ -289,3 +287,9 @@ def head_noun(text: str) -> str:
     """The word that says what a thing is: "rug" of "green and white striped rug next to the bed"."""
     words = _TAIL.split(text)[0].split() or text.split()
     return words[-1]
+
+
+def _middle(points: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Middle of the box around points (P, 3), metres."""
+    x, y, z = ((points.min(axis=0) + points.max(axis=0)) / 2).tolist()
+    return x, y, z

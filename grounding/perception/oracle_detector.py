@@ -161,6 +161,8 @@ class _View(NamedTuple):
     """What the last view shows, whatever is asked for."""
 
     frame: Frame | None
+    key: tuple[int, int]
+    """The view's `view_key`."""
     boxes: dict[int, Box]
     """By instance id."""
     clearness: dict[int, float]
@@ -193,7 +195,7 @@ class OracleDetector:
         self._seen_share = seen_share
         self._vectors = perception.encode_texts(list(perception.perceived.values()))
         self._query = ""
-        self._view = _View(None, {}, {})
+        self._view = _View(None, (0, 0), {}, {})
         self._matches: dict[int, float] = {}
         self._matches_of: dict[str, dict[int, float]] = {}
 
@@ -217,8 +219,8 @@ class OracleDetector:
         """
         require_query(self._query, self.name)
         if frame is not self._view.frame:  # agents ask for several texts in one view
-            self._view = _View(frame, boxes_of_ids(ids_of(frame)), {})
-        boxes, key = self._view.boxes, view_key(frame)
+            self._view = _View(frame, view_key(frame), boxes_of_ids(ids_of(frame)), {})
+        key, boxes = self._view.key, self._view.boxes
         seen = [self._seen(frame, key, number, boxes[number]) for number in self._matches if number in boxes]
         found = [item for item in seen if item is not None] + self._false(frame, key)
         table = np.array([[*box, score] for box, score in found], float).reshape(-1, 5)

@@ -253,23 +253,43 @@ def test_a_thing_that_only_another_storey_can_have_is_never_gone_to(y: float, co
     assert len(fitting(agent)) == count
 
 
-def test_a_search_for_all_marks_each_right_one_once_and_ends() -> None:
-    home = hall(chest(1, 1.0), chest(2, 2.5), chest(3, 4.0))
-    agent = agent_in(home, "red chest", "blue chest", "green chest")
+def all_of_adas_chests(home: Scene, agent: InstanceMemoryAgent, *, max_steps: int) -> PanEnv:
+    """A search for the red and the green chest, to its end."""
     told, query = (
         "Ada owns the red chest. Bo owns the blue chest. Ada owns the green chest.",
         "Find all of Ada's chests",
     )
-    whole = Task("pan", told, (query,), max_steps=120, actions=SEQUENCE7)
-    prompts = (Prompt(query, is_for_all=True),)
+    task = Task("pan", told, (query,), max_steps=max_steps, actions=SEQUENCE7)
     env = PanEnv(
-        WEST, home.navigation, renderer=renderer_of(home), camera=CAMERA, max_steps=whole.max_steps, prompts=prompts
+        WEST,
+        home.navigation,
+        renderer=renderer_of(home),
+        camera=CAMERA,
+        max_steps=max_steps,
+        prompts=(Prompt(query, is_for_all=True),),
     )
-    play_sequence(SearchBySearch(lambda *args: None if args[2] else agent, WEST, keeps_memory=True), env, whole, seed=0)
+    player = SearchBySearch(lambda index, pose, marks: None if marks else agent, WEST, keeps_memory=True)
+    play_sequence(player, env, task, seed=0)
+    return env
+
+
+def test_a_search_for_all_marks_each_right_one_once_and_ends() -> None:
+    home = hall(chest(1, 1.0), chest(2, 2.5), chest(3, 4.0))
+    env = all_of_adas_chests(home, agent_in(home, "red chest", "blue chest", "green chest"), max_steps=120)
     found = [step.pose.position[2] for step in env.steps if step.action is Action.FOUND]
     assert env.search_reasons == ("stop",)
     assert len(found) == 3, "each right one once, and once more to end the search"
     assert sorted(found[:2]) == pytest.approx([1.0, 4.0], abs=0.5)
+
+
+def test_a_search_for_all_goes_on_without_a_mark_where_the_rest_is_not_found() -> None:
+    home = hall(chest(1, 1.0))
+    agent = agent_in(home, "red chest")
+    env = all_of_adas_chests(home, agent, max_steps=100)
+    assert env.search_reasons == ("steps",)
+    assert [step.action for step in env.steps].count(Action.FOUND) == 1
+    assert agent.insight().note == "nothing is left to go to"
+    assert agent.wants_more
 
 
 @pytest.mark.slow
