@@ -36,6 +36,8 @@ SAME_PLACE = 0.5
 """Two things whose middles are nearer to each other on the floor plan are taken for one, metres."""
 STAY_GAIN = 0.5
 """The thing that the robot goes to is kept while no other one's score, a logarithm, is better by more than this."""
+_HEIGHTS = (-0.5, 2.5)
+"""The middle of a thing on the robot's storey is between these heights above the floor, metres; stairs show others."""
 _TAIL = re.compile(rf"[,;.:(]|\b(?:{'|'.join(PLACE_PHRASES)}|with|that|which|has|is)\b")
 """Where the words about the thing itself end."""
 _BAN_STEPS = 20
@@ -178,22 +180,24 @@ class InstanceMemoryAgent(CarriedMap):
         self._known = self._matched()
 
     def _matched(self) -> list[_Known]:
-        """The memory's things with their scores, in a fixed order."""
-        things = self._memory.things()
-        if not things:
+        """The memory's things that are on the robot's storey with their scores, in a fixed order."""
+        low, high = self._seeker.memory.floor_y + np.array(_HEIGHTS)
+        placed = [(thing, _middle(thing.points)) for thing in self._memory.things() if len(thing.points)]
+        placed = [(thing, place) for thing, place in placed if low < place[1] < high]
+        if not placed:
             return []
+        things = [thing for thing, _ in placed]
         num_own = len(self._sought.own)
         cosines = self._rows @ np.array([thing.feature for thing in things], np.float32).T
         scores = dual_scores(cosines, temperature=DUAL_TEMPERATURE)[:num_own].max(axis=0)
         own = cosines[:num_own].max(axis=0)
         is_own = (own > 0) & (own >= cosines.max(axis=0))  # a thing too small for a feature fits nothing
         found = []
-        for thing, score, fits in zip(things, scores.tolist(), is_own.tolist(), strict=True):
+        for (thing, place), score, fits in zip(placed, scores.tolist(), is_own.tolist(), strict=True):
             as_category = max(thing.captions[text] for text in self._sought.categories)
             as_asked = max(thing.captions[text] for text in self._sought.own)
             is_clear = fits and as_category >= LEAST_VIEWS and as_asked >= LEAST_VIEWS
-            x, y, z = ((thing.points.min(axis=0) + thing.points.max(axis=0)) / 2).tolist()
-            found.append(_Known((x, y, z), score, 2 if is_clear else int(as_category > 0)))
+            found.append(_Known(place, score, 2 if is_clear else int(as_category > 0)))
         return found
 
     def _fitting(self) -> list[_Known]:
@@ -255,8 +259,10 @@ class InstanceMemoryAgent(CarriedMap):
     def _give_up(self) -> Action:
         """STOP, or turns where other things of the search were found: STOP would mark the place too."""
         self._note = "nothing is left to go to"
-        is_first, self._marked = not self._marked, self._marked + 1
-        return Action.STOP if is_first else Action.LEFT
+        if self._marked:
+            return Action.LEFT
+        self._marked = 1
+        return Action.STOP
 
 
 def sought(task: Task, text: str, phrases: PhraseSource) -> Sought:
@@ -281,3 +287,9 @@ def head_noun(text: str) -> str:
     """The word that says what a thing is: "rug" of "green and white striped rug next to the bed"."""
     words = _TAIL.split(text)[0].split() or text.split()
     return words[-1]
+
+
+def _middle(points: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Middle of the box around points (P, 3), metres."""
+    x, y, z = ((points.min(axis=0) + points.max(axis=0)) / 2).tolist()
+    return x, y, z

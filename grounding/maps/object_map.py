@@ -89,7 +89,9 @@ def _instance(thing: Thing) -> ObjectInstance:
 def features_of_masks(found: Segments, camera: Camera, patches: NDArray[np.float32]) -> NDArray[np.float64]:
     """(M, E) unit mean of the patches (h, w, E) that each mask covers; zero where they are."""
     shares = _shares_of_patches(found.masks, camera, patches.shape[:2])
-    features = (shares.astype(np.float32) @ patches.reshape(-1, patches.shape[2])).astype(np.float64)
+    used = np.flatnonzero(shares.any(axis=0))  # a product with all patches is the most work of a view
+    rows = patches.reshape(-1, patches.shape[2])[used]
+    features = (shares[:, used].astype(np.float32) @ rows).astype(np.float64)
     lengths = np.array([np.linalg.norm(row) or 1.0 for row in features])
     return features / lengths.reshape(-1, 1)
 

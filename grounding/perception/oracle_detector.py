@@ -9,7 +9,7 @@ import math
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -157,6 +157,18 @@ def oracle_level(level: Level, *, seed: int = 0) -> OracleLevel:
     return OracleLevel(perception, faults)
 
 
+class _View(NamedTuple):
+    """What the last view shows, whatever is asked for."""
+
+    frame: Frame | None
+    key: tuple[int, int]
+    """The view's `view_key`."""
+    boxes: dict[int, Box]
+    """By instance id."""
+    clearness: dict[int, float]
+    """By instance id, of the objects that were asked for."""
+
+
 class OracleDetector:
     """A `Detector` that reads instance ids. Draws depend on seed, home, object and view, not on the order of calls."""
 
@@ -183,6 +195,7 @@ class OracleDetector:
         self._seen_share = seen_share
         self._vectors = perception.encode_texts(list(perception.perceived.values()))
         self._query = ""
+        self._view = _View(None, (0, 0), {}, {})
         self._matches: dict[int, float] = {}
         self._matches_of: dict[str, dict[int, float]] = {}
 
@@ -205,8 +218,9 @@ class OracleDetector:
             AgentError: There is no query yet, or the frame has no instance ids.
         """
         require_query(self._query, self.name)
-        boxes = boxes_of_ids(ids_of(frame))
-        key = view_key(frame)
+        if frame is not self._view.frame:  # agents ask for several texts in one view
+            self._view = _View(frame, view_key(frame), boxes_of_ids(ids_of(frame)), {})
+        key, boxes = self._view.key, self._view.boxes
         seen = [self._seen(frame, key, number, boxes[number]) for number in self._matches if number in boxes]
         found = [item for item in seen if item is not None] + self._false(frame, key)
         table = np.array([[*box, score] for box, score in found], float).reshape(-1, 5)
@@ -226,12 +240,9 @@ class OracleDetector:
 
     def _seen(self, frame: Frame, key: tuple[int, int], number: int, box: Box) -> tuple[Box, float] | None:
         """The box and score of an object in view; None where the view misses it."""
-        faults, clearness = self.faults, 1.0
-        if faults.far or faults.small or faults.hidden:
-            pixels = frame.instance_ids == number
-            seen = self._seen_share(frame, number) if self._seen_share and faults.hidden else 1.0
-            distance, side = float(np.median(frame.depth_m[pixels])), math.sqrt(np.count_nonzero(pixels))
-            clearness = faults.clearness(distance=distance, side=side, seen=seen)
+        faults, clearness = self.faults, self._view.clearness.get(number)
+        if clearness is None:
+            clearness = self._view.clearness[number] = self._clearness(frame, number)
         if self._perception.rng(MISS, number, *key).random() >= (1 - faults.miss) * clearness:
             return None
         spread = 2 - clearness
@@ -244,6 +255,16 @@ class OracleDetector:
             noise = self._perception.rng(SCORE, number, *key, zlib.crc32(self._query.encode()))
             score += noise.normal(0, faults.score_noise * spread)
         return box, score
+
+    def _clearness(self, frame: Frame, number: int) -> float:
+        """How clearly a view shows an object, 0 to 1."""
+        faults = self.faults
+        if not (faults.far or faults.small or faults.hidden):
+            return 1.0
+        pixels = frame.instance_ids == number
+        seen = self._seen_share(frame, number) if self._seen_share and faults.hidden else 1.0
+        distance, side = float(np.median(frame.depth_m[pixels])), math.sqrt(np.count_nonzero(pixels))
+        return faults.clearness(distance=distance, side=side, seen=seen)
 
     def _false(self, frame: Frame, key: tuple[int, int]) -> list[tuple[Box, float]]:
         """Boxes and scores of nothing, scores evenly from the least similarity to 1."""
