@@ -86,6 +86,21 @@ class BotPage:
         """Whether the PAN screen is there, on which keys move the robot."""
         return self.step_shown is not None and self.command("W") is not None
 
+    def has_gone_on(self, search: int, step: int | None) -> bool:
+        """Whether the trial has ended, the next search has begun, or an object was marked in a search for all.
+
+        Args:
+            search: The search in which STOP or FOUND was pressed.
+            step: The step that was shown then.
+        """
+        if not self.is_walking or self.step_shown is None:
+            return True
+        if search != self.search:
+            return self.step_shown == 0
+        # The last picture of a trial, too, bears the next step: then FOUND cannot be pressed again.
+        marked = self.button("pan.twice", action=self.words("pan.found_last"))
+        return self.step_shown == (step or 0) + 1 and marked is not None
+
     @property
     def is_looking(self) -> bool:
         """Whether the home is shown before the texts that say what to find."""
