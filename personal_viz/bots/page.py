@@ -23,6 +23,8 @@ _IMAGE_HEAD = 1200
 """Number of characters of an element's HTML that may hold the step; the picture's bytes come after them."""
 _END_LOOK, _CONFIRM, _CONFIRM_ALL = "look.home_begin", "pog.confirm", "pog.confirm_all"
 """Words of the buttons that only the look screen and the POG screen have."""
+_AFTER_STOREYS = (_END_LOOK, "pog.one_more", "pog.unmark", _CONFIRM, _CONFIRM_ALL)
+"""Words of buttons that come after those of storeys."""
 _MARK = re.compile(r"/mark\d+/(?:ball|dot)")
 """Names of the nodes at the participant's marks, in the 3-D home and on its map."""
 _SURFACES = ("/home", "/map")
@@ -162,7 +164,7 @@ class BotPage:
         The buttons of storeys are the first ones of the screens on which one sees a home.
         """
         buttons = list(self.of_kind("GuiButtonMessage"))
-        ends = tuple(self.words(key) for key in (_END_LOOK, _CONFIRM, _CONFIRM_ALL))
+        ends = tuple(self.words(key) for key in _AFTER_STOREYS)
         count = next((place for place, button in enumerate(buttons) if button.label in ends), 0)
         return buttons[index] if index < count else None
 
