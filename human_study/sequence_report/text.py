@@ -130,4 +130,6 @@ def _measure(name: str, found: SequenceFigures) -> str:
 
 def _points(row: DifferenceRow) -> str:
     text = f"{100 * row.value:+.1f}"
-    return text if row.low is None or row.high is None else f"{text} [{100 * row.low:.1f}, {100 * row.high:.1f}]"
+    if row.low is None or row.high is None:
+        return text
+    return f"{text} [{100 * max(-1, row.low):.1f}, {100 * min(1, row.high):.1f}]"

@@ -23,6 +23,8 @@ _IMAGE_HEAD = 1200
 """Number of characters of an element's HTML that may hold the step; the picture's bytes come after them."""
 _END_LOOK, _CONFIRM, _CONFIRM_ALL = "look.home_begin", "pog.confirm", "pog.confirm_all"
 """Words of the buttons that only the look screen and the POG screen have."""
+_AFTER_STOREYS = (_END_LOOK, "pog.one_more", "pog.unmark", _CONFIRM, _CONFIRM_ALL)
+"""Words of buttons that come after those of storeys."""
 _MARK = re.compile(r"/mark\d+/(?:ball|dot)")
 """Names of the nodes at the participant's marks, in the 3-D home and on its map."""
 _SURFACES = ("/home", "/map")
@@ -86,6 +88,21 @@ class BotPage:
         """Whether the PAN screen is there, on which keys move the robot."""
         return self.step_shown is not None and self.command("W") is not None
 
+    def has_gone_on(self, search: int, step: int | None) -> bool:
+        """Whether the trial has ended, the next search has begun, or an object was marked in a search for all.
+
+        Args:
+            search: The search in which STOP or FOUND was pressed.
+            step: The step that was shown then.
+        """
+        if not self.is_walking or self.step_shown is None:
+            return True
+        if search != self.search:
+            return self.step_shown == 0
+        # The last picture of a trial, too, bears the next step: then FOUND cannot be pressed again.
+        marked = self.button("pan.twice", action=self.words("pan.found_last"))
+        return self.step_shown == (step or 0) + 1 and marked is not None
+
     @property
     def is_looking(self) -> bool:
         """Whether the home is shown before the texts that say what to find."""
@@ -147,7 +164,7 @@ class BotPage:
         The buttons of storeys are the first ones of the screens on which one sees a home.
         """
         buttons = list(self.of_kind("GuiButtonMessage"))
-        ends = tuple(self.words(key) for key in (_END_LOOK, _CONFIRM, _CONFIRM_ALL))
+        ends = tuple(self.words(key) for key in _AFTER_STOREYS)
         count = next((place for place, button in enumerate(buttons) if button.label in ends), 0)
         return buttons[index] if index < count else None
 

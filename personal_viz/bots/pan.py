@@ -71,17 +71,10 @@ class PanBot(Bot):
         await self._until(lambda: self._page.button("pan.press_again") is not None)
         await asyncio.sleep(PRESS_GAP_S)
         await self._send(action, awaited=False)
-        if not await self._until(lambda: self._has_gone_on(before)):
+        if not await self._until(lambda: self._page.has_gone_on(*before)):
             self.log.num_unanswered += self._connection.is_open
         if not self._page.is_walking:
             self._planned = None
-
-    def _has_gone_on(self, before: tuple[int, int | None]) -> bool:
-        """Whether the trial has ended, the next search has begun, or an object was marked in a search for all."""
-        search, step = self._page.search, self._page.step_shown
-        if not self._page.is_walking or step is None:
-            return True
-        return step == 0 if search != before[0] else step == (before[1] or 0) + 1
 
     @property
     def _answer(self) -> Action:

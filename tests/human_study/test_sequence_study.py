@@ -3,7 +3,9 @@
 p01 walks and p02 points with the history in view, and hear everything; p03 and p04 have no history and hear nothing.
 """
 
+import dataclasses
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -24,7 +26,7 @@ from human_study.trial.events import SearchBegun
 from sim.episodes.sequence_files import HomeSequence
 from sim.errors import StudyError
 from sim.sequences.rows import sequence_rows
-from sim.sequences.runs import read_sequence_runs
+from sim.sequences.runs import SequenceRun, read_sequence_runs
 from sim.sequences.searches import sequence_key
 from sim.sequences.writer import SequenceWriter
 from sim.tasks.provenance import make_run_info
@@ -34,7 +36,7 @@ from tests.sim.home_story import MESSAGES, SCENE, SUBTASKS, told_in
 from .finished import table_of
 from .sequence_trials import clicks, do_sequence, home_of, oracle_run, presses, sequence_study
 from .small_world import study
-from .stores import open_planned
+from .stores import do_next, open_planned
 
 CONFIG = sequence_study(sequences={"sha256": "5" * 64, "history": "both"})
 
@@ -179,6 +181,76 @@ def test_the_report_has_the_measures_of_agents_by_history(
     assert "pan,invented," in sequence_csv(report)
 
 
+def test_intervals_of_the_report_take_homes_for_random(finished: Path) -> None:
+    source = read_sequences([finished / "study"])
+    assert source is not None
+    (seen, (right,)), (unseen, (half_right,)) = [one for one in source.people if one[1][0].start.task == "pan"]
+    if seen.condition == "history_hidden":
+        seen, right, unseen, half_right = unseen, half_right, seen, right
+
+    def elsewhere(run: SequenceRun) -> SequenceRun:
+        return run.model_copy(update={"start": run.start.model_copy(update={"scene": "Elsewhere"})})
+
+    people = ((seen, (right, elsewhere(right))), (unseen, (half_right, elsewhere(right))))
+    report = sequence_report(dataclasses.replace(source, people=people))
+    hidden = next(one for one in report.rows if one.row.condition == "history_hidden")
+    half = 12.7062 / 4  # t of 1 degree; homes' shares are 0.5 and 1
+    figures = hidden.row.sequence_measures
+    assert (hidden.num_homes, figures.sr) == (2, 0.75)
+    assert figures.intervals["sr"] == pytest.approx((0.75 - half, 0.75 + half), abs=1e-4)
+    assert figures.intervals["partial"] == pytest.approx((0.75 - half, 0.75 + half), abs=1e-4)
+    row = next(one for one in report.differences if one.kind == "all")
+    assert (row.value, row.num_first, row.num_second) == (0.25, 12, 12)
+    assert (row.low, row.high) == pytest.approx((0.25 - half, 0.25 + half), abs=1e-4)
+    text = sequence_markdown(report)
+    assert "75.0 [0.0, 100.0]" in text
+    assert "+25.0 [-100.0, 100.0]" in text
+
+
+def test_a_person_who_withdraws_vanishes_from_export_and_report(
+    finished: Path, home: TrialHome, tmp_path: Path
+) -> None:
+    folder, out = Path(shutil.copytree(finished / "study", tmp_path / "study")), tmp_path / "out"
+    with read_study(folder) as reader:
+        plan = reader.plan
+    with open_planned(folder, CONFIG, plan) as store:
+        store.withdraw("p01")
+    export_study(folder, out)
+    assert import_check(out, lambda _: home).agrees
+    done = {("pan", "history_hidden"), ("pog", "history_visible"), ("pog", "history_hidden")}
+    conditions = {line["participant"]: (line["task"], line["condition"]) for line in table_of(out, "trials")}
+    lines = table_of(out, "searches")
+    assert {conditions[line["participant"]] for line in lines} == done
+    assert len(lines) == 3 * 6
+    for one in (folder, out):
+        source = read_sequences([one])
+        assert source is not None
+        rows = sequence_report(source).rows
+        assert {(row.row.task, row.row.condition) for row in rows} == done
+        assert {row.num_people for row in rows} == {1}
+
+
+def test_nobody_meets_a_home_twice_even_where_others_leave(tmp_path: Path) -> None:
+    design = {"kind": "house-once", "raters_per_episode": 1, "overbook": 2.0}
+    dataset = {"sha256": "0" * 64, "max_per_scene": None}
+    config = sequence_study(
+        task=("pan",), design=design, dataset=dataset, sequences={"sha256": "0" * 64, "history": "both"}
+    )
+    keys = [EpisodeKey("hard", name, str(number)) for name in "ABC" for number in range(2)]
+    plan = make_plan(config, [StudyScene(name=name, kind="invented") for name in "ABC"], keys, is_pilot=True)
+    with open_planned(tmp_path, config, plan) as store:
+        codes = [person.code for person in plan.participants]
+        do_next(store, codes[0])
+        store.withdraw(codes[0])
+        homes: dict[str, list[str]] = {}
+        for code in codes[1:]:
+            while (trial := store.next_trial(code)) is not None:
+                homes.setdefault(code, []).append(trial.key.scene)
+                do_next(store, code)
+    assert sum(map(len, homes.values())) == 2 * len(keys), "the homes of the person who left are done by others"
+    assert [met for met in homes.values() if len(set(met)) < len(met)] == []
+
+
 def test_the_command_writes_the_report(finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from personal_viz.cli.study.report import StudyReportVerb
 
@@ -192,8 +264,6 @@ def test_the_command_writes_the_report(finished: Path, tmp_path: Path, capsys: p
 
 
 def test_a_changed_row_of_a_search_is_found(finished: Path, home: TrialHome, tmp_path: Path) -> None:
-    import shutil
-
     out = Path(shutil.copytree(finished / "out", tmp_path / "out"))
     text = (out / "searches.jsonl").read_text().replace('"is_told":true', '"is_told":false', 1)
     (out / "searches.jsonl").write_text(text)

@@ -8,6 +8,7 @@ from human_study.design.plan import load_plan
 from human_study.design.study import load_study
 from human_study.trial.events import Act, Dropped, Key
 from personal_viz.bots.forms import right_answers
+from personal_viz.bots.page import BotPage, Element
 from personal_viz.bots.records import BotLog, Press, count_bots
 from personal_viz.bots.server import cpu_seconds
 from personal_viz.bots.site import copy_plan, make_bot_study
@@ -22,6 +23,20 @@ def test_bots_know_one_right_answer_to_each_question() -> None:
     answers = right_answers(study(task=("pan",)))
     assert "Within 1 metre of the middle of the object" in answers
     assert "Anywhere in the same room" not in answers
+
+
+def test_a_bot_that_said_found_waits_for_the_mark_the_next_search_or_the_end_not_for_the_last_picture() -> None:
+    page = BotPage(step_shown=4)
+    page.elements["w"] = Element("w", "RegisterCommandMessage", {"hotkey": "W"})
+    page.elements["found"] = button = Element("found", "GuiButtonMessage", {"label": "FOUND here (Enter twice)"})
+    seen = [page.has_gone_on(0, 3)]  # the last picture of the trial
+    button.props["label"] = "FOUND again: that is all (Enter twice)"
+    seen.append(page.has_gone_on(0, 3))
+    page.search, page.step_shown = 1, 0
+    seen.append(page.has_gone_on(0, 3))
+    del page.elements["w"]
+    page.search = 0
+    assert [*seen, page.has_gone_on(0, 3)] == [False, True, True, True]
 
 
 def test_every_key_is_looked_for_by_itself(tmp_path: Path) -> None:

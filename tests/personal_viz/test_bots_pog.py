@@ -13,6 +13,7 @@ from human_study.trial.events import ShownStorey
 from human_study.trial.session import PogSession
 from personal_viz.bots.crowd import run_bots
 from personal_viz.bots.forms import right_answers
+from personal_viz.bots.page import BotPage, Element
 from personal_viz.bots.records import KINDS, BotCount, BotLog, Pointed, Ray, Sent, count_bots
 from personal_viz.bots.server import Server
 from personal_viz.bots.site import Person, Site, make_bot_study
@@ -130,6 +131,16 @@ def test_a_bot_knows_which_mark_answers_a_click_and_which_a_move() -> None:
     assert not clicked.is_marked_by((1.1, 0.0, 0.0))
     assert moved.is_marked_by((1.0, 0.0, 0.1))
     assert not moved.is_marked_by((1.0, 0.0, 0.0))
+
+
+def test_one_more_mark_is_no_storey_of_a_home_with_one_storey() -> None:
+    page = BotPage()
+    for number, label in enumerate(("Set one more mark", "Take back the last mark", "Confirm the marks")):
+        page.elements[label] = Element(label, "GuiButtonMessage", {"label": label, "order": number})
+    assert page.storey_button(0) is None
+    page.elements["storey"] = Element("storey", "GuiButtonMessage", {"label": "Show first floor", "order": -1})
+    assert page.storey_button(0) == page.elements["storey"]
+    assert page.storey_button(1) is None
 
 
 def everybody(task: TaskKind, *codes: str) -> list[Person]:

@@ -59,6 +59,18 @@ def test_practice_has_its_feedback_on_the_page_that_played_it() -> None:
     assert "It was only practice." in card.body
 
 
+def test_the_next_home_is_announced_only_where_there_is_one() -> None:
+    config = StudyConfig.model_validate({**CONFIG.model_dump(), "sequences": {"sha256": "0" * 64}, "breaks": {}})
+    done = [stored(number, phase="practice", is_over=True) for number in (1, 2)]
+    practised = [*done[:1], stored(2, phase="practice"), stored(3)]
+    labels = []
+    for trials in (practised, [*done, stored(3)], [stored(1, is_over=True), stored(2)]):
+        card = welcome_back_card(config, person(trials))
+        assert card is not None
+        labels.append(card.choices[0].label)
+    assert labels == ["Next search", "Next home", "Next home"]
+
+
 def test_a_break_has_its_page_instead_of_a_card() -> None:
     trials = [stored(1, is_over=True), stored(2, is_over=True), stored(3)]
     assert after(trials) is None

@@ -12,7 +12,7 @@ from sim.episodes.sequence_files import HomeSequence, sequence_from_episode
 from sim.errors import RunFileError, TaskStateError
 from sim.homes.open_home import open_scene
 from sim.mesh import Scene
-from sim.sequences.figures import csr, interval_over_homes, memory_gain, sequence_figures
+from sim.sequences.figures import csr, difference_over_homes, interval_over_homes, memory_gain, sequence_figures
 from sim.sequences.playing import SequenceJob, open_job, run_sequences
 from sim.sequences.runs import SEQUENCES_FILE, SequenceRun, read_sequence_runs
 from sim.sequences.scoring import run_from_sequence_env, search_reason
@@ -220,6 +220,15 @@ def test_intervals_grow_where_values_follow_their_homes() -> None:
     assert sum(wide) / 2 == pytest.approx(0.5)
     assert interval_over_homes(values[:4], list("abab")) == (0.0, 1.0), "no share lies beyond"
     assert interval_over_homes(values, ["a"] * 16) is None
+
+
+def test_a_difference_over_homes_is_that_of_paired_homes_where_each_home_has_one_value_of_both() -> None:
+    value, interval = difference_over_homes([(1, "a"), (1, "b"), (0, "c")], [(0, "a"), (1, "b"), (0, "c")])
+    assert value == pytest.approx(1 / 3)
+    assert interval == pytest.approx((1 / 3 - 4.3027 / 3, 1 / 3 + 4.3027 / 3), abs=1e-4)  # t of 2 degrees, error 1/3
+    same = difference_over_homes([(1, "a"), (0, "b"), (0, "b")], [(0, "b"), (1, "a"), (0, "b")])
+    assert same == (0, (0, 0)), "homes that differ alike in both say nothing of the difference"
+    assert difference_over_homes([(1, "a"), (0, "a")], [(0, "a")]) == (0.5, None)
 
 
 def test_truth_does_not_depend_on_names_or_on_messages_that_nobody_asks_about(

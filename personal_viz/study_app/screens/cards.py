@@ -150,7 +150,8 @@ def _counted(config: StudyConfig, journey: Journey) -> Card:
 def _saved(config: StudyConfig, journey: Journey, name: str, feedback: str = "") -> Card:
     words = catalogue_of(config.language)
     told, progress = paragraphs(words("saved.text", trial=name)), progress_html(config, journey)
-    go_on = words("saved.next" if config.sequences is None else "homes.next")
+    is_home_next = config.sequences is not None and journey.place == "trial"  # all practice is in one home
+    go_on = words("homes.next" if is_home_next else "saved.next")
     return Card(words("saved.title"), told + html_from_markdown(feedback) + progress, (Choice("next", go_on),))
 
 
