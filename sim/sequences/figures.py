@@ -196,7 +196,7 @@ def csr(right: Sequence[bool], weights: Sequence[float] | None = None) -> float:
 
 
 def interval_over_homes(values: Sequence[float], homes: Sequence[str]) -> tuple[float, float] | None:
-    """95 % interval, within [0, 1], of a mean of shares: homes are drawn at random, with all their values.
+    """95 % interval of a mean whose values share homes: homes are drawn at random, with all their values.
 
     The mean's variance is that of the homes' sums of residuals (cluster-robust), with Student's t of one degree less
     than there are homes. None = fewer than two homes.
@@ -209,7 +209,7 @@ def interval_over_homes(values: Sequence[float], homes: Sequence[str]) -> tuple[
         sums[home] += value - mean
     error = (count / (count - 1) * sum(found**2 for found in sums.values())) ** 0.5 / len(values)
     half = float(stats.t.ppf(0.975, count - 1)) * error
-    return max(0.0, mean - half), min(1.0, mean + half)
+    return mean - half, mean + half
 
 
 def _is_right(search: SearchEnd, rule: SequenceRule) -> bool:

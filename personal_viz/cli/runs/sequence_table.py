@@ -48,7 +48,7 @@ def _notes(row: SequenceRow) -> list[str]:
     name = row.who if row.condition == "none" else f"{row.who} ({row.condition})"
     found, notes = row.sequence_measures, []
     if found.intervals:
-        low, high = (100 * end for end in found.intervals["partial"])
+        low, high = (100 * min(1, max(0, end)) for end in found.intervals["partial"])
         notes.append(f"{name}: partial {low:.1f} to {high:.1f} (95 %, homes random, sequences inside homes).")
     if found.recall is not None and found.precision is not None:
         notes.append(
@@ -59,8 +59,10 @@ def _notes(row: SequenceRow) -> list[str]:
     gain = row.memory_gain
     if gain is not None and gain.sr is not None and gain.spl is not None and gain.sr_all is not None:
         steps = "" if gain.steps is None else f", steps {gain.steps:+.1f}"
-        low, high = gain.interval_all or (None, None)
-        between = "" if low is None or high is None else f" ({100 * low:+.1f} to {100 * high:+.1f}, 95 %, homes random)"
+        between = ""
+        if gain.interval_all is not None:
+            low, high = (100 * min(1, max(-1, end)) for end in gain.interval_all)
+            between = f" ({low:+.1f} to {high:+.1f}, 95 %, homes random)"
         notes.append(
             f"{name}: memory gain in {gain.n} revisits SR {100 * gain.sr:+.1f}, SPL {100 * gain.spl:+.1f}{steps}; in "
             f"all searches SR {100 * gain.sr_all:+.1f} points{between}."
