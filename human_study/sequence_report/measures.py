@@ -11,7 +11,7 @@ from pathlib import Path
 from sim.episodes.sequences import SubtaskKind
 from sim.errors import RunFileError
 from sim.homes.kind import scene_labels
-from sim.sequences.figures import SequenceFigures, difference_over_homes
+from sim.sequences.figures import SequenceFigures, sr_difference
 from sim.sequences.rows import RunOfSequences, SequenceRow, rows_of_runs
 from sim.sequences.runs import SequenceRun, read_sequence_runs
 from sim.tasks.run_files import RunInfo, read_run_info
@@ -308,24 +308,12 @@ def _differences(source: SequenceSource, rule: SuccessRule) -> Iterator[Differen
 def _difference_rows(
     first: Sequence[SequenceRun], second: Sequence[SequenceRun], rule: SuccessRule, names: dict[str, str]
 ) -> Iterator[DifferenceRow]:
-    shared = {run.key for run in first} & {run.key for run in second}
-    for kind in ("all", *KINDS):
-        one, other = (_rights([run for run in of if run.key in shared], kind, rule) for of in (first, second))
-        if one and other:
-            value, interval = difference_over_homes(one, other)
-            low, high = interval or (None, None)
-            sizes = {"num_first": len(one), "num_second": len(other)}
-            yield DifferenceRow(**names, kind=kind, value=value, low=low, high=high, **sizes)  # type: ignore[arg-type]
-
-
-def _rights(runs: Sequence[SequenceRun], kind: str, rule: SuccessRule) -> list[tuple[float, str]]:
-    """(1 for a right search, home) of each search of a kind."""
-    return [
-        (float(right), run.key.scene)
-        for run in runs
-        for search in run.end.searches
-        if kind in ("all", search.kind) and (right := search.succeeds(rule)) is not None
-    ]
+    for kind in (None, *KINDS):
+        found = sr_difference(first, second, rule=rule, kind=kind)
+        if found is not None:
+            low, high = found.interval or (None, None)
+            sizes = {"num_first": found.num_first, "num_second": found.num_second}
+            yield DifferenceRow(**names, kind=kind or "all", value=found.value, low=low, high=high, **sizes)  # type: ignore[arg-type]
 
 
 def _name(group: _Group) -> str:

@@ -78,6 +78,18 @@ class MemoryGain(BaseModel):
     """95 % interval of `sr_all`, homes random."""
 
 
+class SrDifference(BaseModel):
+    """A difference of success rates on sequences that both sides did."""
+
+    model_config = ConfigDict(frozen=True)
+    value: float
+    interval: tuple[float, float] | None
+    """95 %, homes random; None = fewer than two homes."""
+    num_first: int
+    num_second: int
+    """Searches of each side."""
+
+
 def sequence_figures(runs: Sequence[SequenceRun], *, rule: SequenceRule = "paper") -> SequenceFigures:
     """The measures of some runs, each of one sequence."""
     ends = [run.end.searches for run in runs]
@@ -138,6 +150,38 @@ def memory_gain(runs: Iterable[tuple[SequenceRun, SequenceRun]], *, rule: Sequen
         sr_all=sr_all,
         interval_all=interval_all,
     )
+
+
+def sr_difference(
+    first: Sequence[SequenceRun],
+    second: Sequence[SequenceRun],
+    *,
+    rule: SequenceRule = "paper",
+    kind: SubtaskKind | None = None,
+) -> SrDifference | None:
+    """The SR of some runs less that of others, over the sequences that both did; None where they share no search.
+
+    Args:
+        first: Runs of any sequences.
+        second: The runs whose SR is taken away.
+        rule: Says which searches are right.
+        kind: The only kind of search that counts; None = all.
+    """
+    shared = {run.key for run in first} & {run.key for run in second}
+    one, other = (
+        [
+            (float(right), run.key.scene)
+            for run in runs
+            if run.key in shared
+            for search in run.end.searches
+            if kind in (None, search.kind) and (right := search.succeeds(rule)) is not None
+        ]
+        for runs in (first, second)
+    )
+    if not one or not other:
+        return None
+    value, interval = difference_over_homes(one, other)
+    return SrDifference(value=value, interval=interval, num_first=len(one), num_second=len(other))
 
 
 def difference_over_homes(

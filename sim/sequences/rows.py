@@ -11,7 +11,7 @@ from sim.homes.kind import scene_label
 from sim.tasks.run_files import RunInfo, read_run_info
 from sim.types import EpisodeKey, SuccessRule, TaskKind
 
-from .figures import MemoryGain, SequenceFigures, memory_gain, sequence_figures
+from .figures import MemoryGain, SequenceFigures, SrDifference, memory_gain, sequence_figures, sr_difference
 from .runs import SEQUENCES_FILE, SequenceRun, read_sequence_runs
 
 MEMORY = "memory"
@@ -22,6 +22,16 @@ RunOfSequences = tuple[RunInfo, tuple[SequenceRun, ...]]
 """A run: who did it and how, and its sequences."""
 _Pooled = dict[tuple[str, str, str, TaskKind], list[RunOfSequences]]
 """Runs by who, condition, kind of homes and task."""
+
+
+class BesideFirst(BaseModel):
+    """A row's SR less that of the first row of its task and kind of homes, on the sequences that both have."""
+
+    model_config = ConfigDict(frozen=True)
+    who: str
+    condition: str
+    """The first row's."""
+    sr: SrDifference
 
 
 class SequenceRow(BaseModel):
@@ -41,6 +51,8 @@ class SequenceRow(BaseModel):
     """The same runs by GOAT-Bench's rule: FOUND less than 0.25 m of walking from a view point; PAN only."""
     memory_gain: MemoryGain | None = None
     """Of a row with memory, beside the same agent's row without."""
+    beside_first: BesideFirst | None = None
+    """None for the first row, and for one that shares no sequence with it."""
 
 
 def holds_sequence_runs(folder: Path) -> bool:
@@ -67,7 +79,8 @@ def rows_of_runs(read: Sequence[RunOfSequences], *, rule: SuccessRule = "paper")
         for task in sorted(tasks):
             pooled[info.who, info.condition, info.scene_kind, task].append((info, runs))
     rows = [_row(found, rule) for found in pooled.values()]
-    return [row.model_copy(update={"memory_gain": _gain(row, pooled, rule)}) for row in rows]
+    more = [{"memory_gain": _gain(row, pooled, rule), "beside_first": _beside(row, rows, pooled, rule)} for row in rows]
+    return [row.model_copy(update=found) for row, found in zip(rows, more, strict=True)]
 
 
 def _row(found: Sequence[RunOfSequences], rule: SuccessRule) -> SequenceRow:
@@ -96,6 +109,19 @@ def _row(found: Sequence[RunOfSequences], rule: SuccessRule) -> SequenceRow:
         sequence_measures=sequence_figures(whole, rule=rule),
         goat_measures=sequence_figures(whole, rule="goat") if task == "pan" else None,
     )
+
+
+def _beside(row: SequenceRow, rows: Sequence[SequenceRow], pooled: _Pooled, rule: SuccessRule) -> BesideFirst | None:
+    """The row's difference from the first one of its task and kind of homes."""
+    first = next(one for one in rows if (one.task, one.scene_kind) == (row.task, row.scene_kind))
+    if row is first:
+        return None
+    runs, others = (
+        [run for _, found in pooled[one.who, one.condition, one.scene_kind, one.task] for run in found]
+        for one in (row, first)
+    )
+    sr = sr_difference(runs, others, rule=rule)
+    return None if sr is None else BesideFirst(who=first.who, condition=first.condition, sr=sr)
 
 
 def _gain(

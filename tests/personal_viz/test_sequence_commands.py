@@ -67,12 +67,18 @@ def test_sequences_are_run_resumed_told_in_a_table_and_recorded(
     assert (hears["sr_changed"], hears["stale"], hears["composite"], hears["n"]) == (1, 0, 1, 1)
     assert (ignores["sr_changed"], ignores["stale"], ignores["sr_fresh"]) == (0, 1, hears["sr_fresh"])
     assert rows["memory"]["memory_gain"]["sr"] == 0
-    assert rows["none"]["memory_gain"] is None
+    assert rows["none"]["memory_gain"] is rows["none"]["beside_first"] is None
+    beside = rows["messages ignored"]["beside_first"]
+    assert (beside["condition"], beside["sr"]) == (
+        "none",
+        {"value": -3 / 6, "interval": None, "num_first": 6, "num_second": 6},
+    )
     assert rows["none"]["goat_measures"]["n"] == 1
     assert Metrics((tmp_path,)).run() == 0
     shown = capsys.readouterr().out
     assert "Home sequences, rule paper" in shown
     assert "Invented homes, made from a seed: no human baseline for PersONAL" in shown
+    assert "shortest-path (messages ignored): SR -50.0 points beside shortest-path on the same sequences." in shown
     assert "memory gain in 1 revisits SR +0.0, SPL +0.0, steps +0.0" in shown
     monkeypatch.setattr(replay, "renderer_of", lambda _: None)  # pictures are tested with episodes
     replayed(small_home_root, told, tmp_path)

@@ -18,7 +18,7 @@ def print_sequences(rows: Sequence[SequenceRow]) -> None:
         shown = [row for row in rows if row.scene_kind == kind]
         lines = []
         for row in shown:
-            name = row.who if row.condition == "none" else f"{row.who} ({row.condition})"
+            name = _name(row.who, row.condition)
             lines.append(_cells(f"{name}, POG" if row.task == "pog" else name, row.sequence_measures))
             if row.goat_measures is not None:
                 lines.append(_cells(f"  FOUND < {VIEW_DISTANCE:g} m", row.goat_measures))
@@ -45,8 +45,7 @@ def _cells(name: str, found: SequenceFigures) -> tuple[str, ...]:
 
 def _notes(row: SequenceRow) -> list[str]:
     """What the table has no column for."""
-    name = row.who if row.condition == "none" else f"{row.who} ({row.condition})"
-    found, notes = row.sequence_measures, []
+    name, found, notes = _name(row.who, row.condition), row.sequence_measures, []
     if found.intervals:
         low, high = (100 * min(1, max(0, end)) for end in found.intervals["partial"])
         notes.append(f"{name}: partial {low:.1f} to {high:.1f} (95 %, homes random, sequences inside homes).")
@@ -56,15 +55,28 @@ def _notes(row: SequenceRow) -> list[str]:
         )
     if found.interference is not None:
         notes.append(f"{name}: interference {100 * found.interference:+.1f} points.")
+    beside = row.beside_first
+    if beside is not None:
+        value, between = 100 * beside.sr.value, _between(beside.sr.interval)
+        first = _name(beside.who, beside.condition)
+        notes.append(f"{name}: SR {value:+.1f} points beside {first} on the same sequences{between}.")
     gain = row.memory_gain
     if gain is not None and gain.sr is not None and gain.spl is not None and gain.sr_all is not None:
         steps = "" if gain.steps is None else f", steps {gain.steps:+.1f}"
-        between = ""
-        if gain.interval_all is not None:
-            low, high = (100 * min(1, max(-1, end)) for end in gain.interval_all)
-            between = f" ({low:+.1f} to {high:+.1f}, 95 %, homes random)"
         notes.append(
             f"{name}: memory gain in {gain.n} revisits SR {100 * gain.sr:+.1f}, SPL {100 * gain.spl:+.1f}{steps}; in "
-            f"all searches SR {100 * gain.sr_all:+.1f} points{between}."
+            f"all searches SR {100 * gain.sr_all:+.1f} points{_between(gain.interval_all)}."
         )
     return notes
+
+
+def _between(interval: tuple[float, float] | None) -> str:
+    """An interval of a difference of shares, in points."""
+    if interval is None:
+        return ""
+    low, high = (100 * min(1, max(-1, end)) for end in interval)
+    return f" ({low:+.1f} to {high:+.1f}, 95 %, homes random)"
+
+
+def _name(who: str, condition: str) -> str:
+    return who if condition == "none" else f"{who} ({condition})"
