@@ -85,9 +85,7 @@ class JudgedFrontierAgent(CarriedMap):
         in_map = self._in_map(observation)
         self._seeker.see(in_map)
         self._look(self._perception.frame_of(in_map), self._perception)
-        if self._turns_left:
-            self._turns_left -= 1
-            self._note = "looking around at the start"
+        if self._looks_around():
             return Action.LEFT
         return self._search()
 

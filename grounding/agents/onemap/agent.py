@@ -105,9 +105,7 @@ class OneMapAgent(CarriedMap):
         in_map = self._in_map(observation)
         self._see(in_map)
         self._look_for_it(self._opened().frame_of(in_map))
-        if self._turns_left:
-            self._turns_left -= 1
-            self._note = "looking around at the start"
+        if self._looks_around():
             return Action.LEFT
         return self._towards_target() or self._explore()
 
