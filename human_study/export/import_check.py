@@ -117,7 +117,8 @@ def _difference(
     if row.end_reason == "technical" and not has_begun(events):  # it failed before anything was shown
         return _other_figures(row, events, stored, config)
     try:
-        result = recompute(events, stored, home.trial(row.key), home=home, participant=row.participant)
+        who = {"participant": row.participant, "condition": row.condition}
+        result = recompute(events, stored, home.trial(row.key), home=home, **who)
     except (StudyError, TaskStateError) as problem:
         return str(problem)
     outcome = result.end if isinstance(result, EpisodeRun | SequenceRun) else result

@@ -14,6 +14,7 @@ from sim.tasks.run_files import Answer, EpisodeEnd, EpisodeRun
 from sim.types import EndReason, EpisodeKey
 from sim.walk.navigation_map import NavigationMap
 
+from ..design.study import Condition
 from ..store.records import VerificationStatus
 from ..trial.events import Act, Error, Event
 from ..trial.outcome import (
@@ -82,9 +83,17 @@ class Verification:
 
 
 def verify_trial(
-    events: Sequence[Event], outcome: Outcome, key: EpisodeKey, *, home: TrialHome, participant: str
+    events: Sequence[Event],
+    outcome: Outcome,
+    key: EpisodeKey,
+    *,
+    home: TrialHome,
+    participant: str,
+    condition: Condition | None = None,
 ) -> Verification:
     """Compares a finished trial with the result that all its events, in order, give.
+
+    `condition` is the one that the trial should have; None = that of its events.
 
     Raises:
         DatasetError: The home has no such episode.
@@ -97,7 +106,7 @@ def verify_trial(
         if opened.scene_digest != home.scene_digest:
             text = f"done on scene {opened.scene_digest[:12]}, compared with {home.scene_digest[:12]}"
             return Verification("unsupported", 0.0, None, None, text)
-        result = recompute(events, outcome, trial, home=home, participant=participant)
+        result = recompute(events, outcome, trial, home=home, participant=participant, condition=condition)
         error, bad_step = 0.0, None
         if opened.task == "pan":
             error, bad_step = replayed(events, _env_of(trial, home, opened.max_steps))
@@ -113,16 +122,30 @@ def verify_trial(
 
 
 def recompute(
-    events: Sequence[Event], outcome: Outcome, trial: Episode | HomeSequence, *, home: TrialHome, participant: str
+    events: Sequence[Event],
+    outcome: Outcome,
+    trial: Episode | HomeSequence,
+    *,
+    home: TrialHome,
+    participant: str,
+    condition: Condition | None = None,
 ) -> Result:
     """The result that all events of a finished trial give.
 
-    The stored outcome is used only to tell a technical failure, which has no measures.
+    The stored outcome is used only to tell a technical failure, which has no measures; `condition` is that of
+    `verify_trial`.
 
     Raises:
-        StudyError: The events are not those of a finished trial of this episode or sequence.
+        StudyError: The events are not those of a finished trial of this episode or sequence, in this condition.
+        TaskStateError: There are steps after the end of a sequence.
     """
     opened, reason = opening(events), end_reason(events)
+    found = opened.condition or ("none" if opened.task == "pan" else "map_open")  # records of the first version
+    if condition not in (None, found):
+        raise StudyError(
+            f"trial of {opened.task} {opened.key}: was opened in condition {found}; expected {condition}, as planned. "
+            "Run personal-viz study check-db."
+        )
     is_failure = reason is None or any(isinstance(event, Error) and event.is_fatal for event in events)
     is_failure = is_failure and outcome.reason == "technical"
     if isinstance(trial, HomeSequence):

@@ -19,6 +19,7 @@ from sim.tasks.run_folders import run_folders
 from sim.types import EpisodeKey, SuccessRule, TaskKind, WhoKind
 
 from ..design.study import STUDY_FILE, load_study
+from ..export.runs import run_condition
 from ..export.search_table import SearchRow
 from ..export.trial_table import NOT_A_RESULT
 from ..report.counts import (
@@ -187,6 +188,7 @@ def sequence_report(source: SequenceSource, *, rule: SuccessRule | None = None) 
     infos = [info for info, _ in source.people]
     open_trials = [row for row in records.rows if row.phase == "main" and row.end_reason is None]
     ends = Counter(row.end_reason for row in records.rows if row.phase == "main" and row.end_reason in NOT_A_RESULT)
+    searches = tuple(_counted(source, rule))
     return SequenceStudyReport(
         study=config.study,
         study_version=config.study_version,
@@ -198,8 +200,8 @@ def sequence_report(source: SequenceSource, *, rule: SuccessRule | None = None) 
         scene_labels=scene_labels(info.scene_kind for info in infos),
         rows=tuple(_rows(source, rule)),
         differences=tuple(_differences(source, rule)),
-        exposure=tuple(_exposure(records)),
-        ends=tuple(_ends(records)),
+        exposure=tuple(_exposure(searches)),
+        ends=tuple(_ends(searches)),
         flow=tuple(flow_counts(records.people, records.rows, num_deleted=records.num_deleted)),
         verification=tuple(verification_counts(records.rows)),
         attention=tuple(attention_counts(records.rows)),
@@ -321,18 +323,29 @@ def _name(group: _Group) -> str:
     return who if condition == "none" else f"{who} ({condition.replace('_', ' ')})"
 
 
-def _counted(records: StudyRecords) -> Iterator[tuple[tuple[TaskKind, str, str], SearchRow]]:
-    """The searches of counted results, each with its task, kind of homes and condition."""
-    trials = {row.attempt_name: row for row in records.rows if row.left_out is None}
-    for search in records.searches:
+_CountedSearch = tuple[tuple[TaskKind, str, str], SearchRow]
+"""A search of a counted result, with its task, kind of homes and condition."""
+
+
+def _counted(source: SequenceSource, rule: SuccessRule) -> Iterator[_CountedSearch]:
+    """All of them; their rows have the success of the study file's rule, and get that of the report's."""
+    trials = {row.attempt_name: row for row in source.records.rows if row.left_out is None}
+    ends = {
+        (run.start.participant, run.start.task, info.condition, run.key): run.end.searches
+        for info, runs in source.people
+        for run in runs
+    }
+    for search in source.records.searches:
         trial = trials.get(search.attempt_name)
         if trial is not None:
-            yield (trial.task, trial.scene_kind, trial.condition), search
+            found = ends[trial.participant, trial.task, run_condition(trial.condition), trial.key][search.search]
+            names = trial.task, trial.scene_kind, trial.condition
+            yield names, search.model_copy(update={"success": found.succeeds(rule)})
 
 
-def _exposure(records: StudyRecords) -> Iterator[ExposureRow]:
+def _exposure(counted: Sequence[_CountedSearch]) -> Iterator[ExposureRow]:
     groups: dict[tuple[TaskKind, str, str], list[SearchRow]] = defaultdict(list)
-    for names, search in _counted(records):
+    for names, search in counted:
         groups[names].append(search)
     for (task, scene_kind, condition), searches in sorted(groups.items(), key=_order_of):
         for kind in ("all", *KINDS):
@@ -359,7 +372,7 @@ def _order_of(group: tuple[tuple[TaskKind, str, str], object]) -> tuple:
     return task, scene_kind, _is_later(condition)
 
 
-def _ends(records: StudyRecords) -> Iterator[EndCount]:
-    counts = Counter((*names, search.reason) for names, search in _counted(records))
+def _ends(counted: Sequence[_CountedSearch]) -> Iterator[EndCount]:
+    counts = Counter((*names, search.reason) for names, search in counted)
     for (task, scene_kind, condition, reason), number in sorted(counts.items()):
         yield EndCount(task=task, scene_kind=scene_kind, condition=condition, reason=reason, n=number)

@@ -86,12 +86,21 @@ class SearchPart:
 
     @property
     def marks(self) -> tuple[Clicked, ...]:
-        """The clicks that set the marks at the end of a search of POG: one, or several in a search for all."""
+        """The clicks that set the marks at the end of a search of POG: one, or several in a search for all.
+
+        Raises:
+            StudyError: A mark is taken away that was never set.
+        """
         found: list[Clicked] = []
         for event in self.events:
             if isinstance(event, Clicked) and event.hit is not None:
                 found = [*found, event] if self.begun.is_for_all else [event]
             elif isinstance(event, Unmarked):
+                if event.index >= len(found):
+                    raise StudyError(
+                        f"search {self.begun.search}: takes mark {event.index} of {len(found)} away; expected one of "
+                        "these. Run personal-viz study check-db."
+                    )
                 found.pop(event.index)
         return tuple(found)
 
@@ -135,8 +144,9 @@ def sequence_outcome(
         participant: Code of the person.
 
     Raises:
-        StudyError: The trial is not over, has another sequence, told other messages than it should, or a map point is
-            not its pixel's.
+        StudyError: The trial is not over, has another sequence, told other messages than it should or told them too
+            early, takes a mark away that was never set, or a map point is not its pixel's.
+        TaskStateError: There are steps after the end.
     """
     opened, reason = finished(events, sequence_key(sequence))
     if reason in ("technical", "abandoned"):
@@ -195,6 +205,14 @@ def _pointed(events: Sequence[Event], sequence: HomeSequence, storeys: Sequence[
 def _require_told(events: Sequence[Event], opened: Open, sequence: HomeSequence) -> None:
     """Raises StudyError where other messages could be read than those of the trial's condition, or other searches."""
     texts, shown = SearchTexts.of(sequence), [event for event in events if isinstance(event, SearchBegun)]
+    ends, num_over = {id(event) for event, _ in search_ends(events)}, 0
+    for event in events:
+        num_over += id(event) in ends
+        if isinstance(event, SearchBegun) and event.search != num_over:
+            raise StudyError(
+                f"trial of {opened.task} {opened.key}: search {event.search} was shown after the end of {num_over}; "
+                f"expected search {num_over}. Run personal-viz study check-db."
+            )
     for event in shown:
         expected = None
         if event.search < len(texts.prompts):

@@ -139,12 +139,16 @@ class PanEnv:
         Args:
             steps: The steps.
             left: Each call of `end_search` in between: after how many steps, and its reason.
+
+        Raises:
+            TaskStateError: There are steps after the end, or FOUND in an episode.
         """
         self._steps, self._ends, self._reasons = [], [], []
         for number in range(len(steps) + 1):
             for _, reason in (one for one in left if one[0] == number):
                 self.end_search(reason)
             if number < len(steps):
+                self._require_takes(steps[number].action)
                 self._take(steps[number])
         return self.observe()
 
@@ -173,16 +177,7 @@ class PanEnv:
 
     def move(self, action: Action, *, t_s: float = 0.0) -> None:
         """Takes one action without rendering a view; `observe` renders it."""
-        if self.is_over:
-            raise TaskStateError(
-                f"step {len(self._steps) + 1}: found action {action.value!r} after the end ({self.end_reason}); "
-                "expected reset() first."
-            )
-        if action is Action.FOUND and not self._prompts:
-            raise TaskStateError(
-                f"step {len(self._steps) + 1}: found action 'found' in an episode; expected it in home sequences only. "
-                "End an episode with 'stop'."
-            )
+        self._require_takes(action)
         self._take(self._after(action, t_s))
 
     def observe(self) -> Observation:
@@ -202,6 +197,18 @@ class PanEnv:
             message=prompt.message if prompt else None,
             query=prompt.query if prompt else None,
         )
+
+    def _require_takes(self, action: Action) -> None:
+        if self.is_over:
+            raise TaskStateError(
+                f"step {len(self._steps) + 1}: found action {action.value!r} after the end ({self.end_reason}); "
+                "expected reset() first."
+            )
+        if action is Action.FOUND and not self._prompts:
+            raise TaskStateError(
+                f"step {len(self._steps) + 1}: found action 'found' in an episode; expected it in home sequences only. "
+                "End an episode with 'stop'."
+            )
 
     def _take(self, step: Step) -> None:
         """Adds a step, and ends the search that it ends."""

@@ -126,11 +126,18 @@ def driven(session: PanSession | PogSession, commands: Sequence[Command], *, eve
 
 
 def do_sequence(
-    store: StudyStore, code: str, order_no: int, sequence: HomeSequence, home: TrialHome, commands: Sequence[Command]
+    store: StudyStore,
+    code: str,
+    order_no: int,
+    sequence: HomeSequence,
+    home: TrialHome,
+    commands: Sequence[Command],
+    *,
+    condition: str | None = None,
 ) -> str:
-    """One participant's whole trial, stored and finished; returns its id."""
+    """One participant's whole trial, stored and finished; returns its id. `condition` may be a wrong one."""
     trial = store.open_trial(code, order_no)
-    session = new_session(store.config, home, sequence, trial.task, trial.condition)
+    session = new_session(store.config, home, sequence, trial.task, condition or trial.condition)
     store.append_many(trial.trial_id, trial.epoch, driven(session, commands))
     events = [stored.event for stored in store.events(trial.trial_id)]
     names = {"navigation": home.navigation, "storeys": home.storeys, "participant": code}

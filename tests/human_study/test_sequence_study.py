@@ -191,7 +191,8 @@ def test_intervals_of_the_report_take_homes_for_random(finished: Path) -> None:
     def elsewhere(run: SequenceRun) -> SequenceRun:
         return run.model_copy(update={"start": run.start.model_copy(update={"scene": "Elsewhere"})})
 
-    people = ((seen, (right, elsewhere(right))), (unseen, (half_right, elsewhere(right))))
+    pointing = [one for one in source.people if one[1][0].start.task == "pog"]
+    people = ((seen, (right, elsewhere(right))), (unseen, (half_right, elsewhere(right))), *pointing)
     report = sequence_report(dataclasses.replace(source, people=people))
     hidden = next(one for one in report.rows if one.row.condition == "history_hidden")
     half = 12.7062 / 4  # t of 1 degree; homes' shares are 0.5 and 1
@@ -205,6 +206,17 @@ def test_intervals_of_the_report_take_homes_for_random(finished: Path) -> None:
     text = sequence_markdown(report)
     assert "75.0 [0.0, 100.0]" in text
     assert "+25.0 [-100.0, 100.0]" in text
+
+
+def test_messages_in_view_are_counted_by_the_rule_of_the_report(finished: Path) -> None:
+    source = read_sequences([finished / "out"])
+    assert source is not None
+    for rule, num_right in (("paper", 6), ("habitat", 1)):
+        report = sequence_report(source, rule=rule)
+        row = next(one for one in report.rows if (one.row.task, one.row.condition) == ("pan", "history_visible"))
+        shown = next(one for one in report.exposure if (one.task, one.condition) == ("pan", "history_visible"))
+        assert (shown.kind, shown.num_told, shown.right_told) == ("all", 6, num_right)
+        assert row.row.sequence_measures.sr == pytest.approx(num_right / 6)
 
 
 def test_a_person_who_withdraws_vanishes_from_export_and_report(

@@ -6,7 +6,16 @@ import pytest
 
 from human_study.export.verify import TrialHome, verify_trial
 from human_study.trial.commands import Confirm, GiveUp, Move, PressStop, Resume, Start, Unmark
-from human_study.trial.events import Abandoned, Error, Event, SearchBegun, event_from_json, event_to_json
+from human_study.trial.events import (
+    Abandoned,
+    Act,
+    Error,
+    Event,
+    SearchBegun,
+    Unmarked,
+    event_from_json,
+    event_to_json,
+)
 from human_study.trial.outcome import end_reason, unscored_outcome
 from human_study.trial.searches import sequence_outcome
 from human_study.trial.views import PanView, PogView
@@ -171,6 +180,31 @@ def test_a_sequence_that_was_left_or_failed_has_no_figures(
     assert outcome(events, story, home) is None
     stored = unscored_outcome(sequence_key(story), task, reason=reason, participant="p01")
     assert verify_trial(events, stored, sequence_key(story), home=home, participant="p01").status == "verified"
+
+
+def test_events_that_cannot_be_fail_with_one_line(story: HomeSequence, home: TrialHome) -> None:
+    given_up = [GiveUp()] * 12
+    walked = driven(new_session(CONFIG, home, story, "pan"), [PressStop(), PressStop(), *given_up[2:]])
+    mark = click_on(story.targets[0][0], home.navigation.storey_heights)
+    pointed = driven(new_session(CONFIG, home, story, "pog"), [mark, Confirm(), *given_up[2:]])
+
+    def failing(events: list[Event], record: list[Event]) -> str:
+        run = outcome(record, story, home)
+        assert run is not None
+        found = verify_trial(events, run.end, sequence_key(story), home=home, participant="p01")
+        assert found.status == "failed"
+        return found.detail
+
+    first, second = [place for place, event in enumerate(walked) if isinstance(event, SearchBegun)][:2]
+    early = [*walked[: first + 1], walked[second], *walked[first + 1 :]]
+    assert "search 1 was shown after the end of 0; expected search 0" in failing(early, walked)
+    again = [*walked[: second + 1], walked[first], *walked[second + 1 :]]
+    assert "search 0 was shown after the end of 1; expected search 1" in failing(again, walked)
+    found = next(event for event in walked if isinstance(event, Act))
+    assert "found action 'found' after the end (giveup)" in failing([*walked, found], walked)
+    confirm = next(place for place, event in enumerate(pointed) if event.kind == "confirm")
+    unmarked = [*pointed[:confirm], Unmarked(t_s=1.0, index=1), *pointed[confirm:]]
+    assert "search 0: takes mark 1 of 1 away" in failing(unmarked, pointed)
 
 
 @pytest.mark.parametrize("task", ["pan", "pog"])

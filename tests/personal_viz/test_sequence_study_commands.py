@@ -50,6 +50,7 @@ def test_a_study_is_planned_done_again_and_read_back(
         dataset={"sha256": PersonalDataset(small_home_root).digest()},
         sequences={"sha256": SequenceSet(root).digest(), "history": "hidden"},
         task=("pan",),
+        design={"kind": "crossed", "raters_per_episode": 2},
     )
     save_study(study, config)
     assert StudyPlanVerb(study, small_home_root, sequences=root, pilot=True).run() == 0
@@ -64,6 +65,16 @@ def test_a_study_is_planned_done_again_and_read_back(
     assert StudyExport(study, out=out).run() == 0
     assert StudyImportCheck(out, **given).run() == 0
     assert "1 of 1 outcomes agree with their events" in capsys.readouterr().out
+    with open_planned(study, config, plan) as store:
+        do_sequence(store, "p02", 1, story, home, [GiveUp()] * 12, condition="history_visible")
+    assert StudyVerify(study, **given).run() == 1
+    found = capsys.readouterr().out
+    assert "p02, trial 1, attempt 1" in found
+    assert "was opened in condition history_visible; expected history_hidden, as planned" in found
+    assert "1 failed, 1 verified" in found
+    assert StudyExport(study, out=tmp_path / "again").run() == 0
+    assert StudyImportCheck(tmp_path / "again", **given).run() == 1
+    assert "was opened in condition history_visible; expected history_hidden" in capsys.readouterr().out
     other = told_in(small_home_root, tmp_path / "other", messages=MESSAGES[:1], subtasks=SUBTASKS[:1])
     with pytest.raises(StudyError, match=f"expected {SequenceSet(root).digest()[:12]}, the study's"):
         StudyVerify(study, small_home_root, sequences=tmp_path / "other").run()

@@ -11,7 +11,7 @@ from tyro.conf import Positional, arg
 
 from human_study.design.plan import PRACTICE_FOLDER, StudyPlan, StudyScene, load_plan
 from human_study.design.secrets import new_id
-from human_study.design.study import load_study
+from human_study.design.study import Condition, load_study
 from human_study.export.verify import verify_trial
 from human_study.store.lock import take_lock
 from human_study.store.records import StoredTrial, VerificationEntry, read_study
@@ -42,8 +42,8 @@ class VerifyJob(SceneJob):
     scenes_dir: Path | None
     sequences: Path | None
     """Set of home sequences of this home, in a study of them."""
-    trials: tuple[tuple[EpisodeKey, str, str], ...]
-    """(episode, trial id, participant) of each trial."""
+    trials: tuple[tuple[EpisodeKey, str, str, Condition], ...]
+    """(episode, trial id, participant, planned condition) of each trial."""
     run_id: str
 
 
@@ -92,17 +92,17 @@ class StudyVerify:
         self, plan: StudyPlan, finished: Sequence[StoredTrial], run_id: str, *, has_sequences: bool
     ) -> list[VerifyJob]:
         """One job for each home."""
-        by_scene: defaultdict[str, list[tuple[EpisodeKey, str, str]]] = defaultdict(list)
+        by_scene: defaultdict[str, list[tuple[EpisodeKey, str, str, Condition]]] = defaultdict(list)
         for status in finished:
             assert status.trial_id is not None, status
-            by_scene[status.key.scene].append((status.key, status.trial_id, status.code))
+            by_scene[status.key.scene].append((status.key, status.trial_id, status.code, status.condition))
         practice = {scene.name for scene in plan.practice_scenes}
         practised = self.study / PRACTICE_SET if has_sequences else None
         return [
             VerifyJob(
                 self.study / PRACTICE_FOLDER if name in practice else self.dataset,
                 name,
-                tuple(dict.fromkeys(key for key, _, _ in trials)),
+                tuple(dict.fromkeys(trial[0] for trial in trials)),
                 study=self.study,
                 study_scene=plan.scene(name),
                 scenes_dir=None if name in practice else self.scenes_dir,
@@ -125,11 +125,11 @@ def _open_home(job: VerifyJob) -> Callable[[EpisodeKey], tuple[VerificationEntry
     def do_again(key: EpisodeKey) -> tuple[VerificationEntry, ...]:
         entries = []
         with read_study(job.study) as reader:
-            for _, trial_id, code in (trial for trial in job.trials if trial[0] == key):
+            for _, trial_id, code, condition in (trial for trial in job.trials if trial[0] == key):
                 events, outcome = [stored.event for stored in reader.events(trial_id)], reader.outcome(trial_id)
                 if outcome is None:
                     continue  # the participant withdrew a moment ago
-                done = verify_trial(events, outcome, key, home=home, participant=code)
+                done = verify_trial(events, outcome, key, home=home, participant=code, condition=condition)
                 entries.append(
                     VerificationEntry(
                         trial_id=trial_id,
