@@ -55,8 +55,8 @@ class Sought(NamedTuple):
     """The other things that anybody owns."""
     categories: tuple[str, ...]
     """The query's category, and the head nouns of `own`."""
-    is_for_all: bool
-    """Whether the query asks for all of them."""
+    num_wanted: int
+    """Things that the query asks for: 1, or all that the owner was told to have of the category."""
 
 
 class _Known(NamedTuple):
@@ -125,7 +125,7 @@ class InstanceMemoryAgent(CarriedMap):
     @property
     def wants_more(self) -> bool:
         """After STOP, whether the query asks for all things and the owner has more of them."""
-        return self._sought.is_for_all and self._marked < len(self._sought.own)
+        return self._marked < self._sought.num_wanted
 
     def act(self, observation: Observation) -> Action:
         """The next action; STOP at the thing that fits best, or when nothing is left to go to.
@@ -272,13 +272,16 @@ def sought(task: Task, text: str, phrases: PhraseSource) -> Sought:
     mine = [
         item.thing
         for item in items
-        if wanted and item.owner.casefold() == wanted.owner.casefold() and says_category(item.text, wanted.category)
+        if wanted
+        and item.owner.casefold() == wanted.owner.casefold()
+        and says_category(_TAIL.split(item.thing)[0], wanted.category)  # "the chair next to the bench" is no bench
     ]
     own = tuple(dict.fromkeys([text, *(thing for thing in mine if thing != chosen)]))
     others = tuple(dict.fromkeys(item.thing for item in items if item.thing not in (*own, chosen)))
     heads = [head_noun(found) for found in own]
     categories = tuple(dict.fromkeys([wanted.category, *heads] if wanted else heads))
-    return Sought(own, others, categories, re.search(r"\ball of\b", query) is not None)
+    is_for_all = re.search(r"\ball of\b", query) is not None
+    return Sought(own, others, categories, max(len(own), len(mine)) if is_for_all else 1)
 
 
 def head_noun(text: str) -> str:

@@ -117,8 +117,9 @@ def _difference(
     if row.end_reason == "technical" and not has_begun(events):  # it failed before anything was shown
         return _other_figures(row, events, stored, config)
     try:
-        who = {"participant": row.participant, "condition": row.condition}
-        result = recompute(events, stored, home.trial(row.key), home=home, **who)
+        result = recompute(
+            events, stored, home.trial(row.key), home=home, participant=row.participant, condition=row.condition
+        )
     except (StudyError, TaskStateError) as problem:
         return str(problem)
     outcome = result.end if isinstance(result, EpisodeRun | SequenceRun) else result

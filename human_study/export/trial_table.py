@@ -89,7 +89,8 @@ class _AskedTrial(AttemptName):
     task: TaskKind
     """`pan`: steer the robot to the object. `pog`: point at it."""
     condition: Condition
-    """The person's view of the home besides the task."""
+    """The person's view of the home besides the task; in studies of home sequences, whether earlier messages could be
+    read again."""
     split: Split
     """Difficulty of the episode in the dataset."""
     scene: str

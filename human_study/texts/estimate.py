@@ -5,14 +5,15 @@ from dataclasses import dataclass
 
 from sim.types import TaskKind
 
-from ..design.plan import StudyPlan
+from ..design.plan import Phase, StudyPlan
 from ..design.study import StudyConfig
 from ..trial.terms import terms_of
 
 TRIAL_S: dict[TaskKind, float] = {"pan": 120.0, "pog": 60.0}
 """Seconds from the text to the answer, assumed before the pilot; the pilot's own times replace them."""
-SEARCHES = {"main": 7, "practice": 3}
-"""Searches of a home sequence: the mean of those that `personal-viz generate` makes, and those of practice."""
+SEARCHES: dict[Phase, int] = {"main": 7, "check": 1, "practice": 3}
+"""Searches of a home sequence: the mean of those that `personal-viz generate` makes, those of an attention trial, and
+those of practice."""
 LOOK_S = 30.0
 """Seconds of looking at a map or home before a trial, unless the study file sets a lower limit."""
 READING_S = 480.0
@@ -54,9 +55,7 @@ class TimeEstimate:
 def estimate_time(config: StudyConfig, *, num_trials: int, task: TaskKind) -> TimeEstimate:
     """The estimate for one participant with this many counted trials of a task."""
     look_s, is_one = _mean_look_s(config, task), config.sequences is None
-    per_trial, per_practice = (
-        TRIAL_S[task] * (1 if is_one else SEARCHES[phase]) + look_s for phase in ("main", "practice")
-    )
+    per_trial = {phase: TRIAL_S[task] * (1 if is_one else count) + look_s for phase, count in SEARCHES.items()}
     num_checks = num_trials // config.checks.every if config.checks.every is not None else 0
     num_breaks = max(0, (num_trials - 1) // config.breaks.every) if config.breaks.every is not None else 0
     num_practice = config.practice.pan if task == "pan" else config.practice.pog
@@ -65,8 +64,8 @@ def estimate_time(config: StudyConfig, *, num_trials: int, task: TaskKind) -> Ti
         num_practice=num_practice,
         num_checks=num_checks,
         num_breaks=num_breaks,
-        trials_s=(num_trials + num_checks) * per_trial,
-        practice_s=num_practice * per_practice,
+        trials_s=num_trials * per_trial["main"] + num_checks * per_trial["check"],
+        practice_s=num_practice * per_trial["practice"],
         reading_s=(READING_S if config.flow else 0.0) + SURVEY_S * len(config.survey.questions),
         breaks_s=num_breaks * BREAK_S,
     )

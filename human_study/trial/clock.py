@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from sim.errors import TaskStateError
 
 SHORTEST_PRESS_S = 0.05
-"""Presses and clicks sooner than this after an accepted one are dropped (HUMAN_STUDY.md, section 4)."""
+"""Presses and clicks sooner than this after an accepted one, or after a search of a home sequence began, are dropped
+(HUMAN_STUDY.md, section 4)."""
 SHOWN_STEPS_S = (60, 10)
 """The remaining time is shown in steps of the first value, and in steps of the second in the last minute (seconds)."""
 
@@ -40,11 +41,11 @@ class TrialClock:
         return self._last_s
 
     def too_soon(self, t_s: float) -> bool:
-        """Whether a press at `t_s` follows the last accepted one too fast for a person."""
+        """Whether a press at `t_s` follows the last accepted one, or the start of a search, too fast for a person."""
         return t_s - self._accepted_s < SHORTEST_PRESS_S
 
     def accept(self, t_s: float) -> None:
-        """Stores the time of an accepted press."""
+        """Stores the time of an accepted press, or at which a search began."""
         self._accepted_s = t_s
 
 

@@ -16,7 +16,8 @@ from ..design.study import Condition, HomeView
 
 Finite = Annotated[float, AllowInfNan(False)]
 DropReason = Literal["repeat", "busy", "rate", "action", "storey", "nothing_marked", "phase", "too_early"]
-"""`phase`: not in this part of the trial; `too_early`: the map must be looked at for longer."""
+"""`phase`: not in this part of the trial; `rate`: too soon after another press, or after a search began; `too_early`:
+the map must be looked at for longer."""
 MapKind = Literal["topdown", "glb", "home"]
 """The look before a trial's task: pictures from above, or the 3-D home before walking (`glb`) or pointing."""
 PageChange = Literal["focus", "blur", "hidden", "visible", "context_lost"]
@@ -50,24 +51,25 @@ class Open(TrialEvent):
     max_steps: int
     actions: tuple[Action, ...]
     condition: Condition | None = None
-    """The view of the home besides the task; None in records of the first version: `none`, or `map_open`."""
+    """The view of the home besides the task, or, in a home sequence, whether earlier messages can be read again; None
+    in records of the first version: `none`, or `map_open`."""
     home_view: HomeView | None = None
     """Where the pictures of a 3-D home were made; None = none was shown, or, in older records, in the browser."""
     position: Vector3 | None = None
-    """PAN: start of the robot, world metres."""
+    """World metres; None in POG on an episode. Start of the robot (PAN), or of the home sequence (both tasks)."""
     yaw: Finite | None = None
-    """PAN: yaw at the start, radians."""
+    """Yaw at this start, radians."""
     knows_objects: bool = False
     """POG: whether clicks tell the object that they met; older records never do."""
 
     @property
     def key(self) -> EpisodeKey:
-        """The episode."""
+        """The episode or home sequence."""
         return EpisodeKey(self.split, self.scene, self.episode_id)
 
     @property
     def start(self) -> Pose | None:
-        """Start pose; None in POG."""
+        """Start pose; None in POG on an episode."""
         return None if self.position is None or self.yaw is None else Pose(self.position, self.yaw)
 
 

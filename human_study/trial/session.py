@@ -51,7 +51,7 @@ class PanSession(TrialSession[PanView]):
         self._armed_s = -math.inf
         self._observation: Observation | None = None
         self._was_blocked = False
-        """Whether the last step was blocked; forgotten after an absence."""
+        """Whether the last step was blocked; forgotten after an absence, and when a search begins."""
 
     @property
     def observation(self) -> Observation | None:
@@ -115,7 +115,7 @@ class PanSession(TrialSession[PanView]):
 
     def _begin_search(self, t_s: float) -> None:
         super()._begin_search(t_s)
-        self._armed_s = -math.inf
+        self._armed_s, self._was_blocked = -math.inf, False
 
     def _end(self, reason: EndReason, event: Event) -> tuple[Event, ...]:
         if self._searches is not None and reason in ("giveup", "timeout"):

@@ -198,8 +198,9 @@ class TrialSession(ABC, Generic[TaskViewT]):
         """The task's screen."""
 
     def _begin_search(self, t_s: float) -> None:
-        """Forgets what belongs to the search before."""
+        """Forgets what belongs to the search before; a press or click that comes at once was still meant for that."""
         self._giving_up_s = -math.inf
+        self._clock.accept(t_s)
         self._begin_limit(t_s)
 
     def _opened(self) -> Open:
@@ -382,10 +383,9 @@ class TrialSession(ABC, Generic[TaskViewT]):
                 return (event, *self._end("technical", Error(t_s=t_s, message=message, is_fatal=True)))
 
     def _give_up(self, t_s: float) -> tuple[Event, ...]:
+        if self._clock.too_soon(t_s) or t_s - self._giving_up_s < GIVE_UP_AFTER_S:
+            return (Dropped(t_s=t_s, reason="rate"),)
         if self._is_giving_up(t_s):
-            is_early = t_s - self._giving_up_s < GIVE_UP_AFTER_S
-            if is_early:
-                return (Dropped(t_s=t_s, reason="rate"),)
             return self._leave_search("giveup", Moment(kind="giveup", t_s=t_s))
         self._giving_up_s = t_s
         return (Moment(kind="giveup_armed", t_s=t_s),)

@@ -19,7 +19,7 @@ from sim.episodes.sequences import Edge
 from sim.mesh import Scene
 from sim.plan_view.storey import StoreyMap
 from sim.render.renderer import Renderer
-from sim.sequences.runs import SearchEnd, SequenceRun
+from sim.sequences.runs import SearchEnd, SearchReason, SequenceRun
 from sim.sequences.scoring import marking_steps
 from sim.sequences.searches import old_target, search_episode, sequence_key
 from sim.tasks.rules import reaches_target
@@ -69,6 +69,13 @@ _ROW, _ACROSS = 44.0, 260.0
 """Distances of the graph's nodes, in units of the graph's view."""
 _NODE = 140.0
 """Room for half of the longest usual label, in the same units."""
+_HOW: Mapping[SearchReason, str] = {
+    "found": "",
+    "steps": "out of steps, ",
+    "stop": "STOP, ",
+    "giveup": "gave up, ",
+    "timeout": "out of time, ",
+}
 _NOTE = (
     "The timeline _together_ counts actions; on it every run begins a search at the same moment, and the faster ones "
     "wait. Each search's way has its own colour. Marks at each FOUND: green right, red wrong, orange at the object "
@@ -276,7 +283,7 @@ def _log_run(
     log_plot_style(stream, walker, CENTRE_DISTANCE, words=trace.title, rgb=trace.rgb)
     log_figures(stream, walker, walk.rows, CENTRE_DISTANCE, apart)
     for index, (search, end, (first, last)) in enumerate(zip(searches, run.end.searches, run.spans, strict=True)):
-        if first == last:
+        if end.reason == "unreached":
             continue
         is_for_all = sequence.record.subtasks[index].mode == "all"
         steps = marking_steps(run.steps[first:last], ends_with_two=is_for_all and end.reason == "found")
@@ -289,7 +296,8 @@ def _log_run(
                 search,
                 maps,
             )
-        set_moment(stream, walker, walk.rows[last])
+        row = walk.rows[last]  # a search that was given up at once ends where it begins
+        set_moment(stream, walker, row if first < last else replace(row, together=search.begins))
         told = f"{trace.title}, search {search.number}: {_result(end)}"
         stream.log(walker.entity(OUTCOMES), rr.TextLog(told, color=rgba_u32(OUTCOME_RGB[outcome_of(end)])))
     stream.reset_time()
@@ -345,10 +353,9 @@ def _log_points(
 
 def _result(end: SearchEnd) -> str:
     """What came of a search, in a few words."""
-    how = {"found": "", "steps": "out of steps, ", "stop": "STOP, ", "unreached": "", "giveup": "gave up, "}[end.reason]
     if end.reason == "unreached":
         return "not reached"
-    parts = [how + outcome_of(end)]
+    parts = [_HOW[end.reason] + outcome_of(end)]
     if end.measures is not None:
         parts.append(f"{end.measures.num_steps} steps, {end.measures.path_m:.1f} m")
     if end.all is not None:

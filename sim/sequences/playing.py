@@ -85,7 +85,7 @@ class SearchBySearch:
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """Starts a sequence; the agents are reset when their searches begin."""
         self._whole, self._camera, self._seed = task, camera, seed
-        self._news, self._index, self._is_sure = list[tuple[str, int]](), -1, False
+        self._news, self._index, self._is_sure, self._is_owed = list[tuple[str, int]](), -1, False, False
         self._agent: Agent | None = None
 
     def act(self, observation: Observation) -> Action:
@@ -96,19 +96,23 @@ class SearchBySearch:
         """
         if observation.query is not None:
             self._begin(observation)
+        elif self._is_owed:
+            self._is_owed, self._is_sure = False, True
+            return Action.FOUND
         elif self._is_sure and not self._goes_on(observation):
             return Action.FOUND
         assert self._agent is not None, "an observation with a query comes first"
         action = next_action(self._agent, self._task, self._as_episode(observation))
         if action is Action.STOP and self._is_sure:  # the next object is here too, but FOUND again would end the search
-            self._is_sure = False
+            self._is_sure, self._is_owed = False, True
             return Action.LEFT
         self._is_sure = action is Action.STOP
         return Action.FOUND if self._is_sure else action
 
     def _begin(self, observation: Observation) -> None:
         """A search begins."""
-        self._index, self._is_sure, self._marks = self._index + 1, False, list[Pose]()
+        self._index, self._marks = self._index + 1, list[Pose]()
+        self._is_sure = self._is_owed = False
         self._news += [(observation.message, self._index)] if observation.message else []
         assert observation.query is not None
         self._task = task_so_far(self._whole, self._news, observation.query, self._index)

@@ -138,6 +138,8 @@ class TwoMarks:
         self.marked = 0
 
     def act(self, observation: Observation) -> Action:
+        if not self.wants_more:
+            return Action.RIGHT
         self.marked += 1
         return Action.STOP
 
@@ -152,8 +154,8 @@ def test_a_search_for_all_goes_on_while_the_agent_wants_more() -> None:
     first = observation(start, depth=2.0, step=0)
     agent.reset(Task("pan", "Ada owns two rugs.", ("",), actions=SEQUENCE7), CAMERA, seed=0)
     said = [agent.act(dataclasses.replace(first, query="Find all of Ada's rugs"))]
-    said += [agent.act(observation(start, depth=2.0, step=step)) for step in (1, 2)]
-    assert said == [Action.FOUND, Action.LEFT, Action.FOUND]
+    said += [agent.act(observation(start, depth=2.0, step=step)) for step in (1, 2, 3)]
+    assert said == [Action.FOUND, Action.LEFT, Action.FOUND, Action.FOUND], "both objects are here, and that is all"
 
 
 def test_what_is_sought_follows_the_table_of_owners() -> None:
@@ -161,13 +163,17 @@ def test_what_is_sought_follows_the_table_of_owners() -> None:
     assert sought(Task("pan", text, ("Find Bo's rug",)), GREEN, RulePhrases()) == (
         *((GREEN,), (BROWN, "red sofa")),
         ("rug",),
-        False,
+        1,
     )
     assert sought(Task("pan", text, ("Find all of Bo's sofas",)), "red sofa", RulePhrases()) == (
         *(("red sofa",), (BROWN, GREEN)),
         ("sofa",),
-        True,
+        1,
     )
+    beside = "Bo owns the oak chair next to the oak bench. Bo owns the oak bench."
+    assert sought(Task("pan", beside, ("Find Bo's bench",)), "oak bench", RulePhrases()).own == ("oak bench",)
+    lamps = "Bo owns a lamp in the kitchen. Bo owns a lamp in the bedroom."
+    assert sought(Task("pan", lamps, ("Find all of Bo's lamps",)), "lamp", RulePhrases())[::3] == (("lamp",), 2)
 
 
 def hall(*pieces: Furniture) -> Scene:

@@ -162,6 +162,15 @@ def test_the_time_is_the_sum_of_its_stated_parts() -> None:
     assert estimate.minutes == 90
 
 
+def test_an_attention_trial_of_home_sequences_is_one_search() -> None:
+    config = paged_study(
+        task=("pan",), sequences={"sha256": "0" * 64}, practice={"pan": 1, "pog": 0}, checks={"every": 2}
+    )
+    estimate = estimate_time(config, num_trials=4, task="pan")
+    assert (estimate.num_checks, estimate.practice_s) == (2, 3 * 120.0)
+    assert estimate.trials_s == 4 * 7 * 120.0 + 2 * 120.0
+
+
 def test_the_survey_takes_its_time() -> None:
     usual, asked = (
         estimate_time(paged_study(survey={"questions": topics}), num_trials=3, task="pan") for topics in ((), ("age",))

@@ -5,13 +5,14 @@ from pathlib import Path
 import pytest
 
 from human_study.export.verify import TrialHome, verify_trial
-from human_study.trial.commands import Confirm, GiveUp, Move, PressStop, Resume, Start, Unmark
+from human_study.trial.commands import Command, Confirm, GiveUp, Move, PressStop, Resume, Start, Tick, Unmark
 from human_study.trial.events import (
     Abandoned,
     Act,
     Error,
     Event,
     SearchBegun,
+    Shown,
     Unmarked,
     event_from_json,
     event_to_json,
@@ -158,9 +159,52 @@ def test_a_rebuilt_walk_goes_on_in_its_search(story: HomeSequence, home: TrialHo
     assert (view.search, view.step, view.notes, view.left_s) == (1, 1, (), 60)
     assert [event.kind for event in update.events] == ["search", "shown"]
     late = rebuilt.handle(LEFT, 170.0)
-    assert [event.kind for event in late.events][:3] == ["timeout", "search", "shown"]
+    assert [event.kind for event in late.events] == ["timeout", "search", "shown", "key", "dropped"]
     assert isinstance(late.view, PanView)
-    assert (late.view.search, late.view.left_s, rebuilt.end_reason) == (2, 60, None)
+    assert (late.view.search, late.view.step, late.view.left_s, rebuilt.end_reason) == (2, 0, 60, None)
+
+
+@pytest.mark.parametrize(
+    ("task", "command"),
+    [("pan", LEFT), ("pan", PressStop()), ("pan", GiveUp()), ("pog", None), ("pog", Confirm()), ("pog", GiveUp())],
+)
+def test_what_was_meant_for_the_search_before_does_nothing_in_the_next_one(
+    task: TaskKind, command: Command | None, story: HomeSequence, home: TrialHome
+) -> None:
+    click = click_on(story.targets[0][0], home.navigation.storey_heights)
+    command = command or click
+    limits = {"pan_max_s": 20.0, "pog": {"conditions": ("map_open",), "answer_max_s": 20.0}}
+    session = new_session(sequence_study(**limits), home, story, task)
+    session.handle(Start(), 0.0)
+    session.handle(click if task == "pog" else LEFT, 5.0)
+    for at_s, begun in ((20.0, ["timeout", "search"]), (20.04, [])):  # by its own arrival, and just after that
+        update = session.handle(command, at_s)
+        kinds = [event.kind for event in update.events if event.kind not in ("shown", "storey", "key")]
+        assert kinds == [*begun, "dropped"]
+        view = update.view
+        assert isinstance(view, PanView | PogView)
+        assert (view.search, view.is_giving_up) == (1, False)
+        assert not (view.step or view.is_armed if isinstance(view, PanView) else view.marks)
+    later = session.handle(command, 20.06).events
+    assert ("dropped" in [event.kind for event in later]) == isinstance(command, Confirm)  # nothing is marked
+
+
+@pytest.mark.parametrize("leaves", [((GiveUp(), 590.0), (GiveUp(), 591.0)), ((Tick(), 600.0),)])
+def test_a_blocked_step_is_no_news_of_the_next_search(
+    leaves: tuple[tuple[Command, float], ...], story: HomeSequence, home: TrialHome
+) -> None:
+    config = sequence_study(pan_max_s=600.0)
+    session = new_session(config, home, story, "pan")
+    events = driven(session, [Move(Action.FORWARD, "KeyW")] * 40)
+    assert events[-1].kind == "shown"
+    assert events[-1].blocked
+    events += [event for command, at_s in leaves for event in session.handle(command, at_s).events]
+    view = session.view(600.0)
+    assert isinstance(view, PanView)
+    assert (view.search, view.is_blocked) == (1, False)
+    rebuilt = new_session(config, home, story, "pan").after(events)
+    again = rebuilt.handle(Resume(away_s=5.0), 700.0).events
+    assert [event.blocked for event in (events[-1], again[-1]) if isinstance(event, Shown)] == [False, False]
 
 
 @pytest.mark.parametrize(

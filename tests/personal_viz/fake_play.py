@@ -248,7 +248,9 @@ class TwoStoreys(SquareRoom):
     storey_heights = (0.0, 3.0)
 
 
-class _TwoStoreyScene(FakeScene):
+class TwoStoreyScene(FakeScene):
+    """The room's scene with both storeys."""
+
     navigation = TwoStoreys()
 
 
@@ -264,7 +266,7 @@ def meshless_home(*, category: str = "lamp") -> Home:
     """A home with two storeys for real screens: pictures of one colour, and a place for a mark on a thing."""
     return fake_home(
         Watches(None, make_env=make_env),
-        scene=_TwoStoreyScene(objects=(dataclasses.replace(LAMP, category=category),)),
+        scene=TwoStoreyScene(objects=(dataclasses.replace(LAMP, category=category),)),
         renderer=Frames(PoseColours(), RenderThreads(1)),
         episodes={episode(name).key: episode(name) for name in ("0", "1", "2")},
         storeys=[(0.0, 0.0), (3.0, 3.0)],

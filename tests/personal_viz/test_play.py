@@ -1,6 +1,7 @@
 """One trial from its opening to its stored outcome: which screen comes when, and that storing comes before showing."""
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 
@@ -9,15 +10,18 @@ from human_study.export.verify import verify_trial
 from human_study.store.store import SupersededError
 from human_study.store.writer import StoreFullError
 from human_study.trial.commands import CloseMap, Confirm, GiveUp, Move, PageChanged, PressStop, ShowStorey
-from human_study.trial.events import Clicked, Confidence, Event, Shown
+from human_study.trial.events import Clicked, Confidence, Event, Shown, Unmarked
 from human_study.trial.views import LookView, Mark, MarkedObject, PanView, PogView
 from personal_viz.study_app.screens.page import GoneError, WithdrawnError
+from personal_viz.study_app.screens.pog import Nudge
+from sim.sequences.searches import sequence_key
 from sim.tasks.run_files import Answer, EpisodeEnd, Vector3
 from sim.types import Action, Camera, Pose
+from tests.sim.home_story import MESSAGES, SUBTASKS, told_in
 
 from ..human_study.finished import room
 from ..human_study.small_world import episode
-from .fake_play import HIT, LAMP, PASS, RAY, FakeScene, MemoryLink, Played, RenderedHere, played
+from .fake_play import HIT, LAMP, PASS, RAY, FakeScene, MemoryLink, Played, RenderedHere, TwoStoreyScene, played
 from .fake_play import fake_screens as fake_screens
 
 FORWARD, LEFT = Move(Action.FORWARD, code="KeyW"), Move(Action.LEFT, code="KeyA")
@@ -129,6 +133,21 @@ def test_where_objects_do_not_hold_the_target_clicks_tell_of_none_and_marks_stay
     assert (link.outcome.measures.on_object, link.outcome.candidates) == (None, (HIT,))
     (clicked,) = [event for event in link.events() if isinstance(event, Clicked)]
     assert (clicked.object_name, clicked.snapped) == (None, None)
+
+
+def test_an_arrow_on_another_storey_sets_one_more_mark_in_a_search_for_all_and_moves_that_one_afterwards(
+    fake_screens: Fakes, small_home_root: Path, tmp_path: Path
+) -> None:
+    story = told_in(small_home_root, tmp_path, messages=MESSAGES[:1], subtasks=[SUBTASKS[1]])
+    key = sequence_key(story)
+    options = {"scene": TwoStoreyScene(), "episodes": {}, "sequences": {key: story}}
+    trial = played(
+        fake_screens, MemoryLink("pog", "history_visible", key=key), RAY, ShowStorey(1), Nudge(0.1, 0.0),
+        Nudge(0.1, 0.0), home_options=options, sequences={"sha256": "0" * 64}, pog={"conditions": ["map_open"]},
+    )  # fmt: skip
+    marks = [[mark.storey for mark in view.marks] for view in trial.shown if isinstance(view, PogView)]
+    assert marks == [[], [0], [0], [0, 1], [0, 1]]
+    assert [event.index for event in trial.link.stored if isinstance(event, Unmarked)] == [1]
 
 
 def test_the_time_runs_out_without_the_browser_and_a_later_click_does_not_count(fake_screens: Fakes) -> None:

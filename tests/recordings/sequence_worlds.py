@@ -11,7 +11,7 @@ from sim.sequences.runs import SequenceRun
 from sim.sequences.scoring import run_from_sequence_env
 from sim.sequences.searches import prompts_of
 from sim.tasks.pan import PanEnv
-from sim.types import Action, EpisodeKey
+from sim.types import Action, EndReason, EpisodeKey
 
 from ..sim import worlds
 from .conftest import to_the_table
@@ -81,11 +81,14 @@ def told(goals: Sequence[Goal] = _TABLES) -> HomeSequence:
     return resolve_sequence(KEY.scene, record, content)
 
 
-def walked(home: Scene, sequence: HomeSequence, actions: Sequence[Action]) -> SequenceRun:
-    """The run of these actions."""
+def walked(home: Scene, sequence: HomeSequence, actions: Sequence[Action | EndReason]) -> SequenceRun:
+    """The run of these actions, and of ends of searches without one."""
     env = PanEnv(sequence.start, home.navigation, renderer=None, prompts=prompts_of(sequence))
     for action in actions:
-        env.step(action)
+        if isinstance(action, Action):
+            env.step(action)
+        else:
+            env.end_search(action)
     return run_from_sequence_env(sequence, env, scene_digest=home.digest, navigation=home.navigation)
 
 

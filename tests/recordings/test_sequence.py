@@ -13,6 +13,7 @@ from sim.errors import RecordingError
 from sim.mesh import Scene
 from sim.sequences.runs import SequenceRun
 from sim.tasks.run_files import RunInfo
+from sim.types import Action, EndReason
 
 from .conftest import info
 from .reading import SMALL, Tables, column, tables, view_names
@@ -114,6 +115,18 @@ def test_points_of_a_pog_run_stand_on_the_same_time_line_and_go_with_the_next_se
     assert [row[0] for row in found[(f"{POINTS}/outcomes", False)]["TextLog:text"]][1] == (
         "points, search 2: gave up, wrong"
     )
+
+
+def test_searches_of_people_that_end_without_found_have_their_outcome(home: Scene, tmp_path: Path) -> None:
+    actions: list[Action | EndReason] = [Action.LEFT, "giveup", "giveup", Action.LEFT, "timeout"]
+    found = recorded(tmp_path / "people.rrd", [(info("stays"), (walked(home, told(), actions),))], home)
+    log = found[(f"{FIRST}/outcomes", False)]
+    assert [row[0] for row in log["TextLog:text"]] == [
+        "stays, search 1: gave up, wrong, 1 steps, 0.0 m",
+        "stays, search 2: gave up, wrong, 0 steps, 0.0 m",
+        "stays, search 3: out of time, wrong, 1 steps, 0.0 m",
+    ]
+    assert log["together"] == [1, 2, 5]
 
 
 def test_the_layout_has_a_map_for_each_run_and_the_text_a_table_of_searches(rrd: Path, found: Tables) -> None:

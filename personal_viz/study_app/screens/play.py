@@ -181,10 +181,13 @@ class TrialPlay:
         return looked
 
     def _without_the_moved(self, before: View, update: SessionUpdate, session: PogSession) -> SessionUpdate:
-        """A mark that was moved in a search for all, where each click sets one more, is taken from its old place."""
+        """A mark that was moved in a search for all, where each click sets one more, is taken from its old place.
+
+        Only the newest mark moves, and only on its own storey; elsewhere the same key sets one more.
+        """
         if not isinstance(before, PogView) or not isinstance(update.view, PogView) or not before.is_for_all:
             return update
-        if not 0 < len(before.marks) < len(update.view.marks):
+        if not 0 < len(before.marks) < len(update.view.marks) or before.marks[-1].storey != before.storey:
             return update
         taken = session.handle(Unmark(len(before.marks) - 1), time.monotonic())
         return SessionUpdate((*update.events, *taken.events), taken.view)

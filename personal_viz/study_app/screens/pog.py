@@ -35,7 +35,8 @@ _WXYZ_DOWN = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Nudge:
-    """A move of the newest mark over the ground; it starts in the middle of the storey when there is no mark."""
+    """A move of the newest mark over the ground; where that stands on another storey, or nowhere, one starts in the
+    middle of the storey that is shown."""
 
     x_m: float
     z_m: float
