@@ -41,7 +41,8 @@ class SearchRow(AttemptName):
     reason: SearchReason
     """The end of the search."""
     success: bool | None
-    """Under the success rule of the study file, for all objects if they were wanted; empty where it is undefined."""
+    """Under the success rule of the study file; empty where it is undefined. Of a search for all, under every rule,
+    whether `recall` and `precision` are 1, however it ended."""
     spl: Annotated[float, Unit("share")] | None
     """Success weighted by path length from where the search began, 0 to 1; PAN only."""
     dtg: Metres | None
@@ -57,9 +58,11 @@ class SearchRow(AttemptName):
     is_at_old: bool | None
     """Whether the answer was at the object that was right before and at no right one; empty where there is none."""
     recall: Annotated[float, Unit("share")] | None
-    """Share of the right objects that were marked; of searches for all."""
+    """Share of the right objects that were marked; of searches for all. In PAN each FOUND is a mark and counts however
+    the search ended; in POG marks count only if they were confirmed."""
     precision: Annotated[float, Unit("share")] | None
-    """Share of the marks that are at a right object not marked before; of searches for all."""
+    """Share of the marks, counted as for `recall`, that are at a right object not marked before; 0 without marks. Of
+    searches for all."""
 
 
 def search_rows(
