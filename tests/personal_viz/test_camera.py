@@ -122,9 +122,9 @@ def test_the_shown_storey_is_marked_in_words_and_the_one_with_the_mark_tells_of_
     labels = ["Show basement", "Ground floor: shown now", "Show first floor"]
     assert [button.label for button in page.buttons] == labels
     assert [button.color for button in page.buttons] == ["blue", "dark", "blue"]
-    buttons.show(1, 2)
+    buttons.show(1, {2})
     assert page.buttons[2].label == "Show first floor: your mark is there"
-    buttons.show(2, 2)
+    buttons.show(2, {2})
     assert [page.buttons[index].label for index in (1, 2)] == ["Show ground floor", "First floor: shown now"]
 
 
