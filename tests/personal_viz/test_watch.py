@@ -193,6 +193,6 @@ def test_participants_views_have_no_field_for_what_observers_get() -> None:
         for kind in get_type_hints(view).values():
             assert kind not in (Observation, Episode, EpisodeRun, Answer, Watches)
     seen = {"task", "rgb", "step", "is_armed", "is_blocked", "is_over", "is_giving_up", "left_s"}
-    of_its_search = {"notes", "query", "search", "num_searches", "is_for_all", "num_marks"}
+    of_its_search = {"notes", "query", "search", "num_searches", "is_for_all", "num_marks", "is_just_marked"}
     assert set(get_type_hints(PanView)) == seen | of_its_search
     assert get_type_hints(PanView)["task"] is Task
