@@ -303,19 +303,23 @@ def _differences(source: SequenceSource, rule: SuccessRule) -> Iterator[Differen
             pairs = [(human[0], human[1])] if len(human) == 2 else []
             pairs += [(person, agent) for person in human for agent in sorted(set(found) - people)]
             for first, second in pairs:
-                names = {"task": task, "scene_kind": scene_kind, "first": _name(first), "second": _name(second)}
-                yield from _difference_rows(found[first], found[second], rule, names)
-
-
-def _difference_rows(
-    first: Sequence[SequenceRun], second: Sequence[SequenceRun], rule: SuccessRule, names: dict[str, str]
-) -> Iterator[DifferenceRow]:
-    for kind in (None, *KINDS):
-        found = sr_difference(first, second, rule=rule, kind=kind)
-        if found is not None:
-            low, high = found.interval or (None, None)
-            sizes = {"num_first": found.num_first, "num_second": found.num_second}
-            yield DifferenceRow(**names, kind=kind or "all", value=found.value, low=low, high=high, **sizes)  # type: ignore[arg-type]
+                for kind in (None, *KINDS):
+                    less = sr_difference(found[first], found[second], rule=rule, kind=kind)
+                    if less is None:
+                        continue
+                    low, high = less.interval or (None, None)
+                    yield DifferenceRow(
+                        task=task,
+                        scene_kind=scene_kind,
+                        first=_name(first),
+                        second=_name(second),
+                        kind=kind or "all",
+                        value=less.value,
+                        low=low,
+                        high=high,
+                        num_first=less.num_first,
+                        num_second=less.num_second,
+                    )
 
 
 def _name(group: _Group) -> str:

@@ -23,6 +23,7 @@ from sim.tasks.pan import PanEnv
 from sim.tasks.rules import scene_storeys
 from sim.types import Action, TaskKind
 
+from .small_world import study
 from .trials import ray_down
 
 EVERY_S = 0.5
@@ -31,18 +32,8 @@ EVERY_S = 0.5
 
 def sequence_study(**changes: object) -> StudyConfig:
     """A small study of sequences without pages before the trials."""
-    values = {
-        "study": "sequences",
-        "dataset": {"sha256": "0" * 64},
-        "sequences": {"sha256": "0" * 64, "history": "visible"},
-        "task": ("pan", "pog"),
-        "design": {"kind": "crossed", "raters_per_episode": 1},
-        "pog": {"conditions": ("map_open",)},
-        "flow": ("instructions",),
-        "practice": {"pan": 0, "pog": 0},
-        "checks": {"every": None},
-    }
-    return StudyConfig.model_validate(values | changes)
+    told = {"sha256": "0" * 64, "history": "visible"}
+    return study(**({"study": "sequences", "sequences": told, "task": ("pan", "pog")} | changes))
 
 
 def home_of(root: Path, sequences: Sequence[HomeSequence]) -> TrialHome:
