@@ -13,8 +13,8 @@ export PORT TORCH_INDEX
 # Where it is set, every start of Python would compile all packages again: pip leaves that to the first start.
 unexport PYTHONDONTWRITEBYTECODE
 
-# A file whose test ended its worker would begin again and again.
-PYTEST = $(BIN)/python -m pytest --dist loadfile --max-worker-restart 2 -n $(WORKERS)
+# A worker that ended is not replaced: xdist may give the new one nothing to do and wait for it for ever.
+PYTEST = $(BIN)/python -m pytest --dist loadfile --max-worker-restart 0 -n $(WORKERS)
 QUICK = not release and not bench and not gpu
 # The files of a marker: to read all of them takes each process of pytest a quarter of a minute.
 MARKED = grep --recursive --files-with-matches --include='test_*.py' --extended-regexp

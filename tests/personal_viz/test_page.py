@@ -2,7 +2,7 @@
 
 import asyncio
 import queue
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 from unittest.mock import MagicMock
@@ -74,13 +74,17 @@ def test_a_screen_gets_only_what_its_own_buttons_send(page: Page) -> None:
 
 
 def test_a_card_waits_for_one_of_its_buttons(page: Page) -> None:
+    presses = queue.Queue[Callable[[None], Awaitable[None]]]()
+    page.client.gui.add_button.return_value.on_click.side_effect = presses.put
     with ThreadPoolExecutor(1) as pool:
         chosen = pool.submit(page.choose, CARD)
-        button = page.client.gui.add_button.return_value
-        while not button.on_click.called:
+        try:
+            press = presses.get(timeout=30)
             assert not chosen.done()
-        run(button.on_click.call_args[0][0](None))
-        assert chosen.result(30) == "yes"
+            run(press(None))
+            assert chosen.result(30) == "yes"
+        finally:
+            page.end(GoneError())  # whatever failed, the thread ends
 
 
 def test_a_key_gets_its_place_and_the_browser_time_and_a_button_does_not(page: Page) -> None:
