@@ -28,9 +28,6 @@ class CarriedMap:
     _T_map_start: NDArray[np.float64] | None = None
     _next_T: NDArray[np.float64] | None = None
     _step, _steps_before = -1, 0
-    _turns_left: int
-    """Turns until it has looked around at the start."""
-    _note: str
 
     def carry(self, T_map_start: NDArray[np.float64]) -> None:
         """Says where the next episode starts (4, 4) in the map, the frame of the first start, to keep the memory.
@@ -67,14 +64,6 @@ class CarriedMap:
             memory.forget_floor()
         self._seeker, self._steps_before = Seeker(camera, can_look=can_look, memory=memory), 0
         return is_kept
-
-    def _looks_around(self) -> bool:
-        """Whether the robot still looks around at the start; the turn is counted."""
-        if not self._turns_left:
-            return False
-        self._turns_left -= 1
-        self._note = "looking around at the start"
-        return True
 
     def _in_map(self, observation: Observation) -> Observation:
         """The observation with its pose in the map, and its step counted since the map began."""

@@ -15,15 +15,14 @@ from typing import Literal
 import numpy as np
 
 from sim.tasks.observers import Insight
-from sim.types import TURN_STEP, Action, Camera, Observation, Task
+from sim.types import Action, Camera, Observation, Task
 
 from .frontiers import Frontier
-from .seeking import Seeker
+from .seeking import FULL_TURN, Seeker
 
 StopReason = Literal["no-frontier", "steps", "stuck"]
 MAX_STEPS = 2500
 """Budget of an exploration (paper, Sec. IV; issue 7)."""
-FULL_TURN = round(2 * math.pi / TURN_STEP)
 _MOVED = 0.02
 """A forward that moves the robot less than this (metres) counts as no move."""
 _STUCK = 60

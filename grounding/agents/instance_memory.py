@@ -22,14 +22,13 @@ from grounding.perception.segments import Segments
 from grounding.phrases.ownership_text import asked_thing, parse_phrase, parse_query, says_category
 from grounding.phrases.sources import PhraseSource
 from sim.tasks.observers import Detection, Insight
-from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
+from sim.types import Action, Camera, Frame, Task
 from sim.words.places import PLACE_PHRASES
 
-from .carried_map import CarriedMap
 from .frontiers import Frontier
-from .seeking import FOR_EVER, require_picture
+from .looking_agent import LookingAgent
+from .seeking import FOR_EVER, FULL_TURN
 
-FULL_TURN = round(2 * math.pi / TURN_STEP)
 LEAST_VIEWS = 2
 """Views that must show a thing before the robot goes to it; one is enough when no frontier is left."""
 SAME_PLACE = 0.5
@@ -76,7 +75,7 @@ class _Known(NamedTuple):
         return self.place[0], self.place[2]
 
 
-class InstanceMemoryAgent(CarriedMap):
+class InstanceMemoryAgent(LookingAgent):
     """An `Agent` with a memory of things, on the storey where it starts.
 
     It detects everything that the phrases name, so that a thing seen on the way is known when it is asked for later, or
@@ -96,21 +95,20 @@ class InstanceMemoryAgent(CarriedMap):
             goal_text: What to look for, such as "red backpack", from the task; never from the goal.
             phrases: Says who owns what after all that was told.
         """
-        self._perception, self._goal_text, self._phrases = perception, goal_text, phrases
+        super().__init__(perception, goal_text)
+        self._phrases = phrases
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """Begins with nothing known; with `keep_memory`, after `carry` and on the same storey, map and things stay.
 
         `seed` changes nothing: nothing is drawn.
         """
-        if not isinstance(self._perception, Perception):
-            self._perception = self._perception()
         is_kept = self._begin(camera, can_look=Action.LOOK_DOWN in task.actions, keep_memory=keep_memory)
         if not is_kept:
             self._memory = UnknownThings(MERGE_RULE, max_depth=MAX_DEPTH)
         self._sought = sought(task, self._goal_text(task), self._phrases)
         told = (*self._sought.own, *self._sought.others)
-        self._rows = self._perception.encoder.encode_texts([f"a {text}" for text in told])
+        self._rows = self._opened().encoder.encode_texts([f"a {text}" for text in told])
         self._looked_for = tuple(dict.fromkeys((*told, *self._sought.categories, *map(head_noun, told))))
         self._turns_left = 0 if is_kept else FULL_TURN
         self._known: list[_Known] = []
@@ -126,23 +124,6 @@ class InstanceMemoryAgent(CarriedMap):
     def wants_more(self) -> bool:
         """After STOP, whether the query asks for all things and the owner has more of them."""
         return self._marked < self._sought.num_wanted
-
-    def act(self, observation: Observation) -> Action:
-        """The next action; STOP at the thing that fits best, or when nothing is left to go to.
-
-        It may be asked again after STOP: then it goes on to another thing.
-
-        Raises:
-            AgentError: The observation has no colours or no depth.
-        """
-        require_picture(observation)
-        assert isinstance(self._perception, Perception)
-        in_map = self._in_map(observation)
-        self._seeker.see(in_map)
-        self._look(self._perception.frame_of(in_map), self._perception)
-        if self._looks_around():
-            return Action.LEFT
-        return self._towards_thing() or self._explore() or self._towards_thing() or self._give_up()
 
     def insight(self) -> Insight:
         """The map, frontiers, detections, the things that fit with their scores, the goal and the note."""
@@ -162,8 +143,9 @@ class InstanceMemoryAgent(CarriedMap):
             )
         )
 
-    def _look(self, frame: Frame, perception: Perception) -> None:
+    def _look(self, frame: Frame) -> None:
         """Adds what a view shows of all the texts to the memory, and matches the memory with them."""
+        perception = self._opened()
         found: list[tuple[Detection, NDArray[np.bool_]]] = []
         for text in self._looked_for:
             perception.detector.set_query(text)
@@ -176,6 +158,13 @@ class InstanceMemoryAgent(CarriedMap):
         self._memory.add(frame, segments, features_of_masks(segments, frame.camera, patches))
         self._detections = tuple(each for each, _ in found if each.label in self._sought.own)
         self._known = self._matched()
+
+    def _search(self) -> Action:
+        """The next action; STOP at the thing that fits best, or when nothing is left to go to.
+
+        It may be asked again after STOP: then it goes on to another thing.
+        """
+        return self._towards_thing() or self._explore() or self._towards_thing() or self._give_up()
 
     def _matched(self) -> list[_Known]:
         """The memory's things that are on the robot's storey with their scores, in a fixed order."""

@@ -41,6 +41,8 @@ _NEAR_ENOUGH = 1.0
 """They stop within this distance (metres) where they can come no nearer."""
 _STOPS = (0.55, 0.7, 1.0, 1.25, 1.5)
 """Distances (metres) from there at which a way to the thing may end, the first that works; no rule counts more."""
+FULL_TURN = round(2 * math.pi / TURN_STEP)
+"""Turns after which a robot has looked around."""
 FOR_EVER = int(np.iinfo(np.int32).max)
 _NEWS = 100
 """Cells of new floor that justify another round: a quarter of a square metre."""

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from grounding.agents.explore import TASK, explore
 from grounding.agents.floor_memory import Ground
-from grounding.agents.frontier import FULL_TURN
 from grounding.agents.frontiers import Frontier, costs_from, find_frontiers
 from grounding.agents.random_frontier import RandomFrontierAgent, random_frontier
-from grounding.agents.seeking import Seeker
+from grounding.agents.seeking import FULL_TURN, Seeker
 from sim.render.raycast import Raycaster
 from sim.tasks.observers import FREE, OCCUPIED, UNKNOWN, Insight
 from sim.tasks.pan import PanEnv

@@ -12,11 +12,12 @@ import pytest
 from numpy.typing import NDArray
 
 from grounding.agents.floor_memory import Ground
-from grounding.agents.frontier_vlm.agent import FULL_TURN, JudgedFrontierAgent
+from grounding.agents.frontier_vlm.agent import JudgedFrontierAgent
 from grounding.agents.frontier_vlm.chat_judge import ChatJudge
 from grounding.agents.frontier_vlm.choices import Choices, GeometryJudge, Judge
 from grounding.agents.frontier_vlm.things import Thing
 from grounding.agents.frontiers import Frontier
+from grounding.agents.seeking import FULL_TURN
 from grounding.chat.protocol import NoAnswer, Part
 from grounding.perception.protocol import Perception
 from sim.errors import AgentError

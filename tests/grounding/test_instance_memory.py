@@ -4,40 +4,34 @@ import dataclasses
 import math
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 
 from grounding.agents.goal_text import described_thing
-from grounding.agents.instance_memory import FULL_TURN, InstanceMemoryAgent, sought
-from grounding.maps.oracle_map import object_texts
+from grounding.agents.instance_memory import InstanceMemoryAgent, sought
+from grounding.agents.seeking import FULL_TURN
 from grounding.perception.by_name import EpisodeTruth, make_perception
 from grounding.phrases.rules import RulePhrases
 from sim.checks import check_agent, check_home, check_trials
-from sim.episodes.dataset import PersonalDataset
 from sim.frames import T_world_agent
-from sim.homes.open_home import open_scene, scene_from_plan
+from sim.homes.open_home import scene_from_plan
 from sim.homes.plan import Furniture, Rect, Storey
 from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
 from sim.sequences.playing import SearchBySearch, play_sequence
-from sim.sequences.runs import SequenceRun
-from sim.sequences.scoring import run_from_sequence_env
-from sim.sequences.searches import prompts_of, sequence_task
-from sim.tasks.agents import Agent
-from sim.tasks.observers import Insight
 from sim.tasks.pan import PanEnv
 from sim.types import SEQUENCE7, Action, Camera, Observation, Pose, Prompt, Task
 
 from ..sim import plans
-from ..sim.home_story import SCENE, subtask, told_in
+from ..sim.home_story import subtask
 from .test_explore import observation
+from .told_walks import ToldWalk, told_walk
 
 CAMERA = Camera(320, 240)
 """At half this size most patches that show the brown rug show the table on it too: its parts then look different, and
 the agent stops at one of them, 1.09 m from the rug's middle."""
-STEPS = 250
 BROWN, GREEN = "small brown and beige patterned woven rug", "green and white striped woven rug"
 SWAP: list[dict[str, Any]] = [
     {
@@ -61,46 +55,24 @@ ASKS = [
 ]
 
 
-class Played(NamedTuple):
-    run: SequenceRun
-    steps: list[int]
-    """Of each search."""
-    insight: Insight
-    """At the end."""
-    actions: list[Action]
-
-
 @lru_cache(maxsize=4)
-def played(root: Path, out: Path, *, keeps_memory: bool = True, ignores: bool = False) -> Played:
+def played(root: Path, out: Path, *, keeps_memory: bool = True, ignores: bool = False) -> ToldWalk:
     """The agent with oracle perception in a story of two rugs."""
-    dataset = PersonalDataset(root)
-    scene = open_scene(dataset, SCENE)
-    captions, phrases, agents = object_texts(dataset, scene), RulePhrases(), list[InstanceMemoryAgent]()
-    sequence = told_in(root, out, messages=SWAP, subtasks=ASKS[:2] if ignores else ASKS)
-
-    def agent_of(index: int, pose: Any, marks: Any) -> Agent | None:
-        if marks:
-            return None
-        eyes = make_perception("oracle", truth=EpisodeTruth(scene, pose, captions))
-        agents.append(InstanceMemoryAgent(eyes, lambda task: described_thing(task, phrases), phrases))
-        return agents[-1]
-
-    env = PanEnv(
-        sequence.start,
-        scene.navigation,
-        renderer=renderer_of(scene),
+    phrases = RulePhrases()
+    return told_walk(
+        root,
+        out,
+        lambda eyes: InstanceMemoryAgent(eyes, lambda task: described_thing(task, phrases), phrases),
+        messages=SWAP,
+        asks=ASKS[:2] if ignores else ASKS,
         camera=CAMERA,
-        max_steps=STEPS,
-        prompts=prompts_of(sequence, ignores_messages=ignores),
+        keeps_memory=keeps_memory,
+        ignores=ignores,
+        seed=int(not keeps_memory),
     )
-    agent = SearchBySearch(agent_of, sequence.start, keeps_memory=keeps_memory)
-    play_sequence(agent, env, sequence_task(sequence, max_steps=STEPS), seed=int(not keeps_memory))
-    run = run_from_sequence_env(sequence, env, scene_digest=scene.digest, navigation=scene.navigation)
-    shown = (agents[0] if keeps_memory else agents[-1]).insight()
-    return Played(run, np.diff([0, *env.search_ends]).tolist(), shown, [step.action for step in env.steps])
 
 
-def succeeded(told: Played) -> list[bool | None]:
+def succeeded(told: ToldWalk) -> list[bool | None]:
     return [search.succeeds("paper") for search in told.run.end.searches]
 
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from grounding.agents.onemap.agent import FULL_TURN, OneMapAgent
+from grounding.agents.onemap.agent import OneMapAgent
+from grounding.agents.seeking import FULL_TURN
 from grounding.encoders.hashed import HashedWords
 from grounding.maps.oracle_map import object_texts
 from grounding.perception.oracle_perception import OraclePerception

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,21 +24,18 @@ from grounding.perception.protocol import Perception
 from grounding.phrases.rules import RulePhrases
 from sim.episodes.dataset import PersonalDataset
 from sim.episodes.schema import Episode
-from sim.frames import T_world_agent, planar_distance
+from sim.frames import planar_distance
 from sim.homes.open_home import open_scene
 from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
-from sim.sequences.playing import SearchBySearch, play_sequence
-from sim.sequences.runs import SequenceRun
-from sim.sequences.scoring import run_from_sequence_env
-from sim.sequences.searches import prompts_of, sequence_task
 from sim.tasks.agents import Agent
-from sim.tasks.observers import FREE, OCCUPIED, Insight
+from sim.tasks.observers import FREE, OCCUPIED
 from sim.tasks.pan import PanEnv
 from sim.tasks.runner import play_episode
 from sim.types import PAPER6, Action, Camera, Observation
 
-from ..sim.home_story import SCENE, subtask, told_in
+from ..sim.home_story import SCENE, subtask
+from .told_walks import ToldWalk, told_walk
 
 CAMERA = Camera(96, 72)
 TELLS: list[dict[str, Any]] = [
@@ -54,19 +51,6 @@ ASKS = [
     subtask("Bo", "stove", "stove_18", "fresh", 0),
     subtask("Ada", "dresser", "dresser_49", "revisit", 0),
 ]
-STEPS = 250
-
-
-class Told(NamedTuple):
-    """A sequence that OneMap has played."""
-
-    run: SequenceRun
-    steps: list[int]
-    """Steps of each search."""
-    last_start: NDArray[np.float64]
-    """(4, 4) pose of the robot, world frame, where the last search began."""
-    insight: Insight
-    """At the end."""
 
 
 @lru_cache(maxsize=1)
@@ -77,33 +61,18 @@ def home_at(root: Path) -> tuple[Scene, dict[int, str], tuple[Episode, ...]]:
 
 
 @lru_cache(maxsize=2)
-def onemap_in(root: Path, out: Path, *, keeps_memory: bool) -> Told:
+def onemap_in(root: Path, out: Path, *, keeps_memory: bool) -> ToldWalk:
     """OneMap with oracle perception asked for the dresser, the stove, and the dresser again."""
-    scene, captions, _ = home_at(root)
-    sequence = told_in(root, out, messages=TELLS, subtasks=ASKS)
-    phrases, agents = RulePhrases(), list[OneMapAgent]()
-
-    def agent_of(index: int, pose: Any, marks: Any) -> Agent | None:
-        if marks:
-            return None
-        eyes = make_perception("oracle", truth=EpisodeTruth(scene, pose, captions))
-        agents.append(OneMapAgent(eyes, lambda task: described_thing(task, phrases)))
-        return agents[-1]
-
-    env = PanEnv(
-        sequence.start,
-        scene.navigation,
-        renderer=renderer_of(scene),
+    phrases = RulePhrases()
+    return told_walk(
+        root,
+        out,
+        lambda eyes: OneMapAgent(eyes, lambda task: described_thing(task, phrases)),
+        messages=TELLS,
+        asks=ASKS,
         camera=CAMERA,
-        max_steps=STEPS,
-        prompts=prompts_of(sequence),
+        keeps_memory=keeps_memory,
     )
-    agent = SearchBySearch(agent_of, sequence.start, keeps_memory=keeps_memory)
-    play_sequence(agent, env, sequence_task(sequence, max_steps=STEPS), seed=0)
-    run = run_from_sequence_env(sequence, env, scene_digest=scene.digest, navigation=scene.navigation)
-    ends = env.search_ends
-    seen_by = agents[0] if keeps_memory else agents[-1]
-    return Told(run, np.diff([0, *ends]).tolist(), T_world_agent(env.poses[ends[1]]), seen_by.insight())
 
 
 @pytest.fixture(scope="module")

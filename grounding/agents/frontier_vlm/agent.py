@@ -10,15 +10,14 @@ import numpy as np
 
 from grounding.perception.protocol import Perception
 from sim.tasks.observers import Detection, Insight
-from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
+from sim.types import Action, Camera, Frame, Task
 
-from ..carried_map import CarriedMap
 from ..frontiers import Frontier
-from ..seeking import require_picture
+from ..looking_agent import LookingAgent
+from ..seeking import FULL_TURN
 from .choices import MOST_THINGS, Choices, Judge
 from .things import SeenThings, Thing
 
-FULL_TURN = round(2 * math.pi / TURN_STEP)
 LEAST_VIEWS = 2
 """Views that must show a thing before it is a choice; one is enough when no frontier is left."""
 REVIEW_STEPS = 10
@@ -31,7 +30,7 @@ _BAN_STEPS = 40
 """Steps for which a thing is left out to which no way leads."""
 
 
-class JudgedFrontierAgent(CarriedMap):
+class JudgedFrontierAgent(LookingAgent):
     """An `Agent` that looks for one described thing on the storey where it starts.
 
     It looks around, then a judge chooses among frontiers and things. It is asked again when the robot has seen the
@@ -53,13 +52,12 @@ class JudgedFrontierAgent(CarriedMap):
             goal_text: What the detector looks for, such as "red backpack", from the task; never from the goal.
             judge: Makes what chooses in an episode.
         """
-        self._perception, self._goal_text, self._make_judge = perception, goal_text, judge
+        super().__init__(perception, goal_text)
+        self._make_judge = judge
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
         """Begins with an empty map; with `keep_memory`, after `carry` and on the same storey, its obstacles stay."""
-        if not isinstance(self._perception, Perception):
-            self._perception = self._perception()
-        self._perception.detector.set_query(self._goal_text(task))
+        self._opened().detector.set_query(self._goal_text(task))
         self._judge = self._make_judge()
         self._task = task
         can_look = Action.LOOK_DOWN in task.actions
@@ -73,21 +71,6 @@ class JudgedFrontierAgent(CarriedMap):
         self._choices: Choices | None = None
         self._reviewed_at, self._planned_at = 0, 0
         self._note = ""
-
-    def act(self, observation: Observation) -> Action:
-        """The next action; STOP at a chosen thing, or when nothing is left to choose.
-
-        Raises:
-            AgentError: The observation has no colours or no depth; or the judge's model cannot be asked.
-        """
-        require_picture(observation)
-        assert isinstance(self._perception, Perception)
-        in_map = self._in_map(observation)
-        self._seeker.see(in_map)
-        self._look(self._perception.frame_of(in_map), self._perception)
-        if self._looks_around():
-            return Action.LEFT
-        return self._search()
 
     def insight(self) -> Insight:
         """The map, the frontiers and things last chosen from in the order of their numbers, the goal and the note."""
@@ -108,14 +91,15 @@ class JudgedFrontierAgent(CarriedMap):
             )
         )
 
-    def _look(self, frame: Frame, perception: Perception) -> None:
+    def _look(self, frame: Frame) -> None:
         """Shows the judge a view, and looks for things in it."""
         self._judge.see(frame)
+        perception = self._opened()
         found = [(each, perception.segmenter.mask(frame, each)) for each in perception.detector.detect(frame)]
         self._detections = self._things.see(frame, found)
 
     def _search(self) -> Action:
-        """The next action towards what the judge chose last, or chooses now."""
+        """The next action towards what the judge chose last or chooses now; STOP at a thing, or with no choice left."""
         if self._has_news():
             self._decide()
         while True:

@@ -5,25 +5,23 @@ the differences from the published code.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grounding.perception.protocol import Perception
 from sim.frames import wrap_angle, yaw_towards
 from sim.tasks.looks import HomeLook, LookKind
 from sim.tasks.observers import Detection, Insight
-from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
+from sim.types import TURN_STEP, Action, Camera, Frame, Task
 
-from ..carried_map import CarriedMap
-from ..seeking import FOR_EVER, require_picture
+from ..looking_agent import LookingAgent
+from ..seeking import FOR_EVER, FULL_TURN
 from .feature_grid import FeatureGrid
 from .goals import STICK_CELLS, MapGoal, chosen, explored_region, frontiers, hot_cells, points_of_interest
 from .target import Target, believed, placed_detections, replaced
 
-FULL_TURN = round(2 * math.pi / TURN_STEP)
 RANGES = {"frontier": (0.2, 0.4), "point": (0.4, 0.8)}
 """A way may end this far from a goal (metres), or this far if it cannot otherwise (OneMap's code)."""
 _MOST_WAITS = 10
@@ -43,20 +41,11 @@ class _Ban(NamedTuple):
     is_target: bool
 
 
-class OneMapAgent(CarriedMap):
+class OneMapAgent(LookingAgent):
     """An `Agent` that looks for one described thing on the storey where it starts."""
 
     looks: ClassVar[frozenset[LookKind]] = frozenset({"glb"})
     """It can use the views of a walk, not a picture from above."""
-
-    def __init__(self, perception: Perception | Callable[[], Perception], goal_text: Callable[[Task], str]) -> None:
-        """Makes an agent.
-
-        Args:
-            perception: What it sees with, or a function that makes it when the first episode begins.
-            goal_text: What to look for, such as "red backpack", from the task; never from the goal.
-        """
-        self._perception, self._goal_text = perception, goal_text
 
     def look(self, home: HomeLook) -> None:
         """Makes a new map of the views of a walk; `reset(..., keep_memory=True)` keeps it.
@@ -69,9 +58,7 @@ class OneMapAgent(CarriedMap):
             if self._T_map_start is None:
                 self._begin(view.camera, can_look=False, keep_memory=False)
                 self._map = FeatureGrid()
-            in_map = self._in_map(view)
-            self._see(in_map)
-            self._add(self._opened().frame_of(in_map))
+            self._add(self._seen(view))
         self._next_T = self._T_map_start
 
     def reset(self, task: Task, camera: Camera, *, seed: int, keep_memory: bool = False) -> None:
@@ -95,19 +82,6 @@ class OneMapAgent(CarriedMap):
         self._bans: list[_Ban] = []
         self._detections: tuple[Detection, ...] = ()
         self._note = ""
-
-    def act(self, observation: Observation) -> Action:
-        """The next action; STOP near a believed detection, never otherwise.
-
-        Raises:
-            AgentError: The observation has no colours or no depth.
-        """
-        in_map = self._in_map(observation)
-        self._see(in_map)
-        self._look_for_it(self._opened().frame_of(in_map))
-        if self._looks_around():
-            return Action.LEFT
-        return self._towards_target() or self._explore()
 
     def insight(self) -> Insight:
         """The map, its similarity to the text, frontiers, points of interest, detections, the goal and the reason.
@@ -133,23 +107,12 @@ class OneMapAgent(CarriedMap):
             )
         )
 
-    def _opened(self) -> Perception:
-        """The perception, which is made when it is first needed."""
-        if not isinstance(self._perception, Perception):
-            self._perception = self._perception()
-        return self._perception
-
-    def _see(self, observation: Observation) -> None:
-        """Adds an observation in the map's frame to the seeker's map."""
-        require_picture(observation)
-        self._seeker.see(observation)
-
     def _add(self, frame: Frame) -> NDArray[np.int32]:
         """Adds a view to the map of features; (H, W) cell of each pixel, -1 where it has none."""
         patches = self._opened().encoder.encode_patches([frame])[0]
         return self._map.add(frame.depth_m, frame.T_world_camera, frame.camera, patches)
 
-    def _look_for_it(self, frame: Frame) -> None:
+    def _look(self, frame: Frame) -> None:
         """Adds a view to the map, and looks for the target in it."""
         perception, cells = self._opened(), self._add(frame)
         part = self._map.box
@@ -162,6 +125,10 @@ class OneMapAgent(CarriedMap):
         ]
         candidates = [each for each in found if each is not None and not self._is_banned(each.rc, is_target=True)]
         self._target = replaced(self._target, candidates, is_hot)
+
+    def _search(self) -> Action:
+        """The next action; STOP near a believed detection, never otherwise."""
+        return self._towards_target() or self._explore()
 
     def _towards_target(self) -> Action | None:
         """The next action towards the target, STOP near it; None without a target, or if no way leads to it."""

@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 from grounding.perception.protocol import Perception
 from sim.tasks.observers import Detection, Insight
-from sim.types import TURN_STEP, Action, Camera, Frame, Observation, Task
+from sim.types import Action, Camera, Frame, Task
 
-from ..carried_map import CarriedMap
-from ..seeking import FOR_EVER, require_picture
+from ..looking_agent import LookingAgent
+from ..seeking import FOR_EVER, FULL_TURN
 from .explored import ExploredArea
 from .object_cloud import SAME_GOAL, ObjectCloud
 from .value_map import Fusion, ValueMap, most_valuable
 
-FULL_TURN = round(2 * math.pi / TURN_STEP)
 PROMPT = "Seems like there is a <target> ahead."
 """VLFM's text; several texts are separated by "|"."""
 STICK_DISTANCE, STICK_GAIN = 0.5, 0.01
@@ -48,7 +47,7 @@ class _Ban(NamedTuple):
     """Step from which it counts again."""
 
 
-class VlfmAgent(CarriedMap):
+class VlfmAgent(LookingAgent):
     """An `Agent` that looks for one described thing on the storey where it starts."""
 
     def __init__(
@@ -72,7 +71,7 @@ class VlfmAgent(CarriedMap):
             values: `distance` makes the control `vlfm-geometry`: the same in all else, it compares no picture with a
                 text.
         """
-        self._perception, self._goal_text = perception, goal_text
+        super().__init__(perception, goal_text)
         self._fusion: Fusion = fusion
         self._prompt, self._threshold, self._by = prompt, exploration_threshold, values
 
@@ -82,11 +81,10 @@ class VlfmAgent(CarriedMap):
         With `keep_memory`, after `carry` and on the same storey, obstacles stay: values and the explored area belong to
         the last query.
         """
-        if not isinstance(self._perception, Perception):
-            self._perception = self._perception()
+        perception = self._opened()
         self._rng = np.random.default_rng(seed)
         text = self._goal_text(task)
-        self._perception.detector.set_query(text)
+        perception.detector.set_query(text)
         self._texts = self._prompt.replace("<target>", text.replace("|", "/")).split("|")
         is_kept = self._begin(camera, can_look=False, keep_memory=keep_memory, obstacles_alone=True)
         grid = self._seeker.memory.grid
@@ -106,21 +104,6 @@ class VlfmAgent(CarriedMap):
         self._tries_left = _SECOND_TRIES
         self._note = ""
 
-    def act(self, observation: Observation) -> Action:
-        """The next action; STOP near the target's point, or when no frontier is left.
-
-        Raises:
-            AgentError: The observation has no colours or no depth.
-        """
-        require_picture(observation)
-        assert isinstance(self._perception, Perception)
-        in_map = self._in_map(observation)
-        self._seeker.see(in_map)
-        self._look(self._perception.frame_of(in_map), self._perception)
-        if self._looks_around():
-            return Action.LEFT
-        return self._towards_target() or self._explore()
-
     def insight(self) -> Insight:
         """The map, its values for the first text, frontiers, detections, the target's points, the goal and the note."""
         seen = self._values.confidence > 0
@@ -138,8 +121,9 @@ class VlfmAgent(CarriedMap):
             )
         )
 
-    def _look(self, frame: Frame, perception: Perception) -> None:
+    def _look(self, frame: Frame) -> None:
         """Adds a view to the maps, and looks for the target in it."""
+        perception = self._opened()
         T, floor_y = frame.T_world_camera, self._seeker.memory.floor_y
         self._explored.see(frame.depth_m, T, frame.camera, floor_y=floor_y)
         if self._by == "pictures":
@@ -147,6 +131,10 @@ class VlfmAgent(CarriedMap):
         found = [(each, perception.segmenter.mask(frame, each)) for each in perception.detector.detect(frame)]
         self._detections = tuple(self._cloud.add(frame, found, rng=self._rng))
         self._cloud.retract(frame)
+
+    def _search(self) -> Action:
+        """The next action; STOP near the target's point, or when no frontier is left."""
+        return self._towards_target() or self._explore()
 
     def _towards_target(self) -> Action | None:
         """The next action towards the target, STOP near it; None without a target, or if no way leads to it."""
