@@ -155,8 +155,8 @@ def resolve_sequence(scene: str, record: SequenceRecord, content: SequenceFile) 
     """The sequence with its targets.
 
     Raises:
-        KeyError: An object does not resolve exactly once, or the owner has another object that answers as well;
-            args[0] says which one.
+        KeyError: An object does not resolve exactly once or has no view points, or the owner has another object that
+            answers as well; args[0] says which one.
     """
     suffix, goals = scan_suffix_from_id(record.scene_id), content.goals_by_category
     on_storey = tuple(goal for found in goals.values() for goal in found if goal.floor_id == record.floor_id)
@@ -172,6 +172,10 @@ def resolve_sequence(scene: str, record: SequenceRecord, content: SequenceFile) 
         if owned != set(subtask.object_names):
             more = short(sorted(owned - set(subtask.object_names)), most=80)
             raise KeyError(f"subtasks[{index}]: {subtask.owner} owns {more} of the category too, expected in object_id")
+        if hidden := [goal.object_name for goal in found if not goal.view_points]:
+            raise KeyError(
+                f"subtasks[{index}]: {short(hidden, most=80)} have no view points, expected places to walk to"
+            )
         targets.append(found)
     known = {goal.object_name for found in goals.values() for goal in found}
     told = {edge.object_name for message in record.messages for edge in (*message.adds, *message.removes)}

@@ -50,7 +50,7 @@ class Message(BaseModel):
     until: int | None = None
     """Index of the subtask before which a lent object is given back; None for other kinds."""
     extracted_summary: tuple[str, ...] = ()
-    """Of an `intro`: one ownership sentence per edge, as in episodes."""
+    """Of an `intro`: ownership sentences as in episodes; they may tell of more than its edges."""
 
 
 class SubtaskInfo(BaseModel):
@@ -125,7 +125,7 @@ class SequenceRecord(BaseModel):
         if problem:
             raise ValueError(problem)
         states = ownership_over_time(self.messages, len(self.subtasks))
-        asked: set[tuple[str, frozenset[str]]] = set()
+        asked: dict[tuple[str, frozenset[str]], int] = {}
         for index, (subtask, edges) in enumerate(zip(self.subtasks, states, strict=True)):
             if subtask.message >= len(self.messages) or self.messages[subtask.message].before > index:
                 raise ValueError(f"subtasks[{index}].message {subtask.message}: no message before this subtask")
@@ -133,12 +133,11 @@ class SequenceRecord(BaseModel):
             if not right <= edges.keys():
                 raise ValueError(f"subtasks[{index}]: {subtask.owner} does not own {sorted(subtask.object_names)} then")
             search = subtask.owner, frozenset(subtask.object_names)
-            problem = _broken_kind(
-                subtask, self.messages, decided=max(edges[edge] for edge in right), was_asked=search in asked
-            )
+            decided = max(edges[edge] for edge in right)
+            problem = _broken_kind(subtask, self.messages, decided=decided, was_asked=asked.get(search) == decided)
             if problem:
                 raise ValueError(f"subtasks[{index}] is {subtask.kind!r}: {problem}")
-            asked.add(search)
+            asked[search] = decided
         return self
 
 
@@ -237,7 +236,7 @@ def _broken_kind(subtask: Subtask, messages: Sequence[Message], *, decided: int,
         subtask: The search.
         messages: All messages of the sequence.
         decided: The message that said last that the owner has the right objects.
-        was_asked: Whether an earlier search asked the same.
+        was_asked: Whether a search after that message asked the same.
     """
     old = subtask.old_object_id
     gave_away = old is not None and Edge(subtask.owner, old) in messages[subtask.message].removes
@@ -247,8 +246,7 @@ def _broken_kind(subtask: Subtask, messages: Sequence[Message], *, decided: int,
         return None if gave_away else "old_object_id is null; expected the object that the owner gave away"
     if decided != subtask.message:
         return f"message is {subtask.message}; expected {decided}, which says that {subtask.owner} owns it"
-    if (subtask.kind == "changed") != (decided > 0 and not was_asked):
-        return f"messages[{decided}] said who owns it, and it was {'' if was_asked else 'not '}asked before"
-    if subtask.kind != "changed" and (was_asked != (subtask.kind == "revisit") or old is not None):
-        return f"it was {'' if was_asked else 'not '}asked before, and old_object_id is {old!r}"
-    return None
+    kind = "revisit" if was_asked else "changed" if decided else "fresh"
+    if subtask.kind != kind:
+        return f"expected {kind!r}: messages[{decided}] decides it, and {'some' if was_asked else 'no'}body asked since"
+    return None if kind == "changed" or old is None else f"old_object_id is {old!r}; expected null"

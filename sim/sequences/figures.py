@@ -18,6 +18,10 @@ from sim.types import SuccessRule
 from .runs import SearchEnd, SequenceRun
 
 SequenceRule = SuccessRule | Literal["goat"]
+Values = Sequence[tuple[float, SequenceRun]]
+"""Values, each with the run to which it belongs."""
+IntervalOf = Callable[[Values], tuple[float, float] | None]
+"""The interval of the values' mean; None where they do not give one."""
 
 
 class SequenceFigures(BaseModel):
@@ -60,7 +64,8 @@ class SequenceFigures(BaseModel):
     recall: float | None
     precision: float | None
     intervals: dict[str, tuple[float, float]] = {}
-    """95 % intervals of shares over searches and of means over sequences: homes random, all else inside homes."""
+    """95 % intervals of shares over searches and of means over sequences. Of agents: homes random, all else inside
+    homes; of people in a report: people random, too."""
 
 
 class MemoryGain(BaseModel):
@@ -90,8 +95,11 @@ class SrDifference(BaseModel):
     """Searches of each side."""
 
 
-def sequence_figures(runs: Sequence[SequenceRun], *, rule: SequenceRule = "paper") -> SequenceFigures:
-    """The measures of some runs, each of one sequence."""
+def sequence_figures(
+    runs: Sequence[SequenceRun], *, rule: SequenceRule = "paper", interval_of: IntervalOf | None = None
+) -> SequenceFigures:
+    """The measures of some runs, each of one sequence; without `interval_of`, intervals are over homes."""
+    interval_of = interval_of or _over_homes
     ends = [run.end.searches for run in runs]
     searches = [search for found in ends for search in found]
     unchanged = [search for search in searches if search.kind in ("fresh", "revisit")]
@@ -103,14 +111,12 @@ def sequence_figures(runs: Sequence[SequenceRun], *, rule: SequenceRule = "paper
     walked = [search for search in searches if search.answer is None]
     measures = {name: one for name, one in _OF_SEQUENCES.items() if walked or name not in _OF_WALKS}
     wholes = {name: [measure(found, rule) for found in ends] for name, measure in measures.items()}
-    homes = [run.start.scene for run in runs]
     groups = {"sr": searches, **{f"sr_{kind}": [one for one in searches if one.kind == kind] for kind in _KINDS}}
-    home_of = {id(search): home for found, home in zip(ends, homes, strict=True) for search in found}
-    intervals = {name: interval_over_homes(values, homes) for name, values in wholes.items()}
+    run_of = {id(search): run for run in runs for search in run.end.searches}
+    intervals = {name: interval_of(list(zip(values, runs, strict=True))) for name, values in wholes.items()}
     for name, group in groups.items():
         known = [search for search in group if search.succeeds(rule) is not None]
-        rights = [float(_is_right(search, rule)) for search in known]
-        intervals[name] = interval_over_homes(rights, [home_of[id(search)] for search in known])
+        intervals[name] = interval_of([(float(_is_right(search, rule)), run_of[id(search)]) for search in known])
     return SequenceFigures(
         n=len(runs),
         searches=len(searches),
@@ -193,18 +199,12 @@ def difference_over_homes(
         one: (value, home) of each value.
         other: The same of the mean that is taken away.
     """
-    sums: dict[str, float] = defaultdict(float)
-    means = []
+    difference, rests = 0.0, []
     for values, sign in ((one, 1), (other, -1)):
-        means.append(float(np.mean([value for value, _ in values])))
-        for value, home in values:
-            sums[home] += sign * (value - means[-1]) / len(values)
-    difference, count = means[0] - means[1], len(sums)
-    if count < 2:
-        return difference, None
-    error = (count / (count - 1) * sum(found**2 for found in sums.values())) ** 0.5
-    half = float(stats.t.ppf(0.975, count - 1)) * error
-    return difference, (difference - half, difference + half)
+        mean = float(np.mean([value for value, _ in values]))
+        difference += sign * mean
+        rests += [(sign * (value - mean) / len(values), home) for value, home in values]
+    return difference, _interval(difference, rests)
 
 
 def search_spl(search: SearchEnd, rule: SequenceRule) -> float:
@@ -245,15 +245,25 @@ def interval_over_homes(values: Sequence[float], homes: Sequence[str]) -> tuple[
     The mean's variance is that of the homes' sums of residuals (cluster-robust), with Student's t of one degree less
     than there are homes. None = fewer than two homes.
     """
+    mean = float(np.mean(values)) if values else 0.0
+    return _interval(mean, [((value - mean) / len(values), home) for value, home in zip(values, homes, strict=True)])
+
+
+def _interval(middle: float, rests: Iterable[tuple[float, str]]) -> tuple[float, float] | None:
+    """The interval around a mean, from its values' (residual, home); residuals are over the number of values."""
     sums: dict[str, float] = defaultdict(float)
-    if len(set(homes)) < 2:
+    for rest, home in rests:
+        sums[home] += rest
+    count = len(sums)
+    if count < 2:
         return None
-    mean, count = float(np.mean(values)), len(set(homes))
-    for value, home in zip(values, homes, strict=True):
-        sums[home] += value - mean
-    error = (count / (count - 1) * sum(found**2 for found in sums.values())) ** 0.5 / len(values)
+    error = (count / (count - 1) * sum(found**2 for found in sums.values())) ** 0.5
     half = float(stats.t.ppf(0.975, count - 1)) * error
-    return mean - half, mean + half
+    return middle - half, middle + half
+
+
+def _over_homes(values: Values) -> tuple[float, float] | None:
+    return interval_over_homes([value for value, _ in values], [run.start.scene for _, run in values])
 
 
 def _is_right(search: SearchEnd, rule: SequenceRule) -> bool:

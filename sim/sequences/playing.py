@@ -117,14 +117,13 @@ class SearchBySearch:
         assert observation.query is not None
         self._task = task_so_far(self._whole, self._news, observation.query, self._index)
         self._here = self._pose(observation)
-        agent = self._agent_of(self._index, _in_world(self._start, self._here), ())
-        if self._agent is None or not self._keeps_memory:
-            self._start_agent(agent, observation)
-            return
-        if isinstance(self._agent, Carries):
+        kept = {"keep_memory": True} if self._keeps_memory and self._agent is not None else {}
+        if kept and isinstance(self._agent, Carries):
             agent = self._agent
-            call_plugin("agent", self._agent.carry, T_world_agent(self._here))
-        self._start_agent(agent, observation, keep_memory=True)
+            call_plugin("agent", agent.carry, T_world_agent(self._here))
+        else:
+            agent = self._agent_of(self._index, _in_world(self._start, self._here), ())
+        self._start_agent(agent, observation, **kept)
 
     def _goes_on(self, observation: Observation) -> bool:
         """Whether an agent looks for another object in a search for all of them."""

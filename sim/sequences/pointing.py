@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from sim.episodes.schema import Goal, Vector3
 from sim.episodes.sequence_files import HomeSequence
@@ -13,6 +12,7 @@ from sim.tasks.rules import score_answer
 from sim.types import Task
 
 from .runs import AllMeasures, SearchEnd, SequenceEnd, SequenceRun, SequenceStart
+from .scoring import all_measures
 from .searches import is_after_news, old_target, prompts_of, search_episode, sequence_task, task_so_far
 
 
@@ -132,9 +132,5 @@ class PointSearches:
         return np.array(found, float).reshape(len(points), len(targets))
 
     def _all(self, points: Sequence[Vector3]) -> AllMeasures:
-        """Recall and precision of points, each for one right object at most."""
-        targets = self._sequence.targets[self.index]
-        hits = self._hits(points, targets)
-        num_hits = int(hits[linear_sum_assignment(hits, maximize=True)].sum()) if len(points) else 0
-        precision = num_hits / len(points) if points else 0.0
-        return AllMeasures(recall=num_hits / len(targets), precision=precision, best_m=None)
+        """Recall and precision of points."""
+        return all_measures(self._hits(points, self._sequence.targets[self.index]), best_m=None)

@@ -77,7 +77,8 @@ def rows_of_runs(read: Sequence[RunOfSequences], *, rule: SuccessRule = "paper")
     for info, runs in read:
         tasks: set[TaskKind] = {run.start.task for run in runs}
         for task in sorted(tasks):
-            pooled[info.who, info.condition, info.scene_kind, task].append((info, runs))
+            of_task = tuple(run for run in runs if run.start.task == task)
+            pooled[info.who, info.condition, info.scene_kind, task].append((info, of_task))
     rows = [_row(found, rule) for found in pooled.values()]
     more = [{"memory_gain": _gain(row, pooled, rule), "beside_first": _beside(row, rows, pooled, rule)} for row in rows]
     return [row.model_copy(update=found) for row, found in zip(rows, more, strict=True)]

@@ -76,6 +76,18 @@ def marking_steps(steps: Sequence[Step], *, ends_with_two: bool) -> list[int]:
     return found[:-1] if ends_with_two else found
 
 
+def all_measures(hits: NDArray[np.float64], *, best_m: float | None) -> AllMeasures:
+    """Recall and precision of the marks of a search for all, each for one right object at most.
+
+    Args:
+        hits: (N, M) 1 where a mark is at a right object, 0 elsewhere.
+        best_m: The shortest walk to all right objects; None = no path.
+    """
+    num_marks, num_right = hits.shape
+    num_hits = int(hits[linear_sum_assignment(hits, maximize=True)].sum())
+    return AllMeasures(recall=num_hits / num_right, precision=num_hits / num_marks if num_marks else 0.0, best_m=best_m)
+
+
 class _Search:
     """One search with its truth."""
 
@@ -123,15 +135,10 @@ class _Search:
         return _finite(self._best_m(begins) if self._subtask.mode == "all" else self._walk(begins, self._targets).min())
 
     def _all(self, poses: Sequence[Pose], marks: Sequence[Sequence[float]]) -> AllMeasures:
-        """Recall and precision of the marks, each for one right object at most, and the best walk to all of them."""
+        """Recall and precision of the marks, and the best walk to all right objects."""
         hits = np.array([[reaches_target(mark, target) for target in self._targets] for mark in marks], float)
-        rows, columns = linear_sum_assignment(hits.reshape(len(marks), len(self._targets)), maximize=True)
-        num_hits = int(hits[rows, columns].sum()) if len(marks) else 0
-        return AllMeasures(
-            recall=num_hits / len(self._targets),
-            precision=num_hits / len(marks) if marks else 0.0,
-            best_m=_finite(self._best_m([poses[0].position])),
-        )
+        best_m = _finite(self._best_m([poses[0].position]))
+        return all_measures(hits.reshape(len(marks), len(self._targets)), best_m=best_m)
 
     def _best_m(self, begins: Sequence[Sequence[float]]) -> float:
         """Metres of the shortest walk from one of these places to all right objects, in the best order."""

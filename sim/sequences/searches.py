@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from sim.episodes.schema import Episode, EpisodeInfo, Goal
 from sim.episodes.sequence_files import HomeSequence, search_record
-from sim.episodes.sequences import Edge
+from sim.episodes.sequences import Edge, SequenceRecord
 from sim.types import MAX_STEPS, SEQUENCE7, Action, EpisodeKey, News, Prompt, Task
 
 
@@ -51,7 +51,7 @@ def prompts_of(sequence: HomeSequence, *, query_index: int = 0, ignores_messages
 
 
 def task_so_far(whole: Task, news: Sequence[tuple[str, int]], query: str, index: int) -> Task:
-    """The task of search `index` as an episode's: everything told so far is the description, and FOUND is no action.
+    """The task of search `index` as an episode's: everything told so far is the description, and STOP stands for FOUND.
 
     Args:
         whole: The sequence's task.
@@ -63,7 +63,7 @@ def task_so_far(whole: Task, news: Sequence[tuple[str, int]], query: str, index:
         whole,
         description="\n".join((whole.description, *(text for text, _ in news))),
         queries=(query,),
-        actions=tuple(action for action in whole.actions if action is not Action.FOUND),
+        actions=tuple(dict.fromkeys(Action.STOP if action is Action.FOUND else action for action in whole.actions)),
         news=tuple(News(text, index - before) for text, before in news),
     )
 
@@ -118,6 +118,12 @@ def is_after_news(sequence: HomeSequence, index: int) -> bool:
         for number, message in enumerate(record.messages)
         if number not in (0, record.subtasks[index].message)
     )
+
+
+def told_before(record: SequenceRecord, index: int) -> list[tuple[str, str]]:
+    """(kind, text) of all that changes just before a search: loans that end, named by their message, then messages."""
+    ended = [("loan ends", message.text) for message in record.messages if message.until == index]
+    return ended + [(message.kind, message.text) for message in record.messages if message.before == index]
 
 
 def old_target(sequence: HomeSequence, index: int) -> Goal | None:

@@ -11,6 +11,8 @@ import pytest
 from sim.authoring.annotated import Thing, captioned_goals, phrase_of
 from sim.authoring.content import content_file, index_file, packed, write_files
 from sim.authoring.edition import OpenedHome, opened_home
+from sim.authoring.findable import Finder
+from sim.authoring.sequences import generation
 from sim.authoring.sequences.checks import validate_sequences
 from sim.authoring.sequences.homes import LENGTHS, HomeSequences, SetSoFar
 from sim.authoring.sequences.stories import Change, Needs, Setting, StoryError, draw_story
@@ -211,6 +213,28 @@ def test_a_home_whose_objects_nobody_sees_is_refused(opened: OpenedHome) -> None
     refused, line = one_refusal(opened._replace(scene=replace(opened.scene, objects=())))
     assert refused == {"findable": 3}
     assert "found objects that nobody can find; expected captions that tell them apart" in line
+
+
+def test_a_home_whose_objects_nobody_can_tell_apart_is_refused(
+    opened: OpenedHome, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Finder, "can_find", lambda self, episode: False)
+    refused, line = one_refusal(opened)
+    assert refused == {"findable": 3}
+    assert "guarantee 'findable': found objects that nobody can find" in line
+
+
+def test_a_scan_gets_the_sequences_that_the_home_before_cannot_carry(
+    opened: OpenedHome, small_home_root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scan = opened._replace(plan=None, source=opened.source.model_copy(update={"num_edits": 1}))
+    single = {thing.goal.object_category: name for name, thing in opened.home.things.items()}
+    poor = changed_things(scan, {name: opened.home.things[name] for name in single.values()})
+    homes = {"Poor": poor, "Small": scan}
+    monkeypatch.setattr(generation, "opened_home", lambda dataset, scene, *_, **__: homes[scene])
+    made = generation.draw_sequences(small_home_root, list(homes), scenes_dir=None, count=3, seed=0, starts="released")
+    assert {scene: len(content.sequences) for scene, content in made.files.items()} == {"Small": 3}
+    assert made.total.refused == {"distractor": 1}, "a scan's objects are the annotated ones alone"
 
 
 def test_a_story_ends_where_no_search_has_one_answer() -> None:

@@ -12,18 +12,23 @@ from sim.episodes.sequence_files import HomeSequence, sequence_from_episode
 from sim.errors import RunFileError, TaskStateError
 from sim.homes.open_home import open_scene
 from sim.mesh import Scene
-from sim.sequences.figures import csr, difference_over_homes, interval_over_homes, memory_gain, sequence_figures
+from sim.sequences.figures import memory_gain, sequence_figures
 from sim.sequences.playing import SequenceJob, open_job, run_sequences
-from sim.sequences.runs import SEQUENCES_FILE, SequenceRun, read_sequence_runs
-from sim.sequences.scoring import run_from_sequence_env, search_reason
+from sim.sequences.runs import (
+    SEQUENCES_FILE,
+    SequenceRun,
+    read_sequence_runs,
+)
+from sim.sequences.scoring import run_from_sequence_env, score_search, search_reason
 from sim.sequences.searches import prompts_of, search_episode, sequence_key, sequence_task
 from sim.sequences.writer import SequenceWriter
 from sim.tasks.agent_makers import MakesPlugin, MakesShortestPath
 from sim.tasks.agents import ShortestPathAgent
 from sim.tasks.pan import PanEnv
 from sim.tasks.provenance import make_run_info
+from sim.tasks.rules import reaches_target
 from sim.tasks.runner import play
-from sim.types import PAPER6, SEQUENCE7, Action, Camera, Observation, Task
+from sim.types import PAPER6, SEQUENCE7, Action, Camera, Observation, Pose, Task
 
 from .home_story import MESSAGES, SCENE, SUBTASKS, subtask, told_in
 
@@ -142,6 +147,30 @@ def test_all_right_objects_are_wanted_once_each(home: Scene, story: tuple[Path, 
     assert not any(search.succeeds("paper") for search in run.end.searches[2:])
 
 
+def test_goat_bench_counts_found_within_a_quarter_metre_of_walking_from_a_view_point(
+    home: Scene, story: tuple[Path, HomeSequence]
+) -> None:
+    _, sequence = story
+    target = sequence.targets[0][0]
+    target = target.model_copy(update={"view_points": target.original_view_points[:1]})
+    sequence = replace(sequence, targets=((target,), *sequence.targets[1:]))
+    views = np.array([target.view_points[0].agent_state.position])
+    around = home.navigation.points_within(views, 0.4, max_dy=0.2)
+    places = np.array([place for place in around if reaches_target(place.tolist(), target)])
+    walks = home.navigation.distances(places, views)
+    near, far = places[walks == walks[walks < 0.25].max()][0], places[walks == walks[walks > 0.25].min()][0]
+    ends = []
+    for x, y, z in (near.tolist(), far.tolist()):
+        env = PanEnv(Pose((x, y, z), 0.0), home.navigation, renderer=None, prompts=prompts_of(sequence))
+        env.reset()
+        env.step(Action.FOUND)
+        ends.append(score_search(sequence, 0, env, scene_digest=home.digest, navigation=home.navigation))
+    assert [end.succeeds("goat") for end in ends] == [True, False]
+    near_by, far_by = ([end.succeeds(rule) for rule in ("paper", "paper-strict", "authors", "habitat")] for end in ends)
+    assert near_by == far_by
+    assert near_by[0], "the radius of rule paper"
+
+
 def test_a_first_mark_in_the_last_step_ends_no_search_for_all(home: Scene, story: tuple[Path, HomeSequence]) -> None:
     _, sequence = story
     env = PanEnv(sequence.start, home.navigation, renderer=None, max_steps=1, prompts=prompts_of(sequence)[1:2])
@@ -200,34 +229,6 @@ def test_one_search_has_the_measures_of_its_episode(small_home_root: Path, home:
     assert (figures.progress, figures.partial, figures.composite, figures.csr, figures.cgt) == (1, 1, 1, 1, 1)
     assert figures.ppl == figures.spl == paper.spl
     assert search_episode(sequence, 0).record.info == episode.record.info
-
-
-@pytest.mark.parametrize(
-    ("right", "wanted"), [((1, 1, 0), 6 / 9), ((1, 0, 1), 4 / 9), ((0, 1, 1), 4 / 9), ((1,), 1.0), ((0, 0), 0.0)]
-)
-def test_conditional_success_has_its_known_values(right: tuple[int, ...], wanted: float) -> None:
-    assert csr([bool(one) for one in right]) == pytest.approx(wanted)
-    assert csr([bool(one) for one in right], [1.0] * len(right)) == pytest.approx(wanted)
-
-
-def test_intervals_grow_where_values_follow_their_homes() -> None:
-    values = [0.0, 0.1, 0.9, 1.0, 0.0, 0.1, 0.9, 1.0]
-    mixed, sorted_ = list("abababab"), list("aabbaabb")
-    narrow, wide = interval_over_homes(values, mixed), interval_over_homes(values, sorted_)
-    assert narrow is not None
-    assert wide is not None
-    assert wide[1] - wide[0] > 3 * (narrow[1] - narrow[0])
-    assert sum(wide) / 2 == pytest.approx(0.5)
-    assert interval_over_homes(values, ["a"] * 8) is None
-
-
-def test_a_difference_over_homes_is_that_of_paired_homes_where_each_home_has_one_value_of_both() -> None:
-    value, interval = difference_over_homes([(1, "a"), (1, "b"), (0, "c")], [(0, "a"), (1, "b"), (0, "c")])
-    assert value == pytest.approx(1 / 3)
-    assert interval == pytest.approx((1 / 3 - 4.3027 / 3, 1 / 3 + 4.3027 / 3), abs=1e-4)  # t of 2 degrees, error 1/3
-    same = difference_over_homes([(1, "a"), (0, "b"), (0, "b")], [(0, "b"), (1, "a"), (0, "b")])
-    assert same == (0, (0, 0)), "homes that differ alike in both say nothing of the difference"
-    assert difference_over_homes([(1, "a"), (0, "a")], [(0, "a")]) == (0.5, None)
 
 
 def test_truth_does_not_depend_on_names_or_on_messages_that_nobody_asks_about(

@@ -26,6 +26,7 @@ from sim.errors import DatasetError
 from ..conftest import SHARED
 
 SCENE = "Home"
+VIEW_POINT = {"agent_state": {"position": [0.0, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0]}}
 OBJECTS = {"cup_1": "cup", "cup_2": "cup", "lamp_3": "lamp", "book_4": "book"}
 
 
@@ -79,7 +80,12 @@ def content(*documents: dict[str, Any]) -> dict[str, Any]:
     """A content file with these sequences."""
     goals: dict[str, list[dict[str, Any]]] = {}
     for number, (name, category) in enumerate(OBJECTS.items()):
-        goal = {"position": [3.0 * number, 0.5, 0.0], "object_id": number, "object_name": name, "view_points": []}
+        goal = {
+            "position": [3.0 * number, 0.5, 0.0],
+            "object_id": number,
+            "object_name": name,
+            "view_points": [VIEW_POINT],
+        }
         goals.setdefault(f"{SCENE}.glb_{category}", []).append({**goal, "object_category": category, "floor_id": "1"})
     return {
         "goals_by_category": goals,
@@ -149,9 +155,9 @@ WRONG_STORIES: dict[str, tuple[tuple[str, int | None, dict[str, Any]], str]] = {
     "wrong owner": (("subtasks", 0, {"owner": "Ada"}), r"subtasks\[0\]: Ada does not own \['lamp_3'\] then"),
     "future message": (("subtasks", 0, {"message": 1}), "no message before this subtask"),
     "wrong message": (("subtasks", 1, {"message": 0}), r"message is 0; expected 1, which says that Cy owns it"),
-    "fresh though changed": (("subtasks", 1, {"kind": "fresh"}), "and it was not asked before"),
-    "fresh though asked": (("subtasks", 3, {"kind": "fresh"}), "it was asked before"),
-    "revisit of nothing": (("subtasks", 0, {"kind": "revisit"}), "it was not asked before"),
+    "fresh though changed": (("subtasks", 1, {"kind": "fresh"}), "expected 'changed': .*, and nobody asked since"),
+    "fresh though asked": (("subtasks", 3, {"kind": "fresh"}), "expected 'revisit': .*, and somebody asked since"),
+    "revisit of nothing": (("subtasks", 0, {"kind": "revisit"}), "expected 'fresh': .*, and nobody asked since"),
     "stale without trap": (("subtasks", 2, {"old_object_id": None}), "expected the object that the owner gave away"),
     "wrong trap": (("subtasks", 2, {"old_object_id": "book_4"}), r"messages\[2\] does not take 'book_4' from Ada"),
     "empty text": (("messages", 0, {"text": " "}), "pattern"),
@@ -164,6 +170,15 @@ def test_a_story_that_contradicts_itself_is_refused(name: str) -> None:
     document = story()
     document[part][index].update(change)
     with pytest.raises(ValidationError, match=problem):
+        record(document)
+
+
+def test_an_answer_is_asked_anew_once_a_message_has_given_it_back() -> None:
+    document = story()
+    document["subtasks"][0] = search("Cy", "book_4", "fresh", 0)  # Cy lends the book later, and gets it back
+    assert record(document).subtasks[5].kind == "changed"
+    document["subtasks"][5]["kind"] = "revisit"
+    with pytest.raises(ValidationError, match=r"expected 'changed': messages\[3\] decides it, and nobody asked since"):
         record(document)
 
 
@@ -193,6 +208,12 @@ def test_what_is_wrong_with_a_set_is_said_in_one_line(tmp_path: Path) -> None:
     lost["goals_by_category"][f"{SCENE}.glb_lamp"] = []
     with pytest.raises(DatasetError, match=r"sequences\[0\]: subtasks\[0\]: object_id \['lamp_3'\] resolves to \[\]"):
         list(SequenceSet(written(tmp_path / "lost", lost)).sequences())
+    unseen = content(story())
+    unseen["goals_by_category"][f"{SCENE}.glb_lamp"][0]["view_points"] = []
+    with pytest.raises(
+        DatasetError, match=r"sequences\[0\]: subtasks\[0\]: \['lamp_3'\] have no view points, expected places"
+    ):
+        list(SequenceSet(written(tmp_path / "unseen", unseen)).sequences())
 
 
 def test_an_answer_that_is_not_the_only_one_is_refused() -> None:
@@ -257,6 +278,22 @@ def test_each_broken_guarantee_is_one_line(tmp_path: Path) -> None:
         "Home/s0: subtasks[2] is 0.50 m from the object before; expected at least 2 m",
         "Home/s0: subtasks[2] is 'stale' without another 'cup' on its storey",
     )
+
+
+def test_the_old_object_is_another_one_of_the_category_on_the_storey(tmp_path: Path) -> None:
+    document = whole_story()
+    document["messages"][0]["adds"][2] = ["Ada", "lamp_3"]
+    document["messages"][1]["removes"] = [["Ada", "lamp_3"]]
+    document["subtasks"][0] = search("Ada", "lamp_3", "fresh", 0)
+    document["subtasks"][2] |= {"message": 1, "old_object_id": "lamp_3"}
+    report = validate_sequences(written(tmp_path / "category", content(document)))
+    assert report.broken == ("Home/s0: subtasks[2].old_object_id is 'lamp_3'; expected another 'cup' on its storey",)
+    file = content(whole_story())
+    cups = file["goals_by_category"][f"{SCENE}.glb_cup"]
+    cups.append({**cups[1], "object_name": "cup_5"})
+    cups[0]["floor_id"] = "2"
+    report = validate_sequences(written(tmp_path / "storey", file))
+    assert report.broken == ("Home/s0: subtasks[2].old_object_id is 'cup_1'; expected another 'cup' on its storey",)
 
 
 def test_a_right_object_lies_apart_from_the_one_that_was_right_before(tmp_path: Path) -> None:

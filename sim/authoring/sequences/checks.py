@@ -89,6 +89,9 @@ def broken_guarantees(sequence: HomeSequence) -> Iterator[str]:
         alike = {goal.object_name for goal in sequence.of_category(subtask.object_category)} - right
         if subtask.kind in ("changed", "stale") and not alike:
             yield f"subtasks[{index}] is {subtask.kind!r} without another {subtask.object_category!r} on its storey"
+        elif subtask.old_object_id not in (None, *alike):
+            found = f"subtasks[{index}].old_object_id is {subtask.old_object_id!r}"
+            yield f"{found}; expected another {subtask.object_category!r} on its storey"
         old = [goal for goal in sequence.goals if goal.object_name == subtask.old_object_id]
         if (apart := _apart(targets, old)) < LEAST_APART:
             yield f"subtasks[{index}] is {apart:.2f} m from {old[0].object_name!r}; expected at least {LEAST_APART:g} m"
