@@ -50,7 +50,7 @@ class Collected:
     runs: dict[str, Run] = field(default_factory=dict)
     """Runs of counted trials with a result, by run id; each run holds its trials in order."""
     sequences: dict[str, tuple[RunInfo, list[SequenceRun]]] = field(default_factory=dict)
-    """The same of home sequences."""
+    """The same of home sequences, with those that rules exclude, which the report counts from here."""
     searches: list[SearchRow] = field(default_factory=list)
     """The searches of home sequences."""
     num_deleted: int = 0
@@ -99,7 +99,8 @@ def collect(reader: StudyReader) -> Collected:
             found.trials.append(row)
             found.events.append((row, stored))
             found.searches += search_rows(row, events, trial.outcome, rule=config.success)
-            if row.left_out is None and trial.outcome is not None:
+            counts = row.is_result if config.sequences is not None else row.left_out is None
+            if counts and trial.outcome is not None:
                 info = trial_run_info(config, home, exported, trial.task, condition=trial.condition, **run_facts)
                 _add(result_of(events, trial.outcome, code=exported), info, found)
     found.exclusions += _exclusion_rows(config, reader, names, kept)

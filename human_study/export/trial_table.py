@@ -142,7 +142,7 @@ class TrialRow(TrialFigures, _AskedTrial):
 
     @property
     def left_out(self) -> str | None:
-        """The reason why the trial is in no run folder; None when it is a counted result."""
+        """The reason why the trial is in no run folder, where excluded sequences are; None = a counted result."""
         if self.phase != "main":
             return self.phase
         if self.end_reason is None:

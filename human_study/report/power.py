@@ -155,7 +155,16 @@ def power_report(design: PowerDesign, *, assumptions: PowerAssumptions) -> Power
 
 
 def design_of(config: StudyConfig, plan: StudyPlan | None = None) -> PowerDesign:
-    """A study's design for its first task, by the study file where there is no plan; splits count as their mean."""
+    """A study's design for its first task, by the study file where there is no plan; splits count as their mean.
+
+    Raises:
+        StudyError: The study is of home sequences.
+    """
+    if config.sequences is not None:
+        raise StudyError(
+            f"study plan --power: found {config.study}, a study of home sequences; expected one of episodes, because "
+            "searches that share a sequence are not simulated. Leave out --power, or the study."
+        )
     task, kind = config.task[0], config.design.kind
     arms, raters = len(config.conditions(task)), config.design.raters_per_episode
     sizes = [RELEASED[split] if size == "all" else size for split, size in config.dataset.splits.items()]

@@ -148,10 +148,13 @@ def records_folder(folders: Sequence[Path]) -> tuple[Path | None, list[Path]]:
     """The study folder or export among these folders, if there is one, and all folders of other runs.
 
     Raises:
-        StudyError: There are records of more than one study.
+        StudyError: There are records of more than one study, or a study in which nobody has taken part yet.
     """
     studies = [folder for folder in folders if (folder / DATABASE_FILE).is_file()]
     exports = [folder for folder in folders if folder not in studies and (folder / TRIALS_FILE).is_file()]
+    for folder in folders:
+        if folder not in (*studies, *exports) and (folder / STUDY_FILE).is_file():
+            raise no_trial(folder)
     if len(studies) + len(exports) > 1:
         names = ", ".join(str(folder) for folder in folders)
         raise StudyError(

@@ -1,24 +1,18 @@
 """The report of a study of home sequences: people beside agents on the same sequences, by kind of search.
 
-The measures are those of agents (`sim.sequences.figures`); intervals take homes for random, with all else inside them.
+The measures are those of agents (`sim.sequences.figures`); `intervals` has those of people.
 """
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 
 from sim.episodes.sequences import SubtaskKind
-from sim.errors import RunFileError
 from sim.homes.kind import scene_labels
-from sim.sequences.figures import SequenceFigures, sr_difference
+from sim.sequences.figures import SequenceFigures
 from sim.sequences.rows import RunOfSequences, SequenceRow, rows_of_runs
-from sim.sequences.runs import SequenceRun, read_sequence_runs
-from sim.tasks.run_files import RunInfo, read_run_info
-from sim.tasks.run_folders import run_folders
-from sim.types import EpisodeKey, SuccessRule, TaskKind, WhoKind
+from sim.sequences.runs import SequenceRun
+from sim.types import SuccessRule, TaskKind, WhoKind
 
-from ..design.study import STUDY_FILE, load_study
 from ..export.runs import run_condition
 from ..export.search_table import SearchRow
 from ..export.trial_table import NOT_A_RESULT
@@ -34,10 +28,10 @@ from ..report.counts import (
     hidden_count,
     verification_counts,
 )
-from ..report.source import StudyRecords, no_trial, records_folder, runs_and_records
 from ..report.trials import LeftOutRun, ReportValue
-from ..store.records import DATABASE_FILE, read_study
 from ..trial.terms import HIDDEN
+from .intervals import agent_difference, people_difference, people_figures
+from .source import SequenceSource
 
 NOT_SHOWN = (
     "Sequences have no part about primary hypotheses, spread, order, earlier visits, sensitivity, agreement, chosen "
@@ -91,7 +85,7 @@ class ExposureRow(ReportValue):
     right_told: int
     """Right ones among these."""
     right_untold: int
-    """Right ones among the others."""
+    """Right ones among the others; like all here, of searches whose success is defined."""
     mean_notes: float
     """Mean number of messages that could be read."""
 
@@ -141,44 +135,6 @@ class SequenceStudyReport(ReportValue):
     """Ids of the runs, in order."""
 
 
-@dataclass(frozen=True, slots=True)
-class SequenceSource:
-    """People's records and runs, and the runs of agents that can stand beside them, cut to the people's sequences."""
-
-    records: StudyRecords
-    people: tuple[RunOfSequences, ...]
-    agents: tuple[RunOfSequences, ...]
-    left_out: tuple[LeftOutRun, ...]
-
-
-def read_sequences(folders: Sequence[Path]) -> SequenceSource | None:
-    """The study of home sequences among these folders, with runs of agents; None where there is none.
-
-    Raises:
-        StudyError: There are records of more than one study, they are damaged, or hold no counted trial with a result.
-        RunFileError: A named folder holds no run.
-    """
-    folder, others = records_folder(folders)
-    if folder is None or not _is_of_sequences(folder):
-        return None
-    _, records = runs_and_records(folder)
-    people = records.sequences
-    if not people:
-        raise no_trial(folder)
-    agents, left_out = [], []
-    for one in run_folders(others) if others else []:
-        try:
-            info, runs = read_run_info(one), read_sequence_runs(one)
-        except RunFileError as error:
-            left_out.append(LeftOutRun(run=one.name, reason=str(error).removeprefix(f"{one}: ").partition("; ")[0]))
-            continue
-        same, why = _beside(info, runs, people)
-        agents += [(info, same)] if same else []
-        left_out += [] if same else [LeftOutRun(run=info.run_id, reason=why)]
-    agents.sort(key=lambda run: run[0].run_id)
-    return SequenceSource(records, people, tuple(agents), tuple(sorted(left_out, key=lambda left: left.run)))
-
-
 def sequence_report(source: SequenceSource, *, rule: SuccessRule | None = None) -> SequenceStudyReport:
     """The report; without a rule, PAN counts by that of the study file."""
     records, config = source.records, source.records.config
@@ -212,47 +168,13 @@ def sequence_report(source: SequenceSource, *, rule: SuccessRule | None = None) 
         dataset_digest=config.dataset.sha256,
         sequences_digest=config.sequences.sha256,
         edition=infos[0].edition,
-        runs=tuple(info.run_id for info, _ in (*source.people, *source.agents)),
+        runs=tuple(dict.fromkeys(info.run_id for info, _ in (*source.people, *source.agents))),
     )
 
 
 def share_of(figures: SequenceFigures, kind: str) -> float | None:
     """The success rate over searches of a kind, or `all`."""
     return getattr(figures, "sr" if kind == "all" else f"sr_{kind}")
-
-
-def _is_of_sequences(folder: Path) -> bool:
-    if (folder / DATABASE_FILE).is_file():
-        with read_study(folder) as reader:
-            return reader.config.sequences is not None
-    return (folder / STUDY_FILE).is_file() and load_study(folder).sequences is not None
-
-
-def _beside(
-    info: RunInfo, runs: Sequence[SequenceRun], people: Sequence[RunOfSequences]
-) -> tuple[tuple[SequenceRun, ...], str]:
-    """The sequences of a run that people did too; without one, the reason."""
-    theirs = people[0][0]
-    if info.who_kind == "human":
-        return (), "is of people; those of the study come from its records"
-    if not runs:
-        return (), "holds no home sequence"
-    for name, own, wanted in (
-        ("sequences", str(info.config.get("sequences")), str(theirs.config["sequences"])),
-        ("episode files", info.dataset_digest, theirs.dataset_digest),
-    ):
-        if own != wanted:
-            return (), f"is on other {name} ({own[:12]}) than people ({wanted[:12]})"
-    done = _keys_done(people)
-    same = tuple(run for run in runs if (run.start.task, info.scene_kind, run.key) in done)
-    had_labels = {one.labels for one, found in people for run in found if run.start.task == "pan"}
-    if any(run.start.task == "pan" for run in same) and info.labels not in had_labels:
-        return (), f"its pictures {'had' if info.labels else 'lacked'} the categories on objects, unlike people's"
-    return same, f"did none of the {len(done)} sequences that people did in homes of kind {info.scene_kind}"
-
-
-def _keys_done(people: Sequence[RunOfSequences]) -> set[tuple[TaskKind, str, EpisodeKey]]:
-    return {(run.start.task, info.scene_kind, run.key) for info, runs in people for run in runs}
 
 
 def _by_task(runs: Sequence[RunOfSequences]) -> dict[TaskKind, list[RunOfSequences]]:
@@ -268,18 +190,22 @@ def _by_task(runs: Sequence[RunOfSequences]) -> dict[TaskKind, list[RunOfSequenc
 def _rows(source: SequenceSource, rule: SuccessRule) -> Iterator[SequenceReportRow]:
     """People before agents, and history visible before hidden."""
     for runs in _by_task((*source.people, *source.agents)).values():
+        behind: dict[tuple[str, str, str], list[SequenceRun]] = defaultdict(list)
+        for info, walks in runs:
+            behind[info.who, info.condition, info.scene_kind] += walks
         found = rows_of_runs(runs, rule=rule)
         for row in sorted(found, key=lambda one: (one.scene_kind, one.who != HUMAN, one.who, _is_later(one.condition))):
-            names = row.who, row.condition, row.scene_kind
-            behind = [
-                run for info, walks in runs for run in walks if (info.who, info.condition, info.scene_kind) == names
-            ]
+            own, is_human = behind[row.who, row.condition, row.scene_kind], row.who == HUMAN
+            figures: dict[str, object] = {"beside_first": None}  # its interval is over homes alone
+            if is_human:
+                figures["sequence_measures"] = people_figures(own, rule)
+                figures["goat_measures"] = row.goat_measures and people_figures(own, "goat")
             yield SequenceReportRow(
-                row=row,
-                who_kind="human" if row.who == HUMAN else "agent",
-                num_people=len({run.start.participant for run in behind}) if row.who == HUMAN else 0,
-                num_sequences=len({run.key for run in behind}),
-                num_homes=len({run.key.scene for run in behind}),
+                row=row.model_copy(update=figures),
+                who_kind="human" if is_human else "agent",
+                num_people=len({run.start.participant for run in own}) if is_human else 0,
+                num_sequences=len({run.key for run in own}),
+                num_homes=len({run.key.scene for run in own}),
             )
 
 
@@ -300,11 +226,12 @@ def _differences(source: SequenceSource, rule: SuccessRule) -> Iterator[Differen
         people = {(info.who, info.condition) for info, _ in source.people}
         for scene_kind, found in sorted(groups.items()):
             human = sorted((name for name in found if name in people), key=lambda name: _is_later(name[1]))
-            pairs = [(human[0], human[1])] if len(human) == 2 else []
-            pairs += [(person, agent) for person in human for agent in sorted(set(found) - people)]
-            for first, second in pairs:
+            pairs = [(human[0], human[1], people_difference)] if len(human) == 2 else []
+            agents = sorted(set(found) - people)
+            pairs += [(person, agent, agent_difference) for person in human for agent in agents]
+            for first, second, difference in pairs:
                 for kind in (None, *KINDS):
-                    less = sr_difference(found[first], found[second], rule=rule, kind=kind)
+                    less = difference(found[first], found[second], rule=rule, kind=kind)
                     if less is None:
                         continue
                     low, high = less.interval or (None, None)
@@ -333,7 +260,7 @@ _CountedSearch = tuple[tuple[TaskKind, str, str], SearchRow]
 
 def _counted(source: SequenceSource, rule: SuccessRule) -> Iterator[_CountedSearch]:
     """All of them; their rows have the success of the study file's rule, and get that of the report's."""
-    trials = {row.attempt_name: row for row in source.records.rows if row.left_out is None}
+    trials = {row.attempt_name: row for row in source.records.rows if row.is_result}
     ends = {
         (run.start.participant, run.start.task, info.condition, run.key): run.end.searches
         for info, runs in source.people
@@ -341,8 +268,9 @@ def _counted(source: SequenceSource, rule: SuccessRule) -> Iterator[_CountedSear
     }
     for search in source.records.searches:
         trial = trials.get(search.attempt_name)
-        if trial is not None:
-            found = ends[trial.participant, trial.task, run_condition(trial.condition), trial.key][search.search]
+        at = trial and (trial.participant, trial.task, run_condition(trial.condition), trial.key)
+        if trial is not None and at in ends:  # exports of earlier versions hold no runs of excluded trials
+            found = ends[at][search.search]
             names = trial.task, trial.scene_kind, trial.condition
             yield names, search.model_copy(update={"success": found.succeeds(rule)})
 
@@ -353,7 +281,7 @@ def _exposure(counted: Sequence[_CountedSearch]) -> Iterator[ExposureRow]:
         groups[names].append(search)
     for (task, scene_kind, condition), searches in sorted(groups.items(), key=_order_of):
         for kind in ("all", *KINDS):
-            of_kind = [search for search in searches if kind in ("all", search.kind)]
+            of_kind = [one for one in searches if kind in ("all", one.kind) and one.success is not None]
             told = [search for search in of_kind if search.is_told]
             if of_kind:
                 right = sum(bool(search.success) for search in of_kind)

@@ -35,8 +35,6 @@ _ENDS = {
     "steps": "step limit",
     "giveup": "given up",
     "timeout": "time limit",
-    "stop": "STOP",
-    "unreached": "never began",
 }
 
 
@@ -69,8 +67,12 @@ def sequence_html(report: SequenceStudyReport) -> str:
 
 
 def sequence_csv(report: SequenceStudyReport) -> str:
-    """Every figure of the rows and every difference, one a line; shares in [0, 1]."""
-    heads = ("task", "scenes", "label", "who", "condition", "searches", "measure", "value", "low", "high", "n")
+    """Every figure of the rows and every difference, one a line; shares in [0, 1].
+
+    Rows tell their sequences and all their searches, differences the searches of the kind on both sides.
+    """
+    sizes = "n_sequences", "n_searches"
+    heads = ("task", "scenes", "label", "who", "condition", "searches", "measure", "value", "low", "high", *sizes)
     lines: list[tuple[Any, ...]] = []
     for one in report.rows:
         row, found = one.row, one.row.sequence_measures
@@ -78,10 +80,11 @@ def sequence_csv(report: SequenceStudyReport) -> str:
         for measure, value in found.model_dump(exclude={"n", "searches", "intervals"}).items():
             kind = measure.removeprefix("sr_") if measure.startswith("sr_") else "all"
             low, high = found.intervals.get(measure, (None, None))
-            lines.append((*names, kind, "sr" if measure.startswith("sr") else measure, value, low, high, found.n))
+            name = "sr" if measure.startswith("sr") else measure
+            lines.append((*names, kind, name, value, low, high, found.n, found.searches))
     for row in report.differences:
         names = row.task, row.scene_kind, scene_label(row.scene_kind), f"{row.first} - {row.second}", ""
-        lines.append((*names, row.kind, "sr", row.value, row.low, row.high, row.num_first + row.num_second))
+        lines.append((*names, row.kind, "sr", row.value, row.low, row.high, "", row.num_first + row.num_second))
     return csv_lines(heads, lines)
 
 

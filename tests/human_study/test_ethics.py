@@ -269,6 +269,33 @@ def test_the_log_scale_is_named_for_the_measures_that_have_it() -> None:
         assert told in " ".join(ethics_documents(config, None)["preregistration.md"].split())
 
 
+def test_a_study_of_home_sequences_registers_what_its_report_shows() -> None:
+    config = paged_study(sequences={"sha256": "7" * 64}, checks={"every": 3})
+    documents = {name: " ".join(text.split()) for name, text in ethics_documents(config, None).items()}
+    text = documents["preregistration.md"]
+    for told in (
+        "from the set with digest `" + "7" * 64,
+        "Success rate (SR) of all searches and of each kind (fresh, revisit, changed, stale)",
+        "takes people and homes for random",
+        "success with the history visible less that with it hidden, and success of people less that of each agent",
+        "how often the message that decides the answer could be read",
+    ):
+        assert told in text
+    for absent in (
+        "Satterthwaite",
+        "time to the answer",
+        "25 to 500",
+        "trial by trial",
+        "Sensitivity",
+        "Gwet",
+        "Order",
+    ):
+        assert absent not in text
+    assert "After every 3 homes one search with the object in plain view" in documents["protocol.md"]
+    hidden = paged_study(sequences={"sha256": "7" * 64, "history": "hidden"})
+    assert "history visible less" not in ethics_documents(hidden, None)["preregistration.md"]
+
+
 def test_the_protocol_names_the_languages_that_people_read() -> None:
     for language, told in (
         ("en", "adults who read English and use"),

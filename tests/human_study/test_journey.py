@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from human_study.design.study import StudyBreaks, StudyConfig, StudyDataset
+from human_study.design.study import StudyBreaks, StudyConfig, StudyDataset, StudySequences
 from human_study.journey import (
     AssignedTrial,
     Journey,
@@ -104,8 +104,9 @@ def test_practice_attention_and_given_back_trials_are_not_counted() -> None:
     assert place(*READY, trials=[given_back]) == "ending"
 
 
-def test_a_break_comes_after_the_set_number_of_trials_and_never_within_one() -> None:
-    study = config(breaks=StudyBreaks(every=2, sitting_max=None))
+@pytest.mark.parametrize("sequences", [None, StudySequences(sha256="0" * 64)], ids=["searches", "homes"])
+def test_a_break_comes_after_the_set_number_of_trials_and_never_within_one(sequences: StudySequences | None) -> None:
+    study = config(breaks=StudyBreaks(every=2, sitting_max=None), sequences=sequences)
     done = [trial(1, is_over=True), trial(2, is_over=True)]
     assert place(*READY, trials=[*done, trial(3)], study=study) == "break"
     assert place(*READY, ("break_started", {"done": 2}), trials=[*done, trial(3)], study=study) == "break"

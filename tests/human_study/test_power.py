@@ -15,6 +15,7 @@ from sim.errors import StudyError
 from sim.types import SPLITS
 
 from .report_examples import study_config
+from .sequence_trials import sequence_study
 
 
 def first_row(design: PowerDesign, *, sd: float, simulations: int = 120, **more: float) -> PowerRow:
@@ -90,6 +91,11 @@ def test_a_study_file_gives_its_design() -> None:
     )
     assert design_of(once).num_people == 50  # HUMAN_STUDY.md, section 3: 1500 trials, 50 people x 30
     assert design_of(once).trials_per_person == 30
+
+
+def test_a_study_of_sequences_is_refused() -> None:
+    with pytest.raises(StudyError, match="found sequences, a study of home sequences; expected one of episodes"):
+        design_of(sequence_study())
 
 
 def test_a_study_with_random_homes_is_simulated_with_them() -> None:

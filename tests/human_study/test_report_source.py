@@ -14,7 +14,7 @@ from personal_viz.cli.study.report import StudyReportVerb
 from sim.errors import StudyError
 
 from .finished import TOO_FAR, do_trial
-from .small_world import CANARY
+from .small_world import CANARY, study
 from .stores import open_small
 
 pytestmark = pytest.mark.slow  # a whole report takes seconds
@@ -96,6 +96,9 @@ def test_no_results_two_studies_a_study_and_its_export_and_scans_without_the_dat
         pass
     with pytest.raises(StudyError, match="holds no counted trial with a result"):
         read_source([tmp_path / "study"])
+    save_study(tmp_path / "planned", study())
+    with pytest.raises(StudyError, match="planned: holds no counted trial with a result"):
+        read_source([tmp_path / "planned"])
     for other in ("study", "out"):
         with pytest.raises(StudyError, match="found records of 2 studies or exports"):
             read_source([finished / "study", finished / other])

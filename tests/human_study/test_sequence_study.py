@@ -19,7 +19,8 @@ from human_study.export.import_check import import_check
 from human_study.export.manifest import MANIFEST_FILE, Manifest, exported_file
 from human_study.export.study_export import export_study
 from human_study.export.verify import TrialHome, verify_trial
-from human_study.sequence_report.measures import read_sequences, sequence_report
+from human_study.sequence_report.measures import SequenceStudyReport, sequence_report
+from human_study.sequence_report.source import read_sequences
 from human_study.sequence_report.text import sequence_csv, sequence_html, sequence_markdown
 from human_study.store.records import read_study
 from human_study.trial.events import SearchBegun
@@ -30,7 +31,7 @@ from sim.sequences.runs import SequenceRun, read_sequence_runs
 from sim.sequences.searches import sequence_key
 from sim.sequences.writer import SequenceWriter
 from sim.tasks.provenance import make_run_info
-from sim.types import EpisodeKey
+from sim.types import EpisodeKey, SceneKind
 from tests.sim.home_story import MESSAGES, SCENE, SUBTASKS, told_in
 
 from .finished import table_of
@@ -106,9 +107,10 @@ def test_an_export_holds_runs_as_agents_have_and_a_row_for_each_search(finished:
     out = finished / "out"
     folders = sorted(path.parent for path in out.glob("*/run.json"))
     runs = [run for folder in folders for run in read_sequence_runs(folder)]
-    assert sorted((run.start.task, run.start.participant) for run in runs) == [
-        ("pan", run.start.participant) for run in runs if run.start.task == "pan"
-    ] + [("pog", run.start.participant) for run in runs if run.start.task == "pog"]
+    trials = [(line["task"], line["participant"]) for line in table_of(out, "trials")]
+    assert sorted(task for task, _ in trials) == ["pan", "pan", "pog", "pog"]
+    assert sorted(person for _, person in trials) == ["p01", "p02", "p03", "p04"]
+    assert sorted((run.start.task, run.start.participant) for run in runs) == sorted(trials)
     rows = {(row.task, row.condition): row.sequence_measures for row in sequence_rows(folders)}
     for (_, condition), figures in rows.items():
         wrong = 0 if condition == "history_hidden" else 1
@@ -126,59 +128,126 @@ def test_an_export_holds_runs_as_agents_have_and_a_row_for_each_search(finished:
     assert import_check(out, lambda _: home).agrees
 
 
-def test_the_report_has_the_measures_of_agents_by_history(
-    finished: Path, told: tuple[Path, HomeSequence], small_home_root: Path, tmp_path: Path
-) -> None:
-    agents = tmp_path / "agents"
-    for name, digest in (("oracle", "5" * 64), ("elsewhere", "6" * 64)):
-        info = make_run_info(
-            name,
-            who="shortest-path",
-            who_kind="agent",
-            scene_kind="invented",
-            dataset_digest=CONFIG.dataset.sha256,
-            seed=0,
-            config={"sequences": digest},
-        )
-        SequenceWriter(agents / name, info).add_sequence(oracle_run(small_home_root, told[0], told[1], is_deaf=False))
+@pytest.fixture(scope="module")
+def reported(
+    finished: Path, told: tuple[Path, HomeSequence], small_home_root: Path, tmp_path_factory: pytest.TempPathFactory
+) -> SequenceStudyReport:
+    """People beside an agent of each task and agents that fit no people, from the study as from its export."""
+    agents = tmp_path_factory.mktemp("agents")
+    walk = oracle_run(small_home_root, told[0], told[1], is_deaf=False)
+    write_agent(agents / "oracle", walk)
+    write_agent(agents / "elsewhere", walk, sequences="6" * 64)
+    write_agent(agents / "cluttered", walk, clutter=1)
+    write_agent(agents / "paraphrased", walk, query_index=1)
+    write_agent(agents / "quick", walk, max_steps=100)
+    searches = [
+        one.model_copy(update={"measures": one.measures and one.measures.model_copy(update={"scene_digest": "9" * 64})})
+        for one in walk.end.searches
+    ]
+    end = walk.end.model_copy(update={"searches": tuple(searches)})
+    write_agent(agents / "rebuilt", walk.model_copy(update={"end": end}))
+    found = read_sequences([finished / "study"])
+    assert found is not None
+    (pointed,) = next(runs for info, runs in found.people if info.run_id.endswith("pog-history_visible"))
+    start = pointed.start.model_copy(update={"participant": None})
+    write_agent(agents / "maps", pointed.model_copy(update={"start": start}), who="pointer", kind="oracle-map")
     reports = []
     for folder in (finished / "study", finished / "out"):
         source = read_sequences([folder, agents])
         assert source is not None
         reports.append(sequence_report(source))
-    report = reports[0]
-    assert report == reports[1]
-    rows = {(one.row.task, one.row.who, one.row.condition): one for one in report.rows}
+    assert reports[0] == reports[1]
+    return reports[0]
+
+
+def test_the_report_has_the_measures_of_agents_by_history(reported: SequenceStudyReport) -> None:
+    rows = {(one.row.task, one.row.who, one.row.condition): one for one in reported.rows}
     assert list(rows) == [
         ("pan", "human", "history_visible"),
         ("pan", "human", "history_hidden"),
         ("pan", "shortest-path", "none"),
         ("pog", "human", "history_visible"),
         ("pog", "human", "history_hidden"),
+        ("pog", "pointer", "none"),
     ]
+    assert {one.row.scene_kind for one in reported.rows} == {"invented"}
     for (_, who, condition), one in rows.items():
         right = 0 if condition == "history_hidden" else 1
         found = one.row.sequence_measures
         assert (found.sr_fresh, found.sr_changed, found.sr_stale, found.stale) == (1, right, right, 1 - right)
         assert (one.num_people, one.num_sequences, one.num_homes) == (int(who == "human"), 1, 1)
-    points = {(row.first, row.second, row.kind): row.value for row in report.differences if row.task == "pan"}
-    visible, hidden = "human (history visible)", "human (history hidden)"
-    assert points[visible, hidden, "changed"] == 1
-    assert points[visible, "shortest-path", "all"] == 0
-    assert points[hidden, "shortest-path", "stale"] == -1
-    shown = {(row.condition, row.kind): row for row in report.exposure if row.task == "pog"}
+    shown = {(row.condition, row.kind): row for row in reported.exposure if row.task == "pog"}
     changed = shown["history_hidden", "changed"]
     assert (changed.n, changed.num_told, changed.right_told, changed.right_untold) == (2, 1, 0, 0)
     assert shown["history_visible", "all"].num_told == shown["history_visible", "all"].n == 6
-    assert [(left.run, left.reason) for left in report.left_out_runs] == [
-        ("elsewhere", "is on other sequences (666666666666) than people (555555555555)")
+
+
+def test_people_stand_beside_each_other_and_beside_agents_of_the_same_sequences(reported: SequenceStudyReport) -> None:
+    points = {(row.task, row.first, row.second, row.kind): row.value for row in reported.differences}
+    visible, hidden = "human (history visible)", "human (history hidden)"
+    assert points["pan", visible, hidden, "changed"] == 1
+    assert points["pan", visible, "shortest-path", "all"] == 0
+    assert points["pan", hidden, "shortest-path", "stale"] == -1
+    assert points["pog", visible, "pointer", "all"] == 0
+    assert points["pog", hidden, "pointer", "all"] == -0.5
+    assert [(left.run, left.reason) for left in reported.left_out_runs] == [
+        ("cluttered", "was in homes with other clutter (1) than people (0)"),
+        ("elsewhere", "is on other sequences (666666666666) than people (555555555555)"),
+        ("paraphrased", "read other paraphrases of the queries (1) than people (0)"),
+        ("quick", "had other steps for a search (100) than people (500)"),
+        ("rebuilt", "was in another version of home Small (999999999999) than people"),
     ]
-    text = sequence_markdown(report)
+
+
+def test_the_report_is_written_as_text_page_and_table(reported: SequenceStudyReport) -> None:
+    text, label = sequence_markdown(reported), reported.scene_labels[0]
     assert "| Human (history hidden) | 1 | 1 | 1 | 50.0 | 100.0 | 100.0 | 0.0 | 0.0 | 100.0 |" in text
-    assert report.scene_labels[0] in text
-    assert report.not_shown in text
-    assert text in sequence_html(report) or "<h2" in sequence_html(report)
-    assert "pan,invented," in sequence_csv(report)
+    assert label in text
+    assert reported.not_shown in text
+    assert "Messages that people could read</h2>" in sequence_html(reported)
+    heads, *lines = sequence_csv(reported).splitlines()
+    assert heads.endswith("measure,value,low,high,n_sequences,n_searches")
+    assert any(line.startswith("pan,invented,") and line.endswith("history_visible,all,sr,1.0,,,1,6") for line in lines)
+    assert f'pan,invented,"{label}",human (history visible) - shortest-path,,all,sr,0.0,,,,12' in lines
+
+
+def write_agent(
+    folder: Path, run: SequenceRun, *, who: str = "shortest-path", kind: SceneKind = "invented", **config: str | int
+) -> None:
+    """A run folder of an agent on the study's set, with these entries in its `config`."""
+    info = make_run_info(
+        folder.name,
+        who=who,
+        who_kind="agent",
+        scene_kind=kind,
+        dataset_digest=CONFIG.dataset.sha256,
+        seed=0,
+        config={"sequences": "5" * 64, **config},
+    )
+    SequenceWriter(folder, info).add_sequence(run)
+
+
+def test_an_excluded_trial_counts_and_is_named(finished: Path, home: TrialHome, tmp_path: Path) -> None:
+    folder, out = Path(shutil.copytree(finished / "study", tmp_path / "study")), tmp_path / "out"
+    before = read_sequences([folder])
+    with read_study(folder) as reader:
+        plan = reader.plan
+        (trial,) = reader.trials("p01")
+    assert trial.trial_id is not None
+    with open_planned(folder, CONFIG, plan) as store:
+        store.exclude("trial", trial.trial_id, rule_id="disturbed", reason="the telephone rang")
+    export_study(folder, out)
+    assert import_check(out, lambda _: home).agrees
+    assert before is not None
+    for one in (folder, out):
+        source = read_sequences([one])
+        assert source is not None
+        report, earlier = sequence_report(source), sequence_report(before)
+        assert (report.rows, report.exposure, report.ends) == (earlier.rows, earlier.exposure, earlier.ends)
+        assert [(row.rule_id, row.num_trials) for row in report.exclusions] == [("disturbed", 1)]
+        assert "excludes 1 trials of 1 people, which count all the same: the telephone rang." in sequence_markdown(
+            report
+        )
 
 
 def test_intervals_of_the_report_take_homes_for_random(finished: Path) -> None:
@@ -188,18 +257,18 @@ def test_intervals_of_the_report_take_homes_for_random(finished: Path) -> None:
     if seen.condition == "history_hidden":
         seen, right, unseen, half_right = unseen, half_right, seen, right
 
-    def elsewhere(run: SequenceRun) -> SequenceRun:
-        return run.model_copy(update={"start": run.start.model_copy(update={"scene": "Elsewhere"})})
+    def elsewhere(run: SequenceRun, whose: SequenceRun) -> SequenceRun:
+        return run.model_copy(update={"start": whose.start.model_copy(update={"scene": "Elsewhere"})})
 
     pointing = [one for one in source.people if one[1][0].start.task == "pog"]
-    people = ((seen, (right, elsewhere(right))), (unseen, (half_right, elsewhere(right))), *pointing)
+    people = ((seen, (right, elsewhere(right, right))), (unseen, (half_right, elsewhere(right, half_right))), *pointing)
     report = sequence_report(dataclasses.replace(source, people=people))
     hidden = next(one for one in report.rows if one.row.condition == "history_hidden")
     half = 12.7062 / 4  # t of 1 degree; homes' shares are 0.5 and 1
     figures = hidden.row.sequence_measures
     assert (hidden.num_homes, figures.sr) == (2, 0.75)
-    assert figures.intervals["sr"] == pytest.approx((0.75 - half, 0.75 + half), abs=1e-4)
-    assert figures.intervals["partial"] == pytest.approx((0.75 - half, 0.75 + half), abs=1e-4)
+    assert figures.intervals["sr"] == pytest.approx((0, 1), abs=1e-4)
+    assert figures.intervals["partial"] == pytest.approx((0, 1), abs=1e-4)
     row = next(one for one in report.differences if one.kind == "all")
     assert (row.value, row.num_first, row.num_second) == (0.25, 12, 12)
     assert (row.low, row.high) == pytest.approx((0.25 - half, 0.25 + half), abs=1e-4)
@@ -217,6 +286,19 @@ def test_messages_in_view_are_counted_by_the_rule_of_the_report(finished: Path) 
         shown = next(one for one in report.exposure if (one.task, one.condition) == ("pan", "history_visible"))
         assert (shown.kind, shown.num_told, shown.right_told) == ("all", 6, num_right)
         assert row.row.sequence_measures.sr == pytest.approx(num_right / 6)
+    people = [(info, tuple(map(without_a_point, runs))) for info, runs in source.people]
+    report = sequence_report(dataclasses.replace(source, people=tuple(people)))
+    shown = next(one for one in report.exposure if (one.task, one.condition) == ("pan", "history_visible"))
+    assert (shown.kind, shown.n, shown.right_told) == ("all", 5, 5), "an undefined success is not wrong"
+
+
+def without_a_point(run: SequenceRun) -> SequenceRun:
+    """The run, whose first search has no usable point under the paper's rule."""
+    first, *others = run.end.searches
+    if first.measures is not None:
+        rules = {**first.measures.rules, "paper": None}
+        first = first.model_copy(update={"measures": first.measures.model_copy(update={"rules": rules})})
+    return run.model_copy(update={"end": run.end.model_copy(update={"searches": (first, *others)})})
 
 
 def test_a_person_who_withdraws_vanishes_from_export_and_report(
@@ -266,8 +348,13 @@ def test_nobody_meets_a_home_twice_even_where_others_leave(tmp_path: Path) -> No
 def test_the_command_writes_the_report(finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from personal_viz.cli.study.report import StudyReportVerb
 
-    assert StudyReportVerb((finished / "out",), out=tmp_path / "report").run() == 0
-    assert "PAN: Human (history" in capsys.readouterr().out
+    source = read_sequences([finished / "out"])
+    assert source is not None
+    write_agent(tmp_path / "elsewhere", source.people[0][1][0], sequences="6" * 64)
+    assert StudyReportVerb((finished / "out", tmp_path / "elsewhere"), out=tmp_path / "report").run() == 0
+    printed = capsys.readouterr().out
+    assert "PAN: Human (history" in printed
+    assert "Left out: elsewhere: is on other sequences" in printed
     assert {path.name for path in (tmp_path / "report").iterdir()} == {
         "report.md", "report.html", "report.csv", "report.json",
     }  # fmt: skip
