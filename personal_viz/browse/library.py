@@ -21,7 +21,7 @@ from sim.homes.open_home import open_scene
 from sim.homes.renderers import renderer_of
 from sim.mesh import Scene
 from sim.render.renderer import Renderer
-from sim.sequences.searches import search_episode
+from sim.sequences.searches import search_episode, told_before
 from sim.tasks.run_files import Run, Vector3, read_run
 from sim.types import Camera, ClutterLevel, Pose, Split
 from sim.walk.storeys import storey_of
@@ -258,8 +258,8 @@ def _shown_search(number: int, episode: Episode, sequence: HomeSequence, index: 
     }
     history = []
     for place, subtask in enumerate(record.subtasks):
-        told = [message for message in record.messages[1:] if message.before == place]
-        history += [Told(message.kind, message.text, None, place == index) for message in told]
+        told = told_before(record, place)[1 if place == 0 else 0 :]  # the intro is told beside the graph
+        history += [Told(kind, text, None, place == index) for kind, text in told]
         history.append(Told(subtask.kind, subtask.query[0], first + place, place == index))
     goals = {goal.object_name: goal for goal in sequence.goals}
     return ShownEpisode(number, episode, graph, links, goals, (), changes, tuple(history))

@@ -13,8 +13,8 @@ Dataset = Annotated[Path, arg(help="Folder with easy/, medium/, hard/ (data/spli
 StudyFolder = Annotated[
     Path | None,
     arg(
-        help="Folder of a planned study: its people's episodes, limits, homes and looks at them; results go to its "
-        "folder runs, where study report finds them."
+        help="Folder of a planned study: its people's episodes or home sequences, limits, homes and looks at them; "
+        "results go to its folder runs, where study report finds them."
     ),
 ]
 DatasetOrStudy = Annotated[
@@ -28,7 +28,7 @@ Sequences = Annotated[
     arg(help="Folder of a set of home sequences, done instead of episodes; --dataset has the homes."),
 ]
 IgnoreMessages = Annotated[
-    bool, arg(help="--sequences: tell nothing after the intro; shortest-path then walks by the intro alone.")
+    bool, arg(help="Home sequences: tell nothing after the intro; shortest-path then walks by the intro alone.")
 ]
 Evidence = Annotated[
     tuple[Path, ...],

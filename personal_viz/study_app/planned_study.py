@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from human_study.design.plan import AGENT_RUNS, StudyPlan, StudyScene, load_plan
 from human_study.design.study import STUDY_FILE, Condition, StudyConfig, load_study
@@ -11,6 +12,7 @@ from sim.errors import StudyError
 from sim.types import EpisodeKey, TaskKind
 
 from .study_files import PLACES_FILE, places_of, require_same_homes
+from .study_sequences import study_set
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,9 +24,11 @@ class PlannedStudy:
     plan: StudyPlan
     dataset: PersonalDataset
     scenes_dir: Path | None
+    sequences: Path | None = None
+    """Folder of the set, in a study of home sequences."""
 
     def episodes(self, task: TaskKind) -> dict[Condition, tuple[EpisodeKey, ...]]:
-        """The episodes that people do in each condition of a task.
+        """The episodes, or home sequences, that people do in each condition of a task.
 
         Raises:
             StudyError: Nobody does the task.
@@ -38,35 +42,48 @@ class PlannedStudy:
             )
         return found
 
+    def keys(self, task: TaskKind) -> tuple[EpisodeKey, ...]:
+        """The same of all conditions, each once, sorted; raises StudyError as `episodes`."""
+        return tuple(sorted({key for keys in self.episodes(task).values() for key in keys}))
+
     def scenes(self, task: TaskKind) -> tuple[StudyScene, ...]:
         """The homes of a task's episodes, by name."""
-        names = {key.scene for keys in self.episodes(task).values() for key in keys}
-        return tuple(self.plan.scene(name) for name in sorted(names))
+        return tuple(self.plan.scene(name) for name in sorted({key.scene for key in self.keys(task)}))
 
 
-def open_planned(
-    folder: Path, task: TaskKind, *, dataset: Path | None, evidence: tuple[Path, ...], scenes_dir: Path | None
-) -> PlannedStudy:
-    """A planned study with the dataset of its plan, or of these options, checked by its digest and its homes.
+class StudyOptions(Protocol):
+    """The options of a verb with `--study`."""
+
+    study: Path | None
+    dataset: Path | None
+    """Where the dataset is now; None = where it was when the study was planned."""
+    evidence: tuple[Path, ...]
+    """Its evidence; used with `dataset` only."""
+    scenes_dir: Path | None
+    """The folder of scans now; None = with `dataset`, there are none, otherwise as planned."""
+    sequences: Path | None
+    """Where the set of a study of home sequences is now; None = where it was."""
+
+
+def open_planned(verb: StudyOptions, task: TaskKind) -> PlannedStudy:
+    """A planned study with the dataset of its plan, or of the verb's options, checked by its digest and its homes.
 
     Args:
-        folder: The study's folder.
+        verb: The options.
         task: The task whose homes must be as planned.
-        dataset: Where the dataset is now; None = where it was when the study was planned.
-        evidence: Its evidence; used with `dataset` only.
-        scenes_dir: The folder of scans now; None = with `dataset`, there are none, otherwise as planned.
 
     Raises:
-        StudyError: There is no plan, it is of home sequences, nobody does the task, or the dataset or a home is another
-            one or cannot be found.
+        StudyError: There is no plan, nobody does the task, or the dataset, the set or a home is another one or cannot
+            be found.
     """
+    folder, dataset, evidence, scenes_dir = verb.study, verb.dataset, verb.evidence, verb.scenes_dir
+    assert folder is not None, "--study"
     config = load_study(folder)
     plan = load_plan(folder, config)
-    if config.sequences is not None:
-        raise StudyError(
-            f"--study {folder}: is a study of home sequences; expected one of episodes. Run agents on its set with "
-            "--sequences, and give study report their runs."
-        )
+    set_root = verb.sequences
+    if set_root is None and config.sequences is not None:
+        set_root = places_of(folder).sequences
+    told = study_set(folder, config, set_root)
     if dataset is None:
         places = places_of(folder)
         dataset, evidence, scenes_dir = places.dataset, places.evidence, scenes_dir or places.scenes_dir
@@ -81,7 +98,7 @@ def open_planned(
             f"--dataset {episodes.root}: has digest {episodes.digest()[:12]}; expected {config.dataset.sha256[:12]}, "
             "the study's. Give the --dataset that was planned, with the same --evidence."
         )
-    found = PlannedStudy(folder, config, plan, episodes, scenes_dir)
+    found = PlannedStudy(folder, config, plan, episodes, scenes_dir, None if told is None else told.root)
     require_same_homes(plan, found.scenes(task), episodes, scenes_dir)
     return found
 

@@ -21,7 +21,7 @@ from sim.plan_view.storey import StoreyMap
 from sim.render.renderer import Renderer
 from sim.sequences.runs import SearchEnd, SearchReason, SequenceRun
 from sim.sequences.scoring import marking_steps
-from sim.sequences.searches import old_target, search_episode, sequence_key
+from sim.sequences.searches import old_target, search_episode, sequence_key, told_before
 from sim.tasks.rules import reaches_target
 from sim.tasks.run_files import RunInfo
 from sim.types import Camera, EpisodeKey
@@ -204,10 +204,8 @@ def _log_story(
             set_moment(stream, lead.walker, begin)
         else:
             _set_together(stream, search.begins, has_steps=lead is None)
-        for message in record.messages:
-            if message.before == index:
-                line = rr.TextLog(f"{message.kind}: {message.text}", level="WARN", color=rgba_u32(TOLD_RGB))
-                stream.log(paths.TOLD, line)
+        for kind, text in told_before(record, index):
+            stream.log(paths.TOLD, rr.TextLog(f"{kind}: {text}", level="WARN", color=rgba_u32(TOLD_RGB)))
         asked = f"search {search.number} ({subtask.kind}): {subtask.query[0]}"
         stream.log(paths.TOLD, rr.TextLog(asked, level="INFO", color=rgba_u32(search.rgb)))
         edges = frozenset(sequence.ownership[index])

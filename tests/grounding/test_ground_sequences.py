@@ -171,7 +171,7 @@ def test_a_cut_run_is_resumed_and_another_kind_of_run_does_not_go_on_in_its_fold
     [
         (("--shard", "1/2"), "--shard beside --sequences: expected one of them"),
         (("--sweep", "blur=0,1"), "--sweep beside --sequences: expected one of them"),
-        (("--study", "somewhere"), "--study beside --sequences: expected one of them"),
+        (("--study", "somewhere"), "somewhere/study.yaml: cannot be read"),
         (("--split", "easy"), "the chosen splits and scenes hold no episode"),
         (("--scene", "Smal"), "found no scene 'Smal'"),
     ],

@@ -12,7 +12,7 @@ from personal_viz.study_app.home.homes import HomeLibrary
 from sim.errors import PersonalVizError
 from sim.sequences.searches import search_episode
 
-from ..recordings.sequence_worlds import told
+from ..recordings.sequence_worlds import lent, told
 
 SEQUENCE = told()
 STORIES = [(SEQUENCE, index) for index in range(3)]
@@ -55,6 +55,21 @@ def test_the_history_tells_messages_and_searches_in_order_and_leads_to_each_sear
         ("changed", "Find Ivo's table", 2, False),
     ]
     assert re.findall(r'data-click="([^"]+)"', history_html(LIBRARY.read(1))) == ["episode 0", "episode 1", "episode 2"]
+
+
+def test_the_end_of_a_loan_is_a_line_of_the_history_where_the_thing_goes_back() -> None:
+    loan = lent()
+    stories = [(loan, index) for index in range(3)]
+    library = Library([search_episode(*one) for one in stories], [], {}, HomeLibrary({}.__getitem__), stories=stories)
+    shown = library.read(2)
+    assert [(line.kind, line.text, line.is_here) for line in shown.history] == [
+        ("fresh", "Find Nell's table", False),
+        ("lend", "Nell lent Una a table for one search.", False),
+        ("fresh", "Find Ivo's table", False),
+        ("loan ends", "Nell lent Una a table for one search.", True),
+        ("revisit", "Find Ivo's table", True),
+    ]
+    assert shown.changes == {("Una", "table_3"): "gone", ("Nell", "table_3"): "new"}
 
 
 def test_searches_are_found_by_their_words() -> None:

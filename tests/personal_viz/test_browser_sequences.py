@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from personal_viz.study_app.server import open_home
 from sim.episodes.dataset import PersonalDataset
 from sim.sequences.runs import SequenceEnd
 from sim.sequences.searches import sequence_key
-from tests.sim.home_story import MESSAGES, SCENE, SUBTASKS, told_in
+from tests.sim.home_story import SCENE, leaks, marked_story, told_in
 
 from ..human_study.small_world import study
 from .flow_steps import HOLD_MS, resting_camera
@@ -32,6 +33,7 @@ from .stage import staged
 
 pytestmark = pytest.mark.browser
 CHOICES = {"sequences": {"sha256": "0" * 64}, "pog": {"conditions": ["map_open"]}}
+MESSAGES, SUBTASKS = marked_story()
 QUERIES = [told["query"][0] for told in SUBTASKS]
 TEXTS = [told["text"] for told in MESSAGES]
 
@@ -62,12 +64,11 @@ def heard_by(page: Page) -> list[str]:
 
 
 def require_unheard(heard: list[str], *, search: int) -> None:
-    """Nothing of later searches has come."""
+    """Nothing of later searches has come, and nothing of what is or was right."""
     said = "\n".join(heard).replace("&#x27;", "'")
     assert QUERIES[search] in said
-    later = {query for query in QUERIES[search + 1 :] if query not in QUERIES[: search + 1]}
-    later |= {told["text"] for told in MESSAGES if told["before"] > search}
-    assert [text for text in later if text in said] == []
+    said = re.sub(r"'owner': '\d*'", "", said)  # viser's: the client to whom a message belongs
+    assert leaks(said, search) == []
 
 
 def see_search(page: Page, search: int) -> None:

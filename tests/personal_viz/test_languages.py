@@ -315,6 +315,7 @@ def test_no_card_has_a_word_that_is_not_of_the_study_s_language(screen: Callable
     interrupted = [trial(2, is_over=True), trial(3)]
     cards = [
         *(problem_card(problem, page.words) for problem in get_args(Problem)),
+        problem_card("lost_picture", page.words, of_sequences=True),
         rate_card(RateView((1, 2, 3, 4, 5)), page.words),
         begin_card(config, somebody([trial(1, phase="practice"), trial(2)])),
         begin_card(config, somebody([trial(1, phase="practice", is_over=True), trial(2)])),

@@ -7,9 +7,11 @@ import pytest
 
 from personal_viz.cli.runs import replay
 from personal_viz.cli.runs.metrics import Metrics
+from personal_viz.cli.runs.sequence_table import print_sequences
 from personal_viz.cli.verbs import parse
 from recordings.read import read_recorded
 from sim.errors import PersonalVizError, RecordingError, RunFileError
+from sim.sequences.rows import sequence_rows
 from sim.tasks.run_folders import read_runs
 from tests.sim.home_story import MESSAGES, SUBTASKS, told_in
 
@@ -116,3 +118,20 @@ def test_runs_on_different_sets_never_share_a_table(small_home_root: Path, told:
     run(small_home_root, tmp_path / "other", tmp_path / "runs", "--run-id", "two")
     with pytest.raises(RunFileError, match=r"found sequences .* expected runs on one set"):
         Metrics((tmp_path / "runs",)).run()
+
+
+def test_settings_that_all_rows_of_a_perception_share_are_told_once(
+    small_home_root: Path, told: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(small_home_root, told, tmp_path)
+    row = sequence_rows(sorted(tmp_path.iterdir()))[0]
+    seen = ("oracle:mild (miss=0.2, far=8..3)", "oracle:far (miss=0.2)", "oracle:far (miss=0.3)")
+    conditions = [f"{who}sees with {what} in hashed" for who in ("", "memory, ") for what in seen]
+    capsys.readouterr()
+    print_sequences([row.model_copy(update={"condition": condition}) for condition in conditions])
+    shown = capsys.readouterr().out
+    assert shown.count(seen[0]) == 1
+    assert f"\n{seen[0]}.\n" in shown
+    assert "(memory, sees with oracle:mild in hashed): interference" in shown
+    for text in seen[1:]:
+        assert f"(memory, sees with {text} in hashed): interference" in shown, "two settings of one name stay apart"

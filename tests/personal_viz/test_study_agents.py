@@ -34,7 +34,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def opened(study: Path, task: str = "pan") -> PlannedStudy:
-    return open_planned(study, task, dataset=None, evidence=(), scenes_dir=None)
+    return open_planned(Run(study=study, agent="random"), task)
 
 
 def planned(study: Path, task: str, condition: str) -> set[EpisodeKey]:
@@ -117,7 +117,7 @@ def test_a_study_without_the_task_and_another_dataset_are_refused(study: Path, t
     moved = (tmp_path / "dataset").rename(tmp_path / "moved")
     with pytest.raises(StudyError, match=r"the dataset of the plan is no longer at .*dataset; expected it there"):
         opened(walks)
-    assert open_planned(walks, "pan", dataset=moved, evidence=(), scenes_dir=None).dataset.root == moved
+    assert open_planned(Run(study=walks, agent="random", dataset=moved), "pan").dataset.root == moved
     next((other / "easy" / "content").glob("*.json.gz")).unlink()
     with pytest.raises(StudyError, match=r"--dataset .*other: has digest .*; expected .*, the study's"):
-        open_planned(walks, "pan", dataset=other, evidence=(), scenes_dir=None)
+        open_planned(Run(study=walks, agent="random", dataset=other), "pan")

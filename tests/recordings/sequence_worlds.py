@@ -22,7 +22,7 @@ _TABLES = (
     worlds.goal((3.1, 0.4, -1.9), (worlds.view_point((3.1, 0.0, -1.0)),), name="table_3"),
     worlds.goal((-2.9, 0.2, -1.9), (worlds.view_point((-2.9, 0.0, -1.0)),), name="table_4"),
 )
-_MESSAGES = [
+_MESSAGES: list[dict[str, object]] = [
     {
         "before": 0,
         "kind": "intro",
@@ -53,7 +53,27 @@ def _subtask(owner: str, name: str, kind: str, message: int, old: str | None = N
     }
 
 
-def told(goals: Sequence[Goal] = _TABLES) -> HomeSequence:
+_SUBTASKS = [
+    _subtask("Nell", "table_3", "fresh", 0),
+    _subtask("Nell", "table_4", "changed", 1, "table_3"),
+    _subtask("Ivo", "table_3", "changed", 1, "table_4"),
+]
+
+
+def lent() -> HomeSequence:
+    """The same people; Nell's table is lent for one search."""
+    edges = {"adds": [["Una", "table_3"]], "removes": [["Nell", "table_3"]]}
+    loan = {"before": 1, "kind": "lend", "text": "Nell lent Una a table for one search.", "until": 2, **edges}
+    searches = [_SUBTASKS[0], *(_subtask("Ivo", "table_4", kind, 0) for kind in ("fresh", "revisit"))]
+    return told(messages=[_MESSAGES[0], loan], subtasks=searches)
+
+
+def told(
+    goals: Sequence[Goal] = _TABLES,
+    *,
+    messages: Sequence[dict[str, object]] = _MESSAGES,
+    subtasks: Sequence[dict[str, object]] = _SUBTASKS,
+) -> HomeSequence:
     """Two people with a table each, who swap them after the first of three searches."""
     record = SequenceRecord.model_validate(
         {
@@ -64,12 +84,8 @@ def told(goals: Sequence[Goal] = _TABLES) -> HomeSequence:
             "floor_id": "0",
             "start_position": (-3.0, 0.0, 1.1),
             "start_rotation": (0.0, 0.0, 0.0, 1.0),
-            "messages": _MESSAGES,
-            "subtasks": [
-                _subtask("Nell", "table_3", "fresh", 0),
-                _subtask("Nell", "table_4", "changed", 1, "table_3"),
-                _subtask("Ivo", "table_3", "changed", 1, "table_4"),
-            ],
+            "messages": messages,
+            "subtasks": subtasks,
         }
     )
     content = SequenceFile(

@@ -8,7 +8,8 @@ import pytest
 from recordings.read import read_recorded
 from recordings.scene import OLD_RGB
 from recordings.sequences.recording import OUTCOME_RGB, PERSON_RGB, THING_RGB, log_sequence
-from recordings.traces import common_sequence, rgba_u32
+from recordings.traces import best_two, common_sequence, rgba_u32, select_sequence_traces
+from sim.episodes.sequence_files import HomeSequence
 from sim.errors import RecordingError
 from sim.mesh import Scene
 from sim.sequences.runs import SequenceRun
@@ -17,7 +18,7 @@ from sim.types import Action, EndReason
 
 from .conftest import info
 from .reading import SMALL, Tables, column, tables, view_names
-from .sequence_worlds import GIVES_UP, KEY, STAYS, pointed, told, walked
+from .sequence_worlds import GIVES_UP, KEY, STAYS, lent, pointed, told, walked
 
 pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
 Runs = list[tuple[RunInfo, tuple[SequenceRun, ...]]]
@@ -35,8 +36,9 @@ def runs(home: Scene) -> Runs:
     ]
 
 
-def recorded(out: Path, runs: Runs, home: Scene) -> Tables:
-    log_sequence(runs, sequence=told(), scene=home, out=out, renderer=None, with_pixels=False, camera=SMALL)
+def recorded(out: Path, runs: Runs, home: Scene, *, sequence: HomeSequence | None = None) -> Tables:
+    story = sequence or told()
+    log_sequence(runs, sequence=story, scene=home, out=out, renderer=None, with_pixels=False, camera=SMALL)
     return tables(out)
 
 
@@ -60,6 +62,28 @@ def test_messages_and_queries_come_when_the_search_begins_for_all_runs(found: Ta
         (41, 40, "search 2 (changed): Find Nell's table"),
         (44, 41, "search 3 (changed): Find Ivo's table"),
     ]
+
+
+def test_the_end_of_a_loan_has_its_line_and_its_graph(home: Scene, tmp_path: Path) -> None:
+    loan = lent()
+    found = recorded(tmp_path / "loan.rrd", [(info("points"), (pointed(loan),))], home, sequence=loan)
+    texts = [row[0] for row in found[("/sequence/told", False)]["TextLog:text"]]
+    assert texts[-2:] == ["loan ends: Nell lent Una a table for one search.", "search 3 (revisit): Find Ivo's table"]
+    assert "table_3 (was Una's)" in found[("/sequence/owners", False)]["GraphNodes:labels"][-1]
+
+
+def test_a_person_stands_beside_the_best_agent_with_their_code(home: Scene, tmp_path: Path) -> None:
+    sequence = told()
+    run = walked(home, sequence, GIVES_UP)
+    person = run.model_copy(update={"start": run.start.model_copy(update={"participant": "p01"})})
+    human = info("people", who="human", who_kind="human", condition="history_visible")
+    agents = [(info(name), (walked(home, sequence, STAYS),)) for name in ("stays", "again")]
+    traces = select_sequence_traces([*agents, (human, (person,))], KEY)
+    assert [trace.title for trace in best_two(traces)] == ["human-p01, history_visible", "stays"]
+    recorded(tmp_path / "people.rrd", [*agents, (human, (person,))], home)
+    views = view_names(tmp_path / "people.rrd")
+    assert {"human-p01, history_visible sees", "stays sees"} <= views
+    assert "again sees" not in views
 
 
 def test_the_graph_shows_edges_before_and_after_a_message_and_what_changed_hands(found: Tables) -> None:

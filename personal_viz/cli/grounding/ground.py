@@ -9,12 +9,7 @@ from tyro import MISSING
 from tyro.conf import arg
 
 from grounding.chat.budget import Budget
-from grounding.encoders.by_name import (
-    encoder_called,
-    is_model,
-    plain_name,
-    require_no_model_options,
-)
+from grounding.encoders.by_name import encoder_called, is_model, plain_name, require_no_model_options
 from grounding.encoders.protocol import ModelOptions
 from grounding.evaluation.evaluate import GroundJob, evaluate, select_jobs
 from grounding.evaluation.home_maps import MapFolders
@@ -27,11 +22,11 @@ from sim.homes.kind import common_kind
 from sim.plugins import own_name
 from sim.tasks.metrics import metric_rows
 from sim.tasks.provenance import evidence_config, make_run_info
-from sim.tasks.run_files import RunInfo, fitting_name, fitting_run_id, read_run
+from sim.tasks.run_files import RunInfo, fitting_name, read_run
 from sim.tasks.run_writer import RunWriter
 from sim.tasks.shards import shard_from_text
 from sim.tasks.workers import RayCluster, Workers
-from sim.types import SPLITS
+from sim.types import SPLITS, EpisodeKey
 
 from ...progress import counted
 from ..chat_cost import require_chat_for_limits
@@ -70,7 +65,7 @@ from ..output import print_json
 from ..refusals import check_options, nothing_chosen, require_dataset, sampled_sequences
 from ..runs.metrics import Metrics
 from .ground_maps import cell_of_maps, layout_of_maps
-from .ground_names import grounder_facts, map_name, plugin_codes, run_name, swept
+from .ground_names import beside_truth, grounder_facts, map_name, plugin_codes, run_name, swept, swept_run_id
 from .ground_sequences import ground_sequences, require_options_of_sequences, sequence_info
 from .ground_tables import GroundResult, ground_document, print_ground_table
 
@@ -175,9 +170,9 @@ class Ground:
     def run(self) -> int:
         self.check()
         self._workers()
-        require_options_of_sequences(self)
         if self.study is not None:
             return self._of_study().run()
+        require_options_of_sequences(self, is_of_sequences=self.sequences is not None)
         episodes = PersonalDataset(require_dataset(self.dataset), evidence=self.evidence)
         settings = self.settings(episodes)
         check_options(self)
@@ -188,7 +183,7 @@ class Ground:
             return self._on_sequences(self.sequences, episodes, settings)
         documents = []
         for each in self._swept(settings):
-            found = [self._grounded(episodes, one) for one in (each, *_beside(each))]
+            found = [self._grounded(episodes, one) for one in (each, *beside_truth(each))]
             if self.json:
                 document, *beside = [ground_document(result) for result in found]
                 documents.append({**document, "with_rule_phrases": next(iter(beside), None)})
@@ -222,21 +217,19 @@ class Ground:
         from ...study_app.planned_study import agent_runs, open_planned, require_plans_choices
         from .ground_study import study_places
 
-        assert self.study is not None
         check_options(self)
         require_plans_choices(self, ("scene", "split", "limit", "sample_seed", "clutter"))
-        study = open_planned(
-            self.study, "pog", dataset=self.dataset, evidence=self.evidence, scenes_dir=self.scenes_dir
-        )
+        study = open_planned(self, "pog")
+        require_options_of_sequences(self, is_of_sequences=study.sequences is not None)
         same = {field.name: getattr(self, field.name) for field in fields(self)}
         placed = study_places(study, explores=self.map == "explore", out=agent_runs(study, self.out))
         return _GroundStudy(**{**same, **placed}, planned=study)
 
     def _on_sequences(self, root: Path, episodes: PersonalDataset, settings: GroundSettings) -> int:
         """Answers the searches of home sequences, and prints their table."""
-        keys = sampled_sequences(root, splits=self.split, scenes=self.scene, limit=self.limit, seed=self.sample_seed)
+        keys, query_index = self._asked(root)
         folders = []
-        for each in (settings, *_beside(settings)):
+        for each in (settings, *beside_truth(settings)):
             whole = self._info(episodes, each)
             named = self.run_id is not None
             info = sequence_info(whole, root, ignores_messages=self.ignore_messages, is_named=named)
@@ -250,11 +243,16 @@ class Ground:
                 self._model,
                 budget,
                 evidence=self.evidence,
+                query_index=query_index,
                 sequences=root,
                 ignores_messages=self.ignore_messages,
             )
             folders.append(ground_sequences(job, keys, info, out=self._out, processes=self._workers()))
         return Metrics(tuple(folders), json=self.json).run()
+
+    def _asked(self, root: Path) -> tuple[Sequence[EpisodeKey], int]:
+        """The sequences of the set `root` that are answered, and which paraphrase of each query is read."""
+        return sampled_sequences(root, splits=self.split, scenes=self.scene, limit=self.limit, seed=self.sample_seed), 0
 
     @property
     def _out(self) -> Path:
@@ -348,7 +346,8 @@ class Ground:
             config["cell"] = cell  # no layout has this cell size
             condition += f", cells of {cell:g} m"
         return make_run_info(
-            (self.run_id and self._swept_id(settings)) or run_name(settings, label=self.label),
+            (self.run_id and swept_run_id(self.run_id, settings, self.sweep, phrases=self.phrases))
+            or run_name(settings, label=self.label),
             who=who,
             who_kind="agent",
             condition=f"{condition}, phrases {phrases}, {storey}",
@@ -369,24 +368,10 @@ class Ground:
         maps = {f"{map_name(each, info.dataset_digest, info.scene_kind)}/maps": each for each in self._swept(settings)}
         return tuple((each, self._out / name) for name, each in maps.items() if name != info.config["maps"])
 
-    def _swept_id(self, settings: GroundSettings) -> str:
-        """The run's own name, followed by the swept setting's value and by the phrases if they were not asked for."""
-        phrases = "" if settings.phrases == self.phrases else f"-{settings.phrases}"
-        if self.sweep is None:
-            return fitting_run_id(f"{self.run_id}{phrases}")
-        name = self.sweep.partition("=")[0].strip().replace("-", "_")
-        return fitting_run_id(f"{self.run_id}-{name.replace('_', '-')}{getattr(settings, name)}{phrases}")
-
-
-def _beside(settings: GroundSettings) -> list[GroundSettings]:
-    """The same settings with phrases read by rules, if they are the dataset's: ground truth never stands alone."""
-    is_truth = settings.phrases == "dataset" and grounder_facts(settings).uses_phrases
-    return [replace(settings, phrases="rules")] if is_truth else []
-
 
 @dataclass
 class _GroundStudy(Ground):
-    """`Ground` on the episodes of a planned study; its other options are those of the plan."""
+    """`Ground` on the episodes or home sequences of a planned study; its other options are those of the plan."""
 
     planned: "PlannedStudy | None" = None
 
@@ -395,6 +380,10 @@ class _GroundStudy(Ground):
 
         assert self.planned is not None
         return study_jobs(self.planned, settings, folders=self._folders(settings, info), model=self._model)
+
+    def _asked(self, root: Path) -> tuple[Sequence[EpisodeKey], int]:
+        assert self.planned is not None
+        return self.planned.keys("pog"), self.planned.config.query_index
 
     def _info(self, episodes: PersonalDataset, settings: GroundSettings) -> RunInfo:
         from .ground_study import study_info

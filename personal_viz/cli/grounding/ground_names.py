@@ -47,6 +47,21 @@ def swept(settings: GroundSettings, sweep: str) -> list[GroundSettings]:
     return [replace(settings, **{name: value}) for value in parsed]
 
 
+def swept_run_id(run_id: str, settings: GroundSettings, sweep: str | None, *, phrases: str) -> str:
+    """A run's own name, followed by the swept setting's value, and by the phrases if others were asked for."""
+    told = "" if settings.phrases == phrases else f"-{settings.phrases}"
+    if sweep is None:
+        return fitting_run_id(f"{run_id}{told}")
+    name = sweep.partition("=")[0].strip().replace("-", "_")
+    return fitting_run_id(f"{run_id}-{name.replace('_', '-')}{getattr(settings, name)}{told}")
+
+
+def beside_truth(settings: GroundSettings) -> list[GroundSettings]:
+    """The same settings with phrases read by rules, if they are the dataset's: ground truth never stands alone."""
+    is_truth = settings.phrases == "dataset" and grounder_facts(settings).uses_phrases
+    return [replace(settings, phrases="rules")] if is_truth else []
+
+
 def plugin_codes(settings: GroundSettings) -> dict[str, str]:
     """Digests of the plug-ins among the settings."""
     parts = parse_encoder_name(settings.encoder)

@@ -1,4 +1,4 @@
-"""`ground --sequences`: the run folder of a grounder in home sequences."""
+"""`ground` in home sequences, of a set or of a study: the run folder of a grounder."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,12 +25,15 @@ class GroundOptions(Protocol):
     ignore_messages: bool
 
 
-def require_options_of_sequences(verb: GroundOptions) -> None:
-    """Raises PersonalVizError where options of `ground` do not fit `--sequences`, or need it."""
-    if verb.sequences is not None:
-        require_none(verb, ("study", "sweep", "shard"), beside="--sequences")
+def require_options_of_sequences(verb: GroundOptions, *, is_of_sequences: bool) -> None:
+    """Raises PersonalVizError where options of `ground` do not fit home sequences, or need them."""
+    if is_of_sequences:
+        require_none(verb, ("sweep", "shard"), beside="--sequences" if verb.sequences else "--study of home sequences")
     elif verb.ignore_messages:
-        raise PersonalVizError("--ignore-messages: found no --sequences; expected it too. Give it, or leave it out.")
+        raise PersonalVizError(
+            "--ignore-messages: found no --sequences; expected it too, or a --study of home sequences. Give it, or "
+            "leave it out."
+        )
 
 
 def sequence_info(info: RunInfo, root: Path, *, ignores_messages: bool, is_named: bool) -> RunInfo:

@@ -24,6 +24,7 @@ def study_places(study: PlannedStudy, *, explores: bool, out: Path) -> dict[str,
     homes = study.scenes("pog")
     return {
         "study": None,
+        "sequences": study.sequences,
         "dataset": study.dataset.root,
         "evidence": tuple(edition.root for edition in study.dataset.evidence),
         "scenes_dir": study.scenes_dir,
@@ -38,8 +39,7 @@ def study_jobs(
     study: PlannedStudy, settings: GroundSettings, *, folders: MapFolders | None, model: ModelOptions
 ) -> list[GroundJob]:
     """One job per scene, on the plan's episodes."""
-    keys = sorted({key for found in study.episodes("pog").values() for key in found})
-    index = study.config.query_index
+    keys, index = study.keys("pog"), study.config.query_index
     return select_jobs(study.dataset, settings, folders=folders, model=model, keys=keys, query_index=index)
 
 

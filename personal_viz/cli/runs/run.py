@@ -65,7 +65,7 @@ from ..refusals import check_options, require_dataset, require_no_scan, sampled
 from .episode_walks import EpisodeWalks, keys_by_scene, observing
 from .metrics import Metrics
 from .named_agents import AgentOptions, NamedAgent, named_agent
-from .sequence_walks import play_sequences
+from .sequence_walks import play_sequences, require_options_of_sequences, walks_of_set
 
 if TYPE_CHECKING:
     from ...study_app.planned_study import PlannedStudy
@@ -90,7 +90,7 @@ class Run:
     sequences: Sequences = None
     memory: Annotated[
         Literal["on", "off"],
-        arg(help="--sequences: whether the agent keeps what it knows of the home from one search to the next."),
+        arg(help="Home sequences: whether the agent keeps what it knows of the home from one search to the next."),
     ] = "off"
     ignore_messages: IgnoreMessages = False
     perception: Annotated[
@@ -167,7 +167,7 @@ class Run:
 
     def _control(self) -> "Run | None":
         """The same command for the agent that is always run beside this one; None if there is none."""
-        if self.agent not in CONTROLS or self.sequences is not None:
+        if self.agent not in CONTROLS or self._is_of_sequences:
             return None
         name = CONTROLS[self.agent]
         return replace(
@@ -180,11 +180,12 @@ class Run:
         """Plays all episodes that are left; returns the run folders."""
         check_options(self)
         require_chat_for_limits(self, has_chat=bool(self.llm_url and self.llm_model))
-        if self.sequences is not None:
-            return [play_sequences(self, self.sequences, agent, processes=self._workers())]
+        if self._is_of_sequences:
+            return [self._run_sequences(agent)]
         if self.memory == "on" or self.ignore_messages:
             raise PersonalVizError(
-                "--memory on, --ignore-messages: found no --sequences; expected it too. Give it, or leave them out."
+                "--memory on, --ignore-messages: found no --sequences; expected it too, or a --study of home "
+                "sequences. Give it, or leave them out."
             )
         if self.study is not None:
             return self._run_study(agent)
@@ -254,6 +255,41 @@ class Run:
             labels=self.labels == "on",
         )
 
+    @property
+    def _is_of_sequences(self) -> bool:
+        """Whether home sequences are done, of a set or of the study."""
+        if self.sequences is not None or self.study is None:
+            return self.sequences is not None
+        from human_study.design.study import load_study
+
+        return load_study(self.study).sequences is not None
+
+    def _run_sequences(self, agent: NamedAgent) -> Path:
+        """Plays the home sequences of the set, or those of the study's people; returns the run folder."""
+        require_options_of_sequences(self)
+        if self.study is None:
+            assert self.sequences is not None
+            return play_sequences(self, walks_of_set(self, self.sequences), agent, processes=self._workers())
+        from ...study_app.planned_study import agent_runs
+        from .study_walks import walks_of_study
+
+        study = self._planned()
+        walks = walks_of_study(study, out=agent_runs(study, self.out))
+        return play_sequences(self, walks, self._for_study(study, agent), processes=self._workers())
+
+    def _planned(self) -> "PlannedStudy":
+        """The planned study whose people walk; raises PersonalVizError as `_run_study`."""
+        from ...study_app.planned_study import open_planned, require_plans_choices
+
+        require_plans_choices(self, ("scene", "split", "limit", "sample_seed", "clutter", "labels", "episode"))
+        return open_planned(self, "pan")
+
+    def _for_study(self, study: "PlannedStudy", agent: NamedAgent) -> NamedAgent:
+        """The agent, which walks for the study's success rule unless it is told another one."""
+        if self.agent == "shortest-path" and self.rule is None:
+            return replace(self, rule=study.config.success)._agent()
+        return agent
+
     def _run_study(self, agent: NamedAgent) -> list[Path]:
         """Plays what the study's people do: once without a look at the home, and once for each look that it can take.
 
@@ -263,16 +299,11 @@ class Run:
         Raises:
             PersonalVizError: An option contradicts the plan, or the study, its dataset or a home cannot be used.
         """
-        from ...study_app.planned_study import agent_runs, open_planned, require_plans_choices
+        from ...study_app.planned_study import agent_runs
         from .study_walks import study_walks, walk_terms
 
-        assert self.study is not None
-        require_plans_choices(self, ("scene", "split", "limit", "sample_seed", "clutter", "labels", "episode"))
-        study = open_planned(
-            self.study, "pan", dataset=self.dataset, evidence=self.evidence, scenes_dir=self.scenes_dir
-        )
-        if self.agent == "shortest-path" and self.rule is None:
-            agent = replace(self, rule=study.config.success)._agent()
+        study = self._planned()
+        agent = self._for_study(study, agent)
         out, homes = agent_runs(study, self.out), study.scenes("pan")
         kind = common_kind(study.dataset, {home.name for home in homes}, study.scenes_dir)
         clutter, labels = homes[0].clutter, homes[0].labels

@@ -1,11 +1,11 @@
-"""The walks of an agent on what a study's people do: the same episodes, terms and looks at the home, by condition."""
+"""The walks of an agent on what a study's people do: the same episodes or home sequences, terms and looks at homes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from human_study.design.study import Condition
-from human_study.export.runs import NO_EXPOSURE, run_condition
+from human_study.export.runs import NO_EXPOSURE, run_condition, study_facts
 from sim.tasks.looks import LookKind
 from sim.tasks.runner import WalkTerms
 from sim.types import EpisodeKey
@@ -13,6 +13,7 @@ from sim.types import EpisodeKey
 from ...study_app.home.agent_looks import StudyLook
 from ...study_app.planned_study import PlannedStudy
 from ..grounding.ground import EXPLORATIONS
+from .sequence_walks import SequenceWalks
 
 _LOOKS: Mapping[Condition, LookKind] = {"topdown": "topdown", "glb": "glb"}
 
@@ -58,6 +59,28 @@ def study_walks(study: PlannedStudy, looks: frozenset[LookKind], *, out: Path, s
         keys = tuple(sorted({key for found in blind.values() for key in found}))
         walks.insert(0, StudyWalk(tuple(sorted(blind, key=_none_first)), keys, None))
     return walks
+
+
+def walks_of_study(study: PlannedStudy, *, out: Path) -> SequenceWalks:
+    """The home sequences that people walk, once whatever the condition; results go below `out`.
+
+    Raises:
+        StudyError: Nobody walks in the study.
+    """
+    assert study.sequences is not None, "a study of episodes"
+    by_condition, config, home = study.episodes("pan"), study.config, study.scenes("pan")[0]
+    return SequenceWalks(
+        study.dataset,
+        study.scenes_dir,
+        study.sequences,
+        study.keys("pan"),
+        home.clutter,
+        home.labels,
+        out,
+        walk_terms(study),
+        config.study,
+        {"actions": config.actions, "max_steps": config.steps, **study_facts(config, tuple(by_condition))},
+    )
 
 
 def walk_terms(study: PlannedStudy) -> WalkTerms:

@@ -39,6 +39,8 @@ CODES_TEMPLATE = """# Codes that the recruiting platform gave for this study; un
 # screen_out = ""
 # no_consent = ""
 """
+HOMES_PER_PERSON = 6
+"""About an hour and a half of 7 searches in a home, 2 minutes each."""
 
 
 @dataclass
@@ -73,9 +75,9 @@ class StudyInit:
             design=StudyDesign(kind=self.design),
             storey_names="texts",
             aggregate=StudyAggregate(intervals="homes"),
-            sequences=None if self.sequences is None else StudySequences(sha256=SequenceSet(self.sequences).digest()),
-            breaks=StudyBreaks() if self.sequences is None else StudyBreaks(every=2, sitting_max=6),
         )
+        if self.sequences is not None:
+            config = _of_sequences(config, SequenceSet(self.sequences))
         if self.wizard:
             config = asked(config)
         save_study(self.study, config)
@@ -88,6 +90,18 @@ class StudyInit:
         told = "" if self.sequences is None else f" --sequences {self.sequences}"
         print(f"Next: personal-viz study plan {self.study} {dataset_options(self.dataset, self.evidence)}{told}")
         return 0
+
+
+def _of_sequences(config: StudyConfig, told: SequenceSet) -> StudyConfig:
+    """The study with a set of home sequences: as many homes for a person as fit one sitting, with breaks between."""
+    most = None if config.design.kind == "crossed" else HOMES_PER_PERSON
+    fields = {
+        "sequences": StudySequences(sha256=told.digest()),
+        "dataset": config.dataset.model_copy(update={"max_per_scene": None}),
+        "design": config.design.model_copy(update={"trials_per_person": most}),
+        "breaks": StudyBreaks(every=2, sitting_max=HOMES_PER_PERSON),
+    }
+    return config.model_copy(update=fields)
 
 
 def _study_name(folder: Path) -> str:

@@ -20,7 +20,8 @@ from human_study.report.render import csv_text, html_text, latex, markdown, summ
 from human_study.report.report import ReportGroups, StudyReport, report_groups, report_of
 from human_study.report.source import ReportSource, read_source
 from human_study.report.ways import ShortestPaths, ways_csv
-from human_study.sequence_report.measures import KINDS, SequenceSource, read_sequences, sequence_report
+from human_study.sequence_report.measures import KINDS, sequence_report
+from human_study.sequence_report.source import SequenceSource, read_sequences
 from human_study.sequence_report.text import sequence_csv, sequence_html, sequence_markdown, summary_lines
 from personal_viz.printed import Console
 from sim.episodes.dataset import PersonalDataset
@@ -120,6 +121,8 @@ class StudyReportVerb:
             _console().print(Text(line, "bold"))
         heads = ("who", "n", "SR", *KINDS, "at old")
         _console().print(table_of(heads, summary_lines(found)))
+        for left in found.left_out_runs:
+            _console().print(Text(f"Left out: {left.run}: {left.reason}."))
         others = ", ".join(name for name in files if name != "report.html")
         _console().print(Text(f"The whole report: {self.out / 'report.html'}. In the same folder: {others}."))
         return 0

@@ -65,9 +65,9 @@ class StudyServe:
             )
         options = self.serving
         if self.study is not None:
-            folder, config, plan = self._planned(self.study)
+            folder, config, plan, sequences = self._planned(self.study)
         else:
-            folder, config, plan = self._of_scene(self.scene or "")
+            (folder, config, plan), sequences = self._of_scene(self.scene or ""), None
             options = dataclasses.replace(options, pilot=True)
         require_may_serve(options, config, [scene.kind for scene in plan.scenes])
         require_many_recordings(self.rerun, plan)
@@ -83,7 +83,7 @@ class StudyServe:
                 dataset=self.dataset,
                 evidence=self.evidence,
                 scenes_dir=self.scenes_dir,
-                sequences=None if config.sequences is None else self._set_of(folder, config),
+                sequences=sequences,
                 platform_key=secrets.key_bytes,
                 links=[(person.task.upper(), person.code, secrets.tokens[person.code]) for person in plan.participants],
                 options=options,
@@ -93,8 +93,8 @@ class StudyServe:
         print(f"Stopped. Everything is in {folder}; see it with: personal-viz study export {folder}")
         return 0
 
-    def _planned(self, folder: Path) -> tuple[Path, StudyConfig, StudyPlan]:
-        """A study that `study plan` has planned."""
+    def _planned(self, folder: Path) -> tuple[Path, StudyConfig, StudyPlan, Path | None]:
+        """A study that `study plan` has planned, and the checked set of its sequences: the given one, or the plan's."""
         for name in ("out", "split", "limit", "seed", "clutter", "labels"):
             if getattr(self, name) not in (None, (), 0, "off"):
                 raise StudyError(
@@ -106,18 +106,13 @@ class StudyServe:
         episodes = PersonalDataset(self.dataset, evidence=self.evidence)
         require_same_dataset(episodes, {config.dataset.sha256}, whose="the study's")
         require_same_homes(plan, plan.scenes, episodes, self.scenes_dir)
-        self._set_of(folder, config)
-        if plan.practice_scenes:
-            require_same_homes(plan, plan.practice_scenes, PersonalDataset(folder / PRACTICE_FOLDER), None)
-        return folder, config, plan
-
-    def _set_of(self, folder: Path, config: StudyConfig) -> Path | None:
-        """The checked set of the study's sequences; where it was when the study was planned, unless it is given."""
         given = self.sequences
         if given is None and config.sequences is not None:
             given = places_of(folder).sequences
         study_set(folder, config, given)
-        return given
+        if plan.practice_scenes:
+            require_same_homes(plan, plan.practice_scenes, PersonalDataset(folder / PRACTICE_FOLDER), None)
+        return folder, config, plan, given
 
     def _of_scene(self, scene: str) -> tuple[Path, StudyConfig, StudyPlan]:
         """The episodes of one home for a POG and a PAN participant, without pages before; always a pilot."""

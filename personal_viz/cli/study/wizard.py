@@ -40,6 +40,8 @@ def asked(config: StudyConfig) -> StudyConfig:
         config = _answered(config, place)
         if config.design.kind == "crossed" and TRIALS in left:
             left.remove(TRIALS)
+            design = config.design.model_copy(update={"trials_per_person": None})
+            config = config.model_copy(update={"design": design})
     print("\nFacts for the report (reporting: in the study file) can be written there at any time.")
     return config
 

@@ -55,10 +55,11 @@ def paragraphs(text: str) -> str:
     return "".join(f"<p>{html.escape(line)}</p>" for line in text.split("\n") if line.strip())
 
 
-def problem_card(problem: Problem, words: Catalogue) -> Card:
+def problem_card(problem: Problem, words: Catalogue, *, of_sequences: bool = False) -> Card:
     """The card that tells of a problem; its one button, where something can be done, is named `again`."""
+    text = "homes.lost_picture" if of_sequences and problem == "lost_picture" else f"problem.{problem}.text"
     again = (Choice("again", words(f"problem.{problem}.again")),) if problem in ("paused", "lost_picture") else ()
-    return Card(words(f"problem.{problem}.title"), paragraphs(words(f"problem.{problem}.text")), again)
+    return Card(words(f"problem.{problem}.title"), paragraphs(words(text)), again)
 
 
 def welcome_back_card(config: StudyConfig, person: Person) -> Card | None:

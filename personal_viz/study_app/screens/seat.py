@@ -132,7 +132,8 @@ class Seat:
                 break
             self._warm_next(person)
             if self._page.has_lost_picture and config.view_in(due.task, due.condition) in IN_3D:
-                self._page.choose(problem_card("lost_picture", self._page.words))
+                of_sequences = config.sequences is not None
+                self._page.choose(problem_card("lost_picture", self._page.words, of_sequences=of_sequences))
                 self._page.reload()
                 self._until_gone()
             self._tell(begin_card(config, person))
