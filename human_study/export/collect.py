@@ -99,8 +99,7 @@ def collect(reader: StudyReader) -> Collected:
             found.trials.append(row)
             found.events.append((row, stored))
             found.searches += search_rows(row, events, trial.outcome, rule=config.success)
-            counts = row.is_result if config.sequences is not None else row.left_out is None
-            if counts and trial.outcome is not None:
+            if row.left_out is None and trial.outcome is not None:
                 info = trial_run_info(config, home, exported, trial.task, condition=trial.condition, **run_facts)
                 _add(result_of(events, trial.outcome, code=exported), info, found)
     found.exclusions += _exclusion_rows(config, reader, names, kept)

@@ -77,7 +77,7 @@ def import_check(folder: Path, open_home: OpenHome) -> ImportReport:
         found = events.get(row.attempt_name, [])
         in_runs = (
             counted.pop((row.participant, run_condition(row.condition), row.key), None)
-            if row.left_out is None or (config.sequences is not None and row.is_result)
+            if row.left_out is None
             else None
         )
         first = found[0] if found else None

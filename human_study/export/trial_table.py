@@ -1,7 +1,7 @@
 """Every attempt of every trial as one row of plain figures, to be exported, tabulated and compared with agents."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from pydantic import BaseModel, ConfigDict
 
@@ -10,7 +10,7 @@ from sim.tasks.run_files import EpisodeEnd
 from sim.types import EndReason, EpisodeKey, SceneKind, Split, SuccessRule, TaskKind
 
 from ..design.plan import Phase
-from ..design.study import Condition, StudyConfig
+from ..design.study import Condition, HistoryCondition, StudyConfig
 from ..store.records import VerificationStatus
 from ..trial.events import Act, Confidence, Event, MapOff, MapOn, Open, Shown
 from ..trial.outcome import Outcome, has_begun, trial_end
@@ -142,14 +142,18 @@ class TrialRow(TrialFigures, _AskedTrial):
 
     @property
     def left_out(self) -> str | None:
-        """The reason why the trial is in no run folder, where excluded sequences are; None = a counted result."""
+        """The reason why the trial is in no run folder; None = it is in one.
+
+        Run folders hold counted results: episodes without those that a rule excludes, home sequences with them.
+        """
         if self.phase != "main":
             return self.phase
         if self.end_reason is None:
             return "released" if self.is_released else "not begun" if self.attempt == 0 else "not finished"
         if self.end_reason in NOT_A_RESULT:
             return self.end_reason
-        return f"excluded: {', '.join(self.excluded)}" if self.excluded else None
+        is_of_sequences = self.condition in get_args(HistoryCondition)
+        return f"excluded: {', '.join(self.excluded)}" if self.excluded and not is_of_sequences else None
 
 
 def is_long_hidden(t_hidden_s: float, config: StudyConfig) -> bool:

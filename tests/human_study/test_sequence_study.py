@@ -16,7 +16,7 @@ from human_study.design.planning import make_plan
 from human_study.design.sampling import sample_episodes
 from human_study.design.study import StudyConfig, load_study, save_study
 from human_study.export.import_check import import_check
-from human_study.export.manifest import MANIFEST_FILE, Manifest, exported_file
+from human_study.export.manifest import MANIFEST_FILE, Manifest, exported_file, read_manifest
 from human_study.export.study_export import export_study
 from human_study.export.verify import TrialHome, verify_trial
 from human_study.sequence_report.measures import SequenceStudyReport, sequence_report
@@ -238,6 +238,7 @@ def test_an_excluded_trial_counts_and_is_named(finished: Path, home: TrialHome, 
         store.exclude("trial", trial.trial_id, rule_id="disturbed", reason="the telephone rang")
     export_study(folder, out)
     assert import_check(out, lambda _: home).agrees
+    assert read_manifest(out).left_out == (), "it is in its run folder"
     assert before is not None
     for one in (folder, out):
         source = read_sequences([one])
